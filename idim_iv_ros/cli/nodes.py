@@ -110,8 +110,7 @@ def watch_command(
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
     predictor = None if config is None else _node("predictor").Predictor
     parameters = {} if config is None else _prediction(result, results)
-    settings = _node("watch").WatchSettings(web=web, predictor=predictor)
-    _run("watch", context, config, namespace, parameters, settings)
+    _run("watch", context, config, namespace, parameters, web, predictor)
 
 
 def _prediction(result: Path | None, results: Path) -> dict[str, object]:

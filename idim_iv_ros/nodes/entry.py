@@ -4,9 +4,12 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Protocol, TypeVar
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -21,12 +24,14 @@ from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
 from idim_iv_ros.errors import IdimError, UsageError, one_line, silence_foreign_warnings
-from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments
+from idim_iv_ros.nodes.parameters import refuse_unknown_arguments
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of a topic whose last message reaches those who subscribe later."""
 
 _WAIT = 0.2  # s until a signal is noticed
+
+Result = TypeVar("Result")
 
 
 class Closable(Protocol):
@@ -126,6 +131,30 @@ def diagnostic_status(
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Return a timer that runs every `period` seconds whatever the clock of ROS says."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
+    """Call a function in a thread that ends with the process, and return its future."""
+    future: Future[Result] = Future()
+
+    def work() -> None:
+        try:
+            future.set_result(function())
+        except Exception as error:  # belongs to whoever asks the future
+            future.set_exception(error)
+
+    threading.Thread(target=work, name=name, daemon=True).start()
+    return future
+
+
+def new_folder_path(directory: Path, prefix: str) -> Path:
+    """Return the path of a folder that is not there yet, named by a prefix and the time."""
+    stamp = time.strftime(f"{prefix}_%Y_%m_%d-%H_%M_%S")
+    folder, number = directory / stamp, 1
+    while folder.exists():
+        number += 1
+        folder = directory / f"{stamp}_{number}"
+    return folder
 
 
 def time_message(stamp: int) -> Time:

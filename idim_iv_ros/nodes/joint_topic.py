@@ -91,14 +91,9 @@ class JointTopic:
             nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
             return dict.fromkeys(self._fields, nothing)
         arrived = batch_of(self.name, taken)
-        sizes = np.array([len(message) for message, _ in taken], dtype=np.int64)
-        batch = MessageBatch(
-            np.frombuffer(b"".join(message for message, _ in taken), dtype=np.uint8),
-            np.concatenate([[0], np.cumsum(sizes)[:-1]]),
-            sizes,
-            # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
-            np.where(arrived.sent > 0, arrived.sent, arrived.received),
-        )
+        # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
+        times = np.where(arrived.sent > 0, arrived.sent, arrived.received)
+        batch = MessageBatch.of(list(zip(times.tolist(), arrived.messages, strict=True)))
         self._lacks = ""
         schema = SchemaText("ros2msg", channel.definition.text)
         samples: dict[str, JointSamples] = {}

@@ -1,7 +1,10 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
-from collections.abc import Callable, Mapping, Sequence
+from ast import literal_eval
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
+from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,10 +17,10 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.utilities import remove_ros_args
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.unknown_names import named, refuse_unknown_parameters
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 
 _NEEDED = {
@@ -27,6 +30,10 @@ _NEEDED = {
     Parameter.Type.STRING: "a text",
     Parameter.Type.STRING_ARRAY: "a list of texts",
 }
+_FILE = "--params-file"
+_OPTIONS = ("--help", "--ros-args", "--param", _FILE, "--remap", "--log-level", "--enclave")
+_LIKENESS = 0.75  # of difflib, from which on one name is taken for another
+_QOS = "qos_overrides."  # of the publishers and subscriptions of nodes that allow it
 Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 
@@ -41,15 +48,6 @@ class Settings:
         ------
         UsageError
             One line that names the parameter.
-        """
-
-    def check_files(self) -> None:
-        """Check what is read when the node is configured, where that is not at the start.
-
-        Raises
-        ------
-        IdimError
-            One line that names the file.
         """
 
 
@@ -174,7 +172,6 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     new = type(settings)(**values)
     try:
         new.check()
-        new.check_files()
     except IdimError as error:
         names = ", ".join(given)
         text = str(error)
@@ -286,3 +283,82 @@ def read_configuration(node: Node, file: str) -> Configuration:
         return resolved_topics(node, load_configuration(Path(file)))
     except IdimError as error:
         raise UsageError(f"configuration: {error}") from error
+
+
+def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
+    """Refuse arguments that are neither the node's nor ROS's; the first is the program.
+
+    Raises
+    ------
+    UsageError
+        One line that names them.
+    """
+    try:
+        others = remove_ros_args(list(arguments))[1:]
+    except RuntimeError as error:
+        if type(error).__name__ != "UnknownROSArgsError":  # rclpy does not export it
+            raise
+        others = literal_eval(str(error))
+    if others:
+        raise UsageError(
+            f"unknown argument {named(others, _OPTIONS)}; a parameter is given by "
+            "--ros-args -p NAME:=VALUE"
+        )
+
+
+def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Sequence[str]) -> None:
+    """Refuse parameters that only this node can be meant to have; warn of all others.
+
+    What a file holds for nodes of any name (``/**``) may be meant for its neighbours.
+
+    Parameters
+    ----------
+    node
+    names
+        Of the parameters that will be declared.
+    arguments
+        Command line of the node.
+
+    Raises
+    ------
+    UsageError
+        One line that names them.
+    """
+    given = node._parameter_overrides  # as rcl puts files and command line together
+    unknown = [each for each in given if each not in names and not node.has_parameter(each)]
+    if not unknown:
+        return
+    others = _for_any_node(node, arguments)
+    wrong = [each for each in unknown if each not in others and not each.startswith(_QOS)]
+    if wrong:
+        raise UsageError(f"unknown parameter {named(wrong, names)}")
+    node.get_logger().warning(f"parameters that this node does not have: {named(unknown, names)}")
+
+
+def named(unknown: Sequence[str], names: Collection[str]) -> str:
+    """Return unknown names, each with the nearest of `names` where there is one."""
+    words = []
+    for name in unknown:
+        nearest = get_close_matches(name, names, 1, _LIKENESS)
+        words.append(f"{name} (did you mean {nearest[0]}?)" if nearest else name)
+    return ", ".join(words)
+
+
+def _for_any_node(node: Node, arguments: Sequence[str]) -> set[str]:
+    """Names of the parameters that a node of another name is given by the same files."""
+    files = [each for pair in pairwise(arguments) if pair[0] == _FILE for each in pair]
+    silent = Parameter("start_type_description_service", value=False)  # no policy allows it
+    other = Node(
+        "_of_no_name",
+        context=node.context,
+        namespace=node.get_namespace(),
+        cli_args=["--ros-args", *files],
+        use_global_arguments=False,
+        enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[silent],
+    )
+    try:
+        return set(other._parameter_overrides)
+    finally:
+        other.destroy_node()

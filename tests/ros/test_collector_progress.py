@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from idim_iv_interfaces.action import Collect
 from idim_iv_ros.nodes.collector import collection, course
-from idim_iv_ros.nodes.collector.collection import Collection, Order, Parts
+from idim_iv_ros.nodes.collector.collection import Collection, Parts
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
 
 HANG = 120.0  # s
@@ -57,8 +58,8 @@ def test_share_that_is_done_rises_from_the_planning_on(monkeypatch: pytest.Monke
     names = ("configuration", "positions", "references", "controller", "recorder", "identifier")
     there = dict.fromkeys(names, SimpleNamespace(missing=str))
     parts = Parts(**there, settings=lambda: settings, gone=lambda: False)
-    order = Order(20.0, 0.5, 1, identify=False, estimator="", timeout=HANG)
-    goal = Collection(order, parts, listener.say)
+    request = Collect.Goal(duration=20.0, speed_scale=0.5, seed=1, timeout=HANG)
+    goal = Collection(request, parts, listener.say)
 
     def follow(stage: str, motion: object, passes: object) -> None:
         goal._course.begin(stage)

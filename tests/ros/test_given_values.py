@@ -16,13 +16,17 @@ from rclpy.parameter import Parameter
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
+from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.parameters import changed, declare
+from idim_iv_ros.nodes.parameters import (
+    changed,
+    declare,
+    refuse_unknown_arguments,
+    refuse_unknown_parameters,
+)
 from idim_iv_ros.nodes.predictor.node import PredictorSettings
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator.node import SimulatorSettings
-from idim_iv_ros.nodes.unknown_names import refuse_unknown_arguments, refuse_unknown_parameters
 from tests.ros.conftest import ARM2
 
 KINDS = {

@@ -68,9 +68,9 @@ class Bench:
 
     def submit(self, name: str, **values: object) -> Job:
         listener = JobListener(
-            lambda: self.log.append((name, "started")),
-            lambda stage, share: self.log.append((name, stage, share)),
-            lambda success, message: None,
+            ended=lambda success, message: None,
+            started=lambda: self.log.append((name, "started")),
+            progress=lambda stage, share: self.log.append((name, stage, share)),
         )
         configuration = Configuration.model_validate({"robot": {"joints": ["a"]}})
         job = Job("identification", (Path(name),), (name,), configuration, 5.0, listener, **values)

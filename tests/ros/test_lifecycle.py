@@ -8,7 +8,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
+from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from tests.ros.conftest import ARM2, start_identifier
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import HANG, start_node

@@ -7,7 +7,7 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.nodes.simulator.playback import REST as RESTING
-from idim_iv_ros.nodes.simulator.playback import commanded, continued, published
+from idim_iv_ros.nodes.simulator.playback import MotionSimulation, commanded
 from idim_iv_ros.simulators.robot import simulated_robot
 from tests.ros.processes import ROOT
 
@@ -62,13 +62,14 @@ def test_motion_that_takes_the_place_of_another_goes_on_from_it_without_a_step()
     places = np.column_stack([0.5 * (1.0 - np.cos(np.pi * time / 2.0)), 0.0 * time])
     speeds = np.gradient(places, 1.0 / RATE, axis=0)
     swing = Trajectory(joints, RATE, places, speeds, np.zeros_like(places))
-    before, references = published(configuration, robot, RATE, np.zeros(2), swing, seed=1)
+    simulation = MotionSimulation(configuration, robot, RATE)
+    before, references = simulation.published(np.zeros(2), swing, seed=1)
     change = 1500  # a second into the swing, behind half a second of approach: at 0.5 rad
     assert references[change][0] == pytest.approx(0.5, abs=0.01)
     end = np.array([[0.6, 0.1], [0.6, 0.1]])
     stop = Trajectory(joints, RATE, end, np.zeros((2, 2)), np.zeros((2, 2)))
     history = references[: change + 1]
-    after, changed = continued(configuration, robot, RATE, history, 0.1, stop, seed=1)
+    after, changed = simulation.continued(history, 0.1, stop, seed=1)
     assert np.array_equal(changed[: change + 1], history)
     assert np.allclose(changed[-1], [0.6, 0.1])
     fastest = np.abs(speeds).max() / RATE

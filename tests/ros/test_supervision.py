@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.excitation import Trajectory
-from idim_iv_ros.nodes.collector.supervision import Supervision
+from idim_iv_ros.nodes.collector.following import Supervision
 
 RATE, SECONDS = 200.0, 4.0
 LIMIT = 0.1  # rad
@@ -30,8 +30,7 @@ def watched(motion: Trajectory, at, longest: float = 1.0) -> list[tuple[float, f
     found = []
     time = 0.0
     while not watch.ended(time):
-        deviation = watch.look(time, at(time))
-        found.append((time, deviation.size, deviation.joint))
+        found.append((time, *watch.look(time, at(time))))
         time += 0.02
     return found
 

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.collector.controller import make_controller
+from idim_iv_ros.nodes.collector.controller import Controller
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.parameters import Settings, changed, declare, read_configuration
 from idim_iv_ros.nodes.predictor.node import PredictorSettings
@@ -67,4 +67,4 @@ def test_what_is_no_topic_is_named_with_its_file(node: Node, no_topic: Path) -> 
 def test_a_controller_without_a_name_of_ros_is_refused(node: Node) -> None:
     for name in ("my controller", "/arm/", "1arm"):
         with pytest.raises(UsageError, match=r"^parameter controller: "):
-            make_controller(node, name, "topic")
+            Controller(node, name, "topic")

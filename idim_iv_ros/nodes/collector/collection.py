@@ -6,12 +6,13 @@ Runs in a thread of its own; what it needs from ROS comes through its parts.
 import contextlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
+from idim_iv_interfaces.action import Collect
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Passes, passes_of, plan_passes
@@ -32,18 +33,6 @@ _PLANNING = 0.1  # of the whole, whose duration is known only afterwards
 
 
 @dataclass(frozen=True)
-class Order:
-    """What is asked for, defaults filled in: see Collect.action."""
-
-    duration: float
-    speed_scale: float
-    seed: int
-    identify: bool
-    estimator: str
-    timeout: float
-
-
-@dataclass(frozen=True)
 class Parts:
     """What a collection works with; `gone` says whether nobody waits for it any more."""
 
@@ -57,60 +46,49 @@ class Parts:
     gone: Callable[[], bool]
 
 
-@dataclass
-class Collected:
-    """What came of it; `result` is the message of the identification."""
-
-    success: bool = False
-    message: str = ""
-    bag: str = ""
-    usable: bool = False
-    findings: list[str] = field(default_factory=list)
-    result: Any = None
-
-
 class Collection:
-    """Does one order, once.
+    """Collects data for one goal, once.
 
     Parameters
     ----------
-    order
-    parts
-    say
-        See `Course`.
+    goal : Collect.Goal
+        With numbers in place of the zeros that stand for the node's parameters.
+    parts : Parts
+    say : callable
+        As of `Course`.
     """
 
-    def __init__(self, order: Order, parts: Parts, say: Say) -> None:
-        self._order, self._parts = order, parts
+    def __init__(self, goal: Collect.Goal, parts: Parts, say: Say) -> None:
+        self._goal, self._parts = goal, parts
         settings = parts.settings
-        self._course = Course(order.timeout, lambda: settings().allow_motion, parts.gone, say)
+        self._course = Course(goal.timeout, lambda: settings().allow_motion, parts.gone, say)
         self._robot = Follower(parts.positions, parts.controller, settings, self._course)
-        self.collected = Collected()
+        self.result = Collect.Result()
 
     def cancel(self, why: str) -> None:
         """Stop the robot and end; in any thread."""
         self._course.cancel(why)
 
-    def run(self) -> Collected:
-        """Do it all, and return what came of it whatever happens."""
+    def run(self) -> Collect.Result:
+        """Do it all, and return the result whatever happens."""
         try:
             self._run()
-            self.collected.success = True
+            self.result.success = True
         except IdimError as error:
-            self.collected.message = " ".join(str(error).split())
+            self.result.message = " ".join(str(error).split())
         except Exception as error:
-            self.collected.message = f"defect in idim_iv_ros ({one_line(error)})"
-        return self.collected
+            self.result.message = f"defect in idim_iv_ros ({one_line(error)})"
+        return self.result
 
     def _run(self) -> None:
-        parts, order = self._parts, self._order
+        parts, goal = self._parts, self._goal
         self._course.begin("looking for the robot")
         wanted = [parts.controller.missing, parts.recorder.missing]
-        wanted += [parts.identifier.missing] if order.identify else []
+        wanted += [parts.identifier.missing] if goal.identify else []
         self._find(wanted)
         passes = self._plan(lambda: self._find(wanted))
         moves = [passes.approach.duration, passes.slow.duration, passes.full.duration]
-        rest = sum(moves) + _CHECK + order.identify * _IDENTIFICATION
+        rest = sum(moves) + _CHECK + goal.identify * _IDENTIFICATION
         self._course.whole = rest / (1.0 - _PLANNING)
         self._course.done = self._course.whole - rest
         self._robot.follow("moving to the start", passes.approach, passes)
@@ -120,8 +98,8 @@ class Collection:
         if not report.usable:
             why = next(each for each in report.findings if each.level == "unusable")
             raise DataError(f"{bag.name} cannot be identified: {why.where}: {why.sentence}")
-        self.collected.message = f"{bag.name}: {passes.full.duration:.3g} s recorded, usable"
-        if order.identify:
+        self.result.message = f"{bag.name}: {passes.full.duration:.3g} s recorded, usable"
+        if goal.identify:
             self._identify(bag)
 
     def _find(self, wanted: list[Callable[[], str]]) -> None:
@@ -147,14 +125,14 @@ class Collection:
 
     def _plan(self, find: Callable[[], None]) -> Passes:
         self._course.begin("planning")
-        settings, order = self._parts.settings(), self._order
+        settings, goal = self._parts.settings(), self._goal
         model, limits, motion = self._course.compute(
             lambda look: plan_passes(
                 self._parts.configuration,
                 kind=cast(Kind, settings.motion),
-                duration=order.duration,
-                speed_scale=order.speed_scale,
-                seed=order.seed,
+                duration=goal.duration,
+                speed_scale=goal.speed_scale,
+                seed=goal.seed,
                 floor=None if np.isnan(settings.floor) else settings.floor,
                 progress=look,
             ),
@@ -166,7 +144,7 @@ class Collection:
             limits,
             motion,
             self._asked_position(),
-            approach_speed=min(settings.approach_speed / order.speed_scale, 1.0),
+            approach_speed=min(settings.approach_speed / goal.speed_scale, 1.0),
             slow_speed=settings.slow_speed,
         )
 
@@ -180,8 +158,8 @@ class Collection:
         here = self._robot.position()
         if references is None or references.last is None or references.age() > 1.0:
             return here
-        held = references.last.position
-        return held if np.abs(held - here).max() < settings.tracking_error else here
+        asked = references.last.position
+        return asked if np.abs(asked - here).max() < settings.tracking_error else here
 
     def _record(self, passes: Passes) -> Path:
         self._parts.recorder.start(self._course.wait)
@@ -200,7 +178,7 @@ class Collection:
 
     def _close_bag(self, *, aborted: bool = False) -> Path:
         bag = self._parts.recorder.stop(wait_whatever_happens, aborted=aborted)
-        self.collected.bag = bag.name
+        self.result.bag = bag.name
         return bag
 
     def _check(self, bag: Path) -> CheckReport:
@@ -208,8 +186,8 @@ class Collection:
         report = self._course.compute(
             lambda look: check([bag], self._parts.configuration, look), _CHECK
         )
-        self.collected.usable = report.usable
-        self.collected.findings = [
+        self.result.usable = report.usable
+        self.result.findings = [
             f"{each.level}: {each.where}: {each.sentence}" for each in report.findings
         ]
         return report
@@ -223,11 +201,11 @@ class Collection:
 
         try:
             answer = self._parts.identifier.identify(
-                bag, self._order.estimator, say, self._course.wait
+                bag, self._goal.estimator, say, self._course.wait
             )
             if not answer.success:
                 raise DataError(answer.message)
         except IdimError as error:  # the bag is not lost with it
             raise DataError(f"{bag.name} is recorded and usable, but: {error}") from error
-        self.collected.result = answer.result
-        self.collected.message = f"{bag.name}: {answer.message}"
+        self.result.result = answer.result
+        self.result.message = f"{bag.name}: {answer.message}"

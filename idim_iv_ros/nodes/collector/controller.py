@@ -1,7 +1,7 @@
-"""The two ways to have a trajectory followed: a topic, and the action of ros2_control."""
+"""Trajectories for a controller of ros2_control: by its action or by its topic."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from builtin_interfaces.msg import Duration
 from rclpy.action.client import ActionClient
@@ -20,22 +20,6 @@ _CODES = (
     "PATH_TOLERANCE_VIOLATED",
     "GOAL_TOLERANCE_VIOLATED",
 )
-
-
-class Controller(Protocol):
-    """What follows trajectories."""
-
-    def missing(self) -> str:
-        """Why it cannot be used now; empty if it can."""
-
-    def follow(self, motion: Trajectory, point_rate: float) -> None:
-        """Ask it to follow a motion that begins where the robot is."""
-
-    def halt(self, stop: Trajectory) -> None:
-        """Have it come to rest, if it can along `stop`."""
-
-    def failure(self) -> str:
-        """Why it does not follow, as it says itself; empty if it says nothing."""
 
 
 def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
@@ -63,71 +47,104 @@ def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
     return JointTrajectory(joint_names=list(motion.joints), points=points)
 
 
-class TopicController:
-    """Publishes on ``joint_trajectory`` of the controller, which does not answer."""
+class Controller:
+    """A controller of ros2_control that follows trajectories.
 
-    def __init__(self, node: Node, name: str) -> None:
-        self._publisher = node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 1)
+    Its action ``follow_joint_trajectory`` is used where a server is there when `missing` is called,
+    else its topic ``joint_trajectory``, on which it does not answer.
+
+    Parameters
+    ----------
+    node : Node
+    name : str
+        Name of the controller, resolved in the namespace of the node.
+    interface : str
+        ``topic`` or ``action`` for that one only, ``auto`` for either.
+
+    Raises
+    ------
+    UsageError
+        The action is wanted and control_msgs is not installed, or the name is none of ROS.
+    """
+
+    def __init__(self, node: Node, name: str, interface: str) -> None:
+        try:
+            node.resolve_topic_name(f"{name}/joint_trajectory")
+        except Exception as error:  # rclpy has one class for each thing that can be wrong
+            raise UsageError(
+                f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no "
+                "digit first, parts separated by /"
+            ) from error
+        self._kind: Any = None if interface == TOPIC else _action_type(required=interface == ACTION)
+        self._action = f"{name}/follow_joint_trajectory"
+        self._client = None if self._kind is None else ActionClient(node, self._kind, self._action)
+        self._publisher = (
+            None
+            if interface == ACTION
+            else node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 1)
+        )
+        self._by_action = interface == ACTION
+        self._goal: Any = None
+        self._goals_sent = 0
+        self._failure = ""
 
     def missing(self) -> str:
-        """Why it cannot be used now; empty if it can."""
+        """Why the controller cannot be used now; empty if it can."""
+        self._by_action = self._client is not None and self._client.server_is_ready()
+        if self._by_action:
+            return ""
+        if self._publisher is None:
+            return f"no action server {self._action}: is the controller running?"
         if self._publisher.get_subscription_count():
             return ""
         return f"nobody listens on {self._publisher.topic_name}: is the controller running?"
 
     def follow(self, motion: Trajectory, point_rate: float) -> None:
-        """Publish the motion."""
-        self._publisher.publish(trajectory_message(motion, point_rate))
+        """Ask the controller to follow a motion that begins where the robot is.
 
-    def halt(self, stop: Trajectory) -> None:
-        """Publish a motion that comes to rest; the controller drops the one under way."""
-        self._publisher.publish(trajectory_message(stop, stop.rate))
-
-    def failure(self) -> str:
-        """Nothing: a topic does not answer."""
-        return ""
-
-
-class ActionController:
-    """Sends goals to ``follow_joint_trajectory`` of the controller."""
-
-    def __init__(self, node: Node, name: str, kind: Any) -> None:
-        self._kind = kind
-        self._name = f"{name}/follow_joint_trajectory"
-        self._client = ActionClient(node, kind, self._name)
-        self._goal: Any = None
-        self._number = 0
-        self._failure = ""
-
-    def missing(self) -> str:
-        """Why it cannot be used now; empty if it can."""
-        if self._client.server_is_ready():
-            return ""
-        return f"no action server {self._name}: is the controller running?"
-
-    def follow(self, motion: Trajectory, point_rate: float) -> None:
-        """Send the motion as a goal."""
+        Parameters
+        ----------
+        motion
+        point_rate
+            Points of the trajectory per second.
+        """
+        message = trajectory_message(motion, point_rate)
+        if not self._by_action:
+            assert self._publisher is not None
+            self._publisher.publish(message)
+            return
+        assert self._client is not None
         self._goal, self._failure = None, ""
-        self._number += 1
-        goal = self._kind.Goal(trajectory=trajectory_message(motion, point_rate))
-        answered = self._client.send_goal_async(goal)
-        answered.add_done_callback(self._of_this_goal(self._accepted))
+        self._goals_sent += 1
+        answer = self._client.send_goal_async(self._kind.Goal(trajectory=message))
+        answer.add_done_callback(self._of_this_goal(self._accepted))
 
     def halt(self, stop: Trajectory) -> None:
-        """Cancel the goal: the controller holds where it is."""
-        self._number += 1  # that it was cancelled is no failure
+        """Bring the robot to rest: a controller whose goal is cancelled holds where it is.
+
+        Parameters
+        ----------
+        stop
+            Motion that comes to rest, for a controller that is used by its topic.
+        """
+        if not self._by_action:
+            assert self._publisher is not None
+            self._publisher.publish(trajectory_message(stop, stop.rate))
+            return
+        self._goals_sent += 1  # that the goal was cancelled is no failure
         if self._goal is not None:
             self._goal.cancel_goal_async()
 
     def failure(self) -> str:
-        """Why the goal was refused or ended, as the controller says it."""
-        return self._failure
+        """Why the goal was refused or ended, as the controller says it; empty without a reason."""
+        return self._failure if self._by_action else ""
 
     def _of_this_goal(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        number = self._number
+        """Return a callback of a future that does nothing once another goal was sent."""
+        number = self._goals_sent
 
         def call(future: Any) -> None:
-            if number == self._number:
+            if number == self._goals_sent:
                 callback(future.result())
             elif callback == self._accepted and future.result().accepted:
                 future.result().cancel_goal_async()  # halted before the controller had answered
@@ -151,58 +168,15 @@ class ActionController:
             )
 
 
-def make_controller(node: Node, name: str, interface: str) -> Controller:
-    """Return the way to a controller: the action where it is wanted and control_msgs is installed.
-
-    Raises
-    ------
-    UsageError
-        The action is wanted and control_msgs is not installed, or the name is none of ROS.
-    """
+def _action_type(required: bool) -> Any:
+    """Return FollowJointTrajectory; None where control_msgs is not installed."""
     try:
-        node.resolve_topic_name(f"{name}/joint_trajectory")
-    except Exception as error:  # rclpy has one class for each thing that can be wrong
-        raise UsageError(
-            f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no digit "
-            "first, parts separated by /"
-        ) from error
-    if interface != TOPIC:
-        try:
-            from control_msgs.action import FollowJointTrajectory
-        except ImportError as error:
-            if interface == ACTION:
-                raise UsageError(
-                    "interface: control_msgs is not installed: set it to topic, or install "
-                    "ros-jazzy-control-msgs"
-                ) from error
-        else:
-            action = ActionController(node, name, FollowJointTrajectory)
-            if interface == ACTION:
-                return action
-            return _Either(action, TopicController(node, name))
-    return TopicController(node, name)
-
-
-class _Either:
-    """The action if there is a server when a motion begins, else the topic."""
-
-    def __init__(self, action: ActionController, topic: TopicController) -> None:
-        self._action, self._topic = action, topic
-        self._used: Controller = topic
-
-    def missing(self) -> str:
-        """Why neither can be used now; empty if one can."""
-        self._used = self._topic if self._action.missing() else self._action
-        return self._used.missing()
-
-    def follow(self, motion: Trajectory, point_rate: float) -> None:
-        """Ask the one that was found."""
-        self._used.follow(motion, point_rate)
-
-    def halt(self, stop: Trajectory) -> None:
-        """Have the one that was found stop."""
-        self._used.halt(stop)
-
-    def failure(self) -> str:
-        """What the one that was found says."""
-        return self._used.failure()
+        from control_msgs.action import FollowJointTrajectory
+    except ImportError as error:
+        if required:
+            raise UsageError(
+                "interface: control_msgs is not installed: set it to topic, or install "
+                "ros-jazzy-control-msgs"
+            ) from error
+        return None
+    return FollowJointTrajectory

@@ -3,14 +3,13 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import TypeVar
 
 from idim_iv_ros.errors import DataError, IdimError, UsageError
+from idim_iv_ros.nodes.entry import Result, in_thread
 
 LOOK = 0.02  # s between two looks at the robot
 _SIGN_OF_LIFE = 0.5  # s between two words on what is done
 
-Answer = TypeVar("Answer")
 Say = Callable[[str, float, float, str], None]
 
 
@@ -120,8 +119,8 @@ class Course:
         _wait(holds, seconds, what, self.tick)
 
     def compute(
-        self, compute: Callable[[Callable[[str, float], None]], Answer], expected: float
-    ) -> Answer:
+        self, compute: Callable[[Callable[[str, float], None]], Result], expected: float
+    ) -> Result:
         """Compute in another thread, so that what happens meanwhile is noticed.
 
         Parameters
@@ -132,8 +131,6 @@ class Course:
             Its duration, in the unit of `whole`.
         """
         begun = self.done
-        answers: list[Answer] = []
-        errors: list[Exception] = []
         given_up = threading.Event()
 
         def look(stage: str, share: float) -> None:
@@ -141,24 +138,15 @@ class Course:
                 raise UsageError("given up")
             self.done = max(self.done, begun + share * expected)
 
-        def work() -> None:
-            try:
-                answers.append(compute(look))
-            except Exception as error:
-                errors.append(error)
-
-        thread = threading.Thread(target=work, name="computation", daemon=True)
-        thread.start()
+        answer = in_thread(lambda: compute(look), "computation")
         try:
-            while thread.is_alive():
+            while not answer.done():
                 self.tick()
         except IdimError:
             given_up.set()
             raise
-        if errors:
-            raise errors[0]
         self.done = begun + expected
-        return answers[0]
+        return answer.result()
 
     def _speak(self, at_once: bool = False) -> None:
         now = time.monotonic()

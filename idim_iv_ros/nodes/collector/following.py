@@ -1,4 +1,4 @@
-"""A robot that follows a motion, is watched, and stopped when anything is wrong."""
+"""A robot that follows a motion, is supervised, and stopped when anything is wrong."""
 
 import time
 from collections.abc import Callable
@@ -12,14 +12,107 @@ from idim_iv_ros.nodes.collector.controller import Controller
 from idim_iv_ros.nodes.collector.course import LOOK, Course
 from idim_iv_ros.nodes.collector.joint_positions import JointPositions
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.collector.supervision import Supervision
 from idim_iv_ros.types import FloatArray
 
 STANDING = 0.2  # s in which a robot at rest moves less than
 STILL = 0.01  # rad (m)
 _SETTLED = 3.0  # s until a robot that was stopped rests
 
+_SLACK = 0.1  # s around the delay of the controller
+_MOVED = 0.5  # of the allowed error: the robot has begun
+_STEP = 0.01  # s between two delays that are tried
+_UNSEEN = 1.0  # s that a motion is waited for which is too small to be seen
+
 State = tuple[FloatArray, FloatArray]
+
+
+class Supervision:
+    """Compares where a robot is with where one trajectory should have it by now.
+
+    The controller begins some time after it was asked, which nobody says: until the robot moves,
+    any delay up to a limit is possible; then it is the one that fits best, and the robot must keep
+    to it.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        What the robot was asked for.
+    start : (n_joints,)
+        Where it was then, rad (m).
+    allowed : float
+        Distance from which on it does not follow, rad (m).
+    longest_delay : float
+        Time until the controller begins at the latest, s.
+
+    Attributes
+    ----------
+    delay : float or None
+        Until the robot began to move, s; None before.
+    """
+
+    def __init__(
+        self, motion: Trajectory, start: FloatArray, allowed: float, longest_delay: float
+    ) -> None:
+        self._motion, self._start = motion, start
+        self._allowed, self._longest = allowed, longest_delay
+        self.delay: float | None = None
+
+    def look(self, elapsed: float, position: FloatArray) -> tuple[float, str]:
+        """Return the largest distance from where the robot should be, rad (m), and its joint.
+
+        Parameters
+        ----------
+        elapsed
+            Since the robot was asked, s.
+        position
+            Measured, (n_joints,) rad (m).
+        """
+        moved = float(np.abs(position - self._start).max()) > _MOVED * self._allowed
+        if self.delay is None and moved:
+            _, self.delay = self._nearest(elapsed, position, 0.0, self._longest)
+        if self.delay is None:
+            low, high = 0.0, self._longest
+        else:
+            low, high = max(self.delay - _SLACK, 0.0), self.delay + _SLACK
+        place, _ = self._nearest(elapsed, position, low, high)
+        size = float(np.abs(position - place).max())
+        # Which joint it is shows at the delay itself: the one that fits best makes them equal.
+        due, _ = self._nearest(elapsed, position, self.delay or 0.0, self.delay or 0.0)
+        return size, self._motion.joints[int(np.argmax(np.abs(position - due)))]
+
+    def ended(self, elapsed: float) -> bool:
+        """Whether the robot should rest at the end by now."""
+        delay = self._longest if self.delay is None else self.delay + _SLACK
+        if self._motion_is_small():
+            delay = min(delay, _UNSEEN)
+        return elapsed > self._motion.duration + delay
+
+    def planned(self, elapsed: float) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n_joints,) that the controller asks for now, rad, rad/s.
+
+        Before the robot has begun, that is the beginning, at rest.
+        """
+        if self.delay is None:
+            return self._motion.position[0], np.zeros_like(self._motion.velocity[0])
+        sample = round((elapsed - self.delay) * self._motion.rate)
+        sample = min(max(sample, 0), len(self._motion.position) - 1)
+        return self._motion.position[sample], self._motion.velocity[sample]
+
+    def _motion_is_small(self) -> bool:
+        """Whether the robot could go through all of it without having moved, as seen here."""
+        way = np.abs(self._motion.position - self._motion.position[0]).max()
+        return bool(way <= _MOVED * self._allowed)
+
+    def _nearest(
+        self, elapsed: float, position: FloatArray, low: float, high: float
+    ) -> tuple[FloatArray, float]:
+        """Place of the motion that fits best among the delays, and that delay."""
+        delays = low + _STEP * np.arange(round((high - low) / _STEP) + 1)
+        samples = np.round((elapsed - delays) * self._motion.rate).astype(int)
+        samples = np.clip(samples, 0, len(self._motion.position) - 1)
+        places = self._motion.position[samples]
+        best = int(np.argmin(np.abs(places - position).max(axis=1)))
+        return places[best], float(delays[best])
 
 
 class Follower:
@@ -82,13 +175,13 @@ class Follower:
             problem = self._course.reason_to_end() or self._controller.failure()
             if not problem and positions.age() > settings.stale_after:
                 problem = f"no joint states on {positions.topic} for {positions.age():.2g} s"
-            deviation = watch.look(max(place.measured - begun, 0.0), place.position)
-            self._course.deviates(deviation.size, deviation.joint)
+            error, joint = watch.look(max(place.measured - begun, 0.0), place.position)
+            self._course.deviates(error, joint)
             if problem:
                 return problem, watch.planned(elapsed)
-            if deviation.size > settings.tracking_error:
+            if error > settings.tracking_error:
                 problem = (
-                    f"{deviation.joint} is {deviation.size:.3g} from where it should be, more than "
+                    f"{joint} is {error:.3g} from where it should be, more than "
                     f"tracking_error {settings.tracking_error:g}"
                 )
                 if watch.delay is None:

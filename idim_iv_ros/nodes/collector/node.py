@@ -1,11 +1,8 @@
 """The node `collector`: moves a robot, has the motion recorded, checked and identified."""
 
 import math
-import queue
-import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
@@ -13,17 +10,16 @@ from rclpy.node import Node
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.collector.collection import Collected, Collection, Order, Parts
-from idim_iv_ros.nodes.collector.controller import make_controller
+from idim_iv_ros.nodes.collector.collection import Collection, Parts
+from idim_iv_ros.nodes.collector.controller import Controller
 from idim_iv_ros.nodes.collector.joint_positions import JointPositions
 from idim_iv_ros.nodes.collector.neighbours import IdentifierNeighbour, RecorderNeighbour
 from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.entry import run_node
+from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
 from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
 
-_GONE_LOOK = 0.5  # s between two looks whether the client is there
 _TURNS = 10  # of the executor, in which the last result is sent
 
 ABOUT = """collector: move the robot along a motion that shows its parameters, record it, check the
@@ -50,11 +46,7 @@ class Collector:
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("collector")
         self._settings = declare(node, CollectorSettings, arguments)
-        self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._guard = node.create_guard_condition(self._do_calls)
-        self._controller = make_controller(
-            node, self._settings.controller, self._settings.interface
-        )
+        self._controller = Controller(node, self._settings.controller, self._settings.interface)
         self._recorder = RecorderNeighbour(node)
         self._identifier = IdentifierNeighbour(node)
         self._configuration: Configuration | None = None
@@ -63,13 +55,12 @@ class Collector:
         self._load()
         self._goal: ServerGoalHandle | None = None
         self._collection: Collection | None = None
-        self._thread: threading.Thread | None = None
+        self._running: Future[Collect.Result] | None = None
         self._actions = DeferredActionServer(
             node, Collect, "~/collect", self._accepted, self._cancel
         )
         self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
-        self._looked, self._nobody = 0.0, False
         follow_changes(node, lambda: self._settings, self._apply, self._refuse)
         robot = self._settings.configuration or "no robot configured"
         may = "may" if self._settings.allow_motion else "must not"
@@ -82,10 +73,9 @@ class Collector:
         if self._collection is not None:
             self._collection.cancel("the collector was shut down")
         executor = self.node.executor
-        while self._thread is not None and self._thread.is_alive():
+        while self._running is not None and not self._running.done():
             if executor is not None:
                 executor.spin_once(timeout_sec=0.05)
-        self._do_calls()
         if executor is not None:
             for _ in range(_TURNS):
                 executor.spin_once(timeout_sec=0.0)
@@ -94,9 +84,9 @@ class Collector:
 
     def _load(self) -> None:
         """Read the configuration, and hear its robot."""
-        for each in (self._positions, self._references):
-            if each is not None:
-                each.close()
+        for topic in (self._positions, self._references):
+            if topic is not None:
+                topic.close()
         self._configuration = self._positions = self._references = None
         if not self._settings.configuration:
             return
@@ -109,25 +99,22 @@ class Collector:
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         try:
-            collection = Collection(self._order(goal.request), self._parts(), self._say)
+            collection = Collection(self._filled_in(goal.request), self._parts(), self._say)
         except IdimError as error:
             self.node.get_logger().warning(f"refused: {error}")
             self._actions.finish(goal, Collect.Result(success=False, message=str(error)))
             return
         self._goal, self._collection = goal, collection
-        self._nobody = False
         goal.execute()
+        executor = self.node.executor
+        assert executor is not None
+        self._running = in_thread(collection.run, "collection")
+        self._running.add_done_callback(
+            lambda done: executor.create_task(self._ended, goal, done.result())
+        )
 
-        def work() -> None:
-            collected = collection.run()
-            self._calls.put(lambda: self._ended(goal, collected))
-            self._guard.trigger()
-
-        self._thread = threading.Thread(target=work, name="collection", daemon=True)
-        self._thread.start()
-
-    def _order(self, request: Any) -> Order:
-        """Fill in what a request leaves to the parameters.
+    def _filled_in(self, request: Collect.Goal) -> Collect.Goal:
+        """Return a request with the parameters where it leaves a number to them.
 
         Raises
         ------
@@ -159,7 +146,7 @@ class Collector:
             raise UsageError(f"speed_scale: {request.speed_scale:g} is more than 1")
         if not request.seed >= 0:
             raise UsageError(f"seed: {request.seed} is negative")
-        return Order(
+        return Collect.Goal(
             duration=request.duration or settings.motion_duration,
             speed_scale=request.speed_scale or settings.speed_scale,
             seed=request.seed or settings.motion_seed,
@@ -185,15 +172,8 @@ class Collector:
             recorder=self._recorder,
             identifier=self._identifier,
             settings=lambda: self._settings,
-            gone=self._gone,
+            gone=self._clients.gone,
         )
-
-    def _gone(self) -> bool:
-        """Whether nobody waits for the goal any more; in the thread of the collection."""
-        now = time.monotonic()
-        if now > self._looked + _GONE_LOOK:
-            self._looked, self._nobody = now, self._clients.gone()
-        return self._nobody
 
     def _say(self, stage: str, share: float, error: float, joint: str) -> None:
         goal = self._goal
@@ -208,31 +188,14 @@ class Collector:
         if self._collection is not None and goal is self._goal:
             self._collection.cancel("cancelled")
 
-    def _ended(self, goal: ServerGoalHandle, collected: Collected) -> None:
+    def _ended(self, goal: ServerGoalHandle, result: Collect.Result) -> None:
         self._goal = self._collection = None
-        result = Collect.Result(
-            success=collected.success,
-            message=collected.message,
-            bag=collected.bag,
-            usable=collected.usable,
-            findings=collected.findings,
-        )
-        if collected.result is not None:
-            result.result = collected.result
         log = self.node.get_logger()
-        if collected.success:
-            log.info(collected.message)
+        if result.success:
+            log.info(result.message)
         else:
-            log.error(collected.message)
+            log.error(result.message)
         self._actions.finish(goal, result)
-
-    def _do_calls(self) -> None:
-        while True:
-            try:
-                call = self._calls.get_nowait()
-            except queue.Empty:
-                return
-            call()
 
     def _refuse(self, given: Mapping[str, object]) -> str:
         if "configuration" in given and self._goal is not None:

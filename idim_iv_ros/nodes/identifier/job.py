@@ -25,17 +25,17 @@ class JobListener:
 
     Attributes
     ----------
+    ended : callable
+        Takes, in any case, whether there is a result, and the verdict or why there is none.
     started : callable
         Called when the work begins.
     progress : callable
         Takes the stage and the share done, 0 to 1.
-    ended : callable
-        Takes, in any case, whether there is a result, and the verdict or why there is none.
     """
 
-    started: Callable[[], None]
-    progress: Callable[[str, float], None]
     ended: Callable[[bool, str], None]
+    started: Callable[[], None] = lambda: None
+    progress: Callable[[str, float], None] = lambda stage, share: None
 
 
 @dataclass(eq=False)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.entry import new_folder_path
 from idim_iv_ros.nodes.identifier.job import WAITING, Job
 from idim_iv_ros.nodes.identifier.settings import REFUSE, IdentifierSettings
 from idim_iv_ros.nodes.identifier.worker import Event, Worker
@@ -159,7 +160,8 @@ class JobQueue:
         settings = self._settings()
         source = job.configuration.source
         try:
-            folder = _new_folder(Path(settings.output_directory), job.task)
+            folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)
+            folder.mkdir(parents=True)
             request = {
                 "task": job.task,
                 "bags": [str(bag) for bag in job.bags],
@@ -225,17 +227,3 @@ def _untimely(status: int) -> str:
     if status < 0:
         return f"the worker was ended by {signal.Signals(-status).name}"
     return f"the worker ended with status {status}"
-
-
-def _new_folder(directory: Path, task: str) -> Path:
-    """Make a folder that is named by task and time."""
-    directory.mkdir(parents=True, exist_ok=True)
-    stamp = time.strftime(f"{task}_%Y_%m_%d-%H_%M_%S")
-    for number in range(1, 1000):
-        folder = directory.resolve() / (stamp if number == 1 else f"{stamp}_{number}")
-        try:
-            folder.mkdir()
-            return folder
-        except FileExistsError:
-            continue
-    raise FileExistsError(f"{stamp}: too many folders")

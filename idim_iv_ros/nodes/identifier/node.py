@@ -14,19 +14,13 @@ from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import run_node, steady_timer
-from idim_iv_ros.nodes.identifier.folder_lock import FolderLock
-from idim_iv_ros.nodes.identifier.gap_publisher import GapPublisher
-from idim_iv_ros.nodes.identifier.job import (
-    Job,
-    JobListener,
-    Task,
-    requested_job,
-)
+from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
+from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.managed_node import ACTIVE, FINALIZED, INACTIVE, ManagedNode
+from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
 from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
-from idim_iv_ros.nodes.identifier.result_publisher import ResultPublisher
 from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import declare, follow_changes, resolved_topics
 
@@ -182,9 +176,8 @@ class Identifier:
                 if not success:  # nobody asked: the diagnostics are the only answer
                     self._failure = f"{message.bag}: {why}"
 
-            listener = JobListener(lambda: None, lambda stage, share: None, ended)
             request = srv.Identify.Request(bags=[message.bag])
-            self._submit("identification", request, listener)
+            self._submit("identification", request, JobListener(ended))
 
     def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
         """Queue a job; None if it was refused, and the listener has the reason."""

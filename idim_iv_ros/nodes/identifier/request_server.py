@@ -5,8 +5,10 @@ An awaiting callback keeps rclpy's executor busy (it resumes every waiting corou
 answer are two callbacks.
 """
 
+import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -20,7 +22,8 @@ from idim_iv_ros.nodes.identifier.job import Job, JobListener
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
 # without an answer.
 BURST = QoSProfile(depth=1000)
-_LOOK, _ABSENCES = 0.5, 2  # s between two looks for clients, and looks that must find none
+_LOOK, _SHORTEST_LOOK = 0.5, 0.4  # s between two looks for clients
+_ABSENCES = 2  # looks that must find none
 _AT_ONCE, _PAUSE = 5, 0.3  # answers in one go, and s until there may be as many again
 
 
@@ -93,13 +96,16 @@ class Clients:
     def __init__(self, node: Node, name: str) -> None:
         self._node, self._name = node, name
         self._seen, self._absences = False, 0
+        self._looked = float("-inf")
 
     def gone(self) -> bool:
-        """Look, and return whether they were gone in this look and in the one before."""
-        if self._node.count_clients(self._name):
-            self._seen, self._absences = True, 0
-        elif self._seen:
-            self._absences += 1
+        """Whether there were none in the last two looks; look again after a while."""
+        if time.monotonic() - self._looked > _SHORTEST_LOOK:
+            self._looked = time.monotonic()
+            if self._node.count_clients(self._name):
+                self._seen, self._absences = True, 0
+            elif self._seen:
+                self._absences += 1
         return self._absences >= _ABSENCES
 
 
@@ -243,27 +249,30 @@ class RequestServer:
         self._actions.destroy()
 
     def _asked(self, request: Any, answer: Callable[[Any], None]) -> None:
-        self._begin(self._requests, object(), request, self._service.Response(), answer)
+        self._submit_for(self._requests, object(), request, self._service.Response(), answer)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
-        def say(stage: str, share: float) -> None:
+        def progress(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
 
-        def finish(result: Any) -> None:
-            self._actions.finish(goal, result)
+        self._submit_for(
+            self._goals,
+            bytes(goal.goal_id.uuid),
+            goal.request,
+            self._action.Result(),
+            partial(self._actions.finish, goal),
+            started=goal.execute,
+            progress=progress,
+        )
 
-        key, result = bytes(goal.goal_id.uuid), self._action.Result()
-        self._begin(self._goals, key, goal.request, result, finish, goal.execute, say)
-
-    def _begin(
+    def _submit_for(
         self,
         jobs: dict[object, Job],
         key: object,
         request: Any,
         response: Any,
         answer: Callable[[Any], None],
-        started: Callable[[], None] = lambda: None,
-        progress: Callable[[str, float], None] = lambda stage, share: None,
+        **callbacks: Any,
     ) -> None:
         """Submit a job, kept in `jobs` until it has ended; `answer` takes the response then."""
 
@@ -274,7 +283,7 @@ class RequestServer:
                 response.result = self._result()
             answer(response)
 
-        job = self._submit(request, JobListener(started, progress, ended))
+        job = self._submit(request, JobListener(ended, **callbacks))
         if job is not None:
             jobs[key] = job
 

@@ -1,9 +1,7 @@
 """Parameters of the identifier."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
-from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.parameters import Settings, parameter, period_of_status
 
@@ -60,14 +58,3 @@ class IdentifierSettings(Settings):
         """Check what the ranges cannot express."""
         if self.when_busy not in (WAIT, REFUSE):
             raise UsageError(f"when_busy: {self.when_busy!r} is neither {WAIT} nor {REFUSE}")
-
-    def check_files(self) -> None:
-        """Check the robot's file.
-
-        Raises
-        ------
-        UsageError
-            It cannot be read.
-        """
-        if self.configuration:
-            load_configuration(Path(self.configuration))

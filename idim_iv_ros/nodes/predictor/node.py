@@ -13,7 +13,6 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces import msg
-from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import LATCHED, run_node, steady_timer
 from idim_iv_ros.nodes.joint_topic import JointTopic
@@ -26,13 +25,13 @@ from idim_iv_ros.nodes.parameters import (
     period_of_status,
     read_configuration,
 )
-from idim_iv_ros.nodes.predictor.markers import residual_markers
-from idim_iv_ros.nodes.predictor.model_source import ModelSource
-from idim_iv_ros.nodes.predictor.report import (
+from idim_iv_ros.nodes.predictor.messages import (
     joint_diagnosis,
     prediction_diagnosis,
     prediction_message,
+    residual_markers,
 )
+from idim_iv_ros.nodes.predictor.model_source import ModelSource
 from idim_iv_ros.prediction import LivePrediction, Prediction
 from idim_iv_ros.prediction.rows import joint_levels
 from idim_iv_ros.signal_source import field_of, topic_of
@@ -93,9 +92,7 @@ class Predictor:
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("predictor")
         self._settings = declare(node, PredictorSettings, arguments)
-        path = Path(self._settings.configuration)
-        read_configuration(node, str(path))  # refused if it names what is no topic
-        self._configuration = load_configuration(path)
+        self._configuration = read_configuration(node, self._settings.configuration)
         import_module("scipy.signal")  # the first samples would wait a second for it
         self._joints = self._configuration.robot.joints
         self._source = ModelSource(self._configuration, Path(self._settings.output_directory))
@@ -119,7 +116,7 @@ class Predictor:
         steady_timer(node, self._settings.status_period, self._report)
         follow_changes(node, lambda: self._settings, self._apply)
         names = ", ".join(topic.name for topic in self._topics)
-        node.get_logger().info(f"ready: {path} from {names}")
+        node.get_logger().info(f"ready: {self._settings.configuration} from {names}")
         self._look()
 
     def close(self) -> None:

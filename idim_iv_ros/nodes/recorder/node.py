@@ -26,7 +26,7 @@ from idim_iv_ros.nodes.recorder.report import (
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.snapshot_service import SnapshotService
-from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
+from idim_iv_ros.nodes.recorder.threads import Intake, Result, WriterThread
 from idim_iv_ros.nodes.recorder.topic_set import TopicSet
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
@@ -103,9 +103,12 @@ class Recorder:
         simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
         return self._now() if simulated else None
 
-    def _start(self) -> str:
+    def _call(self, function: Callable[[], Result]) -> Result:
+        """Run a function of the session once everything that has arrived is with the writer."""
         self._intake.drain()
+        return self._writer.call(function)
 
+    def _start(self) -> str:
         def start() -> str:
             folder = self._session.start()
             for topic in self._topics.topics:
@@ -114,32 +117,27 @@ class Recorder:
             self._writer.overrun = 0
             return f"recording into {folder}" + f"; {SILENT_CLOCK}" * self._session.waits
 
-        return self._writer.call(start)
+        return self._call(start)
 
     def _stop(self) -> str:
-        self._intake.drain()
-        if self._writer.call(self._session.stop).lost:
+        if self._call(self._session.stop).lost:
             raise UsageError(self._session.fault)
         return self._sentence
 
     def _abort(self) -> str:
-        self._intake.drain()
-        closed = self._writer.call(lambda: self._session.stop(aborted=True))
+        closed = self._call(lambda: self._session.stop(aborted=True))
         return f"{closed.folder}: given up"
 
     def _pause(self) -> str:
-        self._intake.drain()
-        self._writer.call(self._session.pause)
+        self._call(self._session.pause)
         return "paused"
 
     def _resume(self) -> str:
-        self._intake.drain()
-        self._writer.call(self._session.resume)
+        self._call(self._session.resume)
         return "recording"
 
     def _split(self) -> str:
-        self._intake.drain()
-        return f"closed {self._writer.call(self._session.split)}"
+        return f"closed {self._call(self._session.split)}"
 
     def _service(
         self, action: Callable[[], str]

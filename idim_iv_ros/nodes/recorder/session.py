@@ -4,12 +4,12 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import datetime
 from enum import IntEnum
 from operator import itemgetter
 from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.nodes.entry import new_folder_path
 from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing, write_snapshot
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
@@ -113,7 +113,7 @@ class RecordingSession:
             raise UsageError(f"{directory}: cannot be made: {error.strerror or error}") from error
         self._require_space()
         while self.bag is None:
-            folder = self._new_folder(directory, self.settings.bag_prefix)
+            folder = new_folder_path(directory, self.settings.bag_prefix)
             try:
                 storage = PRESETS[self.settings.storage_preset]
                 self.bag = GrowingBag(
@@ -216,7 +216,7 @@ class RecordingSession:
         latched = {name: message for name, (_, message) in self._latched.items()}
         channels = [channel for channel, _ in self._latched.values()]
         directory = Path(self.settings.bag_directory).resolve()
-        folder = self._new_folder(directory, f"{self.settings.bag_prefix}_snapshot")
+        folder = new_folder_path(directory, f"{self.settings.bag_prefix}_snapshot")
         storage = PRESETS[self.settings.storage_preset]
         return folder, lambda: write_snapshot(folder, content, latched, channels, storage)
 
@@ -275,15 +275,6 @@ class RecordingSession:
                 f"{self.settings.bag_directory}: {free / 1e6:.0f} MB of free disk, "
                 f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
             )
-
-    def _new_folder(self, directory: Path, prefix: str) -> Path:
-        stamp = datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
-        folder = directory / f"{prefix}_{stamp}"
-        number = 1
-        while folder.exists():
-            number += 1
-            folder = directory / f"{prefix}_{stamp}_{number}"
-        return folder
 
 
 def _marked(closed: ClosedBag) -> ClosedBag:

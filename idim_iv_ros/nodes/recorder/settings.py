@@ -4,7 +4,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from idim_iv_ros.configuration import SignalsSection, load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import require_folder_place
 from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter, period_of_status
@@ -105,11 +104,3 @@ class RecorderSettings(Settings):
             require_folder_place(Path(self.bag_directory))
         except UsageError as error:
             raise UsageError(f"bag_directory: {error}") from error
-
-
-def signals(settings: RecorderSettings) -> tuple[SignalsSection, tuple[str, ...]]:
-    """Topics of the configured robot, and its joints (none without configuration)."""
-    if not settings.configuration:
-        return SignalsSection(), ()
-    configuration = load_configuration(Path(settings.configuration))
-    return configuration.signals, tuple(configuration.robot.joints)

@@ -1,13 +1,14 @@
 """Snapshots of the recorder: the service, errors on /diagnostics, and the thread that writes."""
 
-import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 
 from idim_iv_ros.errors import IdimError, UsageError
+from idim_iv_ros.nodes.entry import in_thread
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.threads import WriterThread
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
@@ -63,7 +64,7 @@ class SnapshotService:
     ) -> None:
         self._node, self._writer = node, writer
         self._drain, self._announce = drain, announce
-        self._thread: threading.Thread | None = None
+        self._writing: Future[None] | None = None
         self._errors = ErrorWatch((node.get_name(), node.get_fully_qualified_name()))
         self._taken = float("-inf")
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
@@ -80,7 +81,7 @@ class SnapshotService:
         UsageError
             There is nothing to write, or the last one is still being written.
         """
-        if self._thread is not None and self._thread.is_alive():
+        if self._writing is not None and not self._writing.done():
             raise UsageError("the last snapshot is still being written")
         self._drain()
         folder, write = self._writer.call(self._session.snapshot)
@@ -94,15 +95,14 @@ class SnapshotService:
             else:
                 self._announce(closed)
 
-        self._thread = threading.Thread(target=work, name="snapshot", daemon=True)
         self._taken = time.monotonic()
-        self._thread.start()
+        self._writing = in_thread(work, "snapshot")
         return f"the last {self._session.ring.span:.1f} s go into {folder}"
 
     def close(self) -> None:
         """Wait for a snapshot that is being written."""
-        if self._thread is not None:
-            self._thread.join()
+        if self._writing is not None:
+            self._writing.exception()
 
     def _diagnosed(self, array: DiagnosticArray) -> None:
         new = self._errors.new(array)

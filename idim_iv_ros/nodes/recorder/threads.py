@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from itertools import repeat
 from queue import Empty, SimpleQueue
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class WriterThread(threading.Thread):
         self.session = session
         self.overrun = 0
         self.failure = ""
-        self._queue: SimpleQueue[_Batch | _Call] = SimpleQueue()
+        self._queue: SimpleQueue[_Batch | Callable[[], None]] = SimpleQueue()
         self._queued_bytes = 0
         self._wake = threading.Event()
         self._ended = False
@@ -71,7 +71,7 @@ class WriterThread(threading.Thread):
             except Exception as error:  # belongs to the caller, who waits in another thread
                 future.set_exception(error)
 
-        self._queue.put(_Call(run))
+        self._queue.put(run)
         self._wake.set()
         return future.result(timeout)
 
@@ -109,7 +109,7 @@ class WriterThread(threading.Thread):
                 continue
             self._write(waiting)
             waiting = {}
-            item.run()
+            item()
         self._write(waiting)
 
     def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
@@ -136,26 +136,14 @@ class WriterThread(threading.Thread):
             self.session.write([batches[-1].channel for batches in waiting.values()], messages)
 
 
-class _Batch:
-    __slots__ = ("channel", "log_time", "monitor", "size", "taken")
+class _Batch(NamedTuple):
+    """Messages of one topic that wait to be counted and written; `size` is their bytes."""
 
-    def __init__(
-        self,
-        channel: TopicChannel,
-        monitor: TopicMonitor,
-        taken: list[Taken],
-        log_time: int | None,
-        size: int,
-    ) -> None:
-        self.channel, self.monitor, self.taken = channel, monitor, taken
-        self.log_time, self.size = log_time, size
-
-
-class _Call:
-    __slots__ = ("run",)
-
-    def __init__(self, run: Callable[[], None]) -> None:
-        self.run = run
+    channel: TopicChannel
+    monitor: TopicMonitor
+    taken: list[Taken]
+    log_time: int | None
+    size: int
 
 
 class Intake(threading.Thread):

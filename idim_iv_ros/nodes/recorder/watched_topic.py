@@ -13,18 +13,14 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings, signals
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
 from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
-from idim_iv_ros.signal_source import field_of, topic_of
 
 _AT_ONCE = 20_000
 
-_STRING = "std_msgs/msg/String"
-_FEW = 10  # descriptions that wait
+STRING = "std_msgs/msg/String"
 
 
 class NeverExecuted(CallbackGroup):
@@ -106,7 +102,7 @@ class WatchedTopic:
         """Why nothing came, where that is unusual; else empty."""
         if self.problem:
             return f"{self.name}: {self.problem}"
-        if self._types == [_STRING]:  # the description; a configuration may have it instead
+        if self._types == [STRING]:  # the description; a configuration may have it instead
             return ""
         if not self.had_publishers:
             return f"nobody publishes {self.name}"
@@ -245,44 +241,3 @@ def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
         "transient_local" if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
         qos.depth or 10,
     )
-
-
-def recorder_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
-    """Return joint states, effort, reference, link states and robot description, remapped.
-
-    Relative names are in the namespace of the node; the description of the robot is the global one
-    where its namespace has none.
-
-    Raises
-    ------
-    UsageError
-        The configuration cannot be read.
-    """
-    names, joints = signals(settings)
-    needed: dict[str, list[str]] = {topic_of(names.joint_states): ["position"]}
-    needed.setdefault(topic_of(names.effort or names.joint_states), []).append("effort")
-    if names.reference is not None:
-        needed.setdefault(topic_of(names.reference), []).append("position")
-    if names.link_states is not None:
-        needed.setdefault(topic_of(names.link_states), []).append("position")
-    if not settings.configuration:
-        needed[topic_of(names.joint_states)] = []
-    given = (names.joint_states, names.effort, names.reference, names.link_states)
-    with_field = {topic_of(each) for each in given if each and field_of(each)}
-    topics = []
-    for name, fields in needed.items():
-        # A field that is named may belong to any type.
-        types = None if name in with_field else [JOINT_STATE, *ROS2_CONTROL]
-        if types is not None and fields == ["effort"]:
-            types.append(FLOAT_ARRAY)
-        resolved = node.resolve_topic_name(name)
-        depth = settings.queue_depth
-        topics.append(WatchedTopic(node, resolved, types, joints, sorted(set(fields)), depth))
-    names_of_it = (ROBOT_DESCRIPTION, in_root(ROBOT_DESCRIPTION))
-    descriptions = [
-        WatchedTopic(node, name, [_STRING], (), (), _FEW)
-        for name in dict.fromkeys(map(node.resolve_topic_name, names_of_it))
-    ]
-    for topic in descriptions:
-        topic.substitutes = [other for other in descriptions if other is not topic]
-    return [*topics, *descriptions]

@@ -5,7 +5,6 @@ import json
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,19 +15,13 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, run_node, steady_timer
+from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import Settings, declare, follow_changes, parameter
-from idim_iv_ros.nodes.simulator.playback import (
-    REST,
-    Playback,
-    commanded,
-    continued,
-    published,
-)
+from idim_iv_ros.nodes.simulator.playback import REST, MotionSimulation, Playback, commanded
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
@@ -82,15 +75,13 @@ class RobotSimulator:
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("robot_simulator")
         self._settings = declare(node, SimulatorSettings, arguments)
-        configuration, urdf, self._rate = _loaded(Path(self._settings.configuration))
-        text = read_urdf_file(urdf)
-        self._configuration = configuration
-        self._robot = simulated_robot(configuration, text, urdf.name)
-        limits = self._robot.robot.limits
+        self._simulation, text = _loaded(Path(self._settings.configuration))
+        robot = self._simulation.robot
+        limits = robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
         node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED).publish(String(data=text))
-        truth = json.dumps(self._robot.truth)
+        truth = json.dumps(robot.truth)
         node.create_publisher(String, "~/truth", LATCHED).publish(String(data=truth))
         self._playback: Playback | None = None
         self._planning = threading.Lock()
@@ -102,8 +93,7 @@ class RobotSimulator:
         steady_timer(node, _LOOK, self._report)
         follow_changes(node, lambda: self._settings, self._apply)
         self._begun, self._said_compiling = time.monotonic(), False
-        self._rest: Future[list[JointTopic]] = Future()
-        threading.Thread(target=self._prepare, name="preparing", daemon=True).start()
+        self._rest = in_thread(self._prepare, "preparing")
 
     def close(self) -> None:
         """Stop publishing."""
@@ -111,22 +101,11 @@ class RobotSimulator:
             self._playback.end()
         self.node.destroy_node()
 
-    def _prepare(self) -> None:
+    def _prepare(self) -> list[JointTopic]:
         """Simulate the robot at rest; what is compiled for it, and for ~/move, is compiled now."""
-        try:
-            with contextlib.suppress(IdimError):  # without joint limits there are no random motions
-                random_motion(self._configuration, duration=1.0, rate=self._rate, seed=1)
-            topics, self._references = published(
-                self._configuration,
-                self._robot,
-                self._rate,
-                self._references[-1],
-                None,
-                self._settings.seed,
-            )
-            self._rest.set_result(topics)
-        except Exception as error:  # for the node to say
-            self._rest.set_exception(error)
+        with contextlib.suppress(IdimError):  # without joint limits there are no random motions
+            self._random_motion(duration=1.0, seed=1)
+        return self._from_rest(None)
 
     def _begin(self) -> bool:
         """Whether the robot publishes; it begins when its simulation is compiled."""
@@ -182,25 +161,21 @@ class RobotSimulator:
                 np.array(times, dtype=float),
                 np.array([point.positions for point in points], dtype=float),
                 np.array([p.velocities for p in points], dtype=float) if smooth else None,
-                self._rate,
+                self._simulation.rate,
             )
 
         playback = self._playback
         if playback is None:
             self.node.get_logger().error(f"joint_trajectory: {self._not_ready()}")
             return
-        self._in_thread(lambda: self._replace(playback, trajectory()))
+        self._plan_in_thread(lambda: self._replace(playback, trajectory()))
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def trajectory() -> Trajectory:
             if self._settings.trajectory:
                 return read_trajectory(Path(self._settings.trajectory))
-            return random_motion(
-                self._configuration,
-                duration=self._settings.motion_duration,
-                rate=self._rate,
-                seed=self._settings.motion_seed,
-            )
+            settings = self._settings
+            return self._random_motion(settings.motion_duration, settings.motion_seed)
 
         refusal = self._plan(trajectory)
         response.success = not refusal
@@ -217,17 +192,17 @@ class RobotSimulator:
 
         def plan() -> None:
             try:
-                self._begin_from_rest(playback, trajectory())
+                playback.play(self._from_rest(trajectory()))
             finally:
                 self._planning.release()
 
-        self._in_thread(plan)
+        self._plan_in_thread(plan)
         return ""
 
     def _not_ready(self) -> str:
         return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
 
-    def _in_thread(self, plan: Callable[[], None]) -> None:
+    def _plan_in_thread(self, plan: Callable[[], None]) -> None:
         def work() -> None:
             try:
                 plan()
@@ -236,28 +211,25 @@ class RobotSimulator:
             except Exception as error:  # the next motion may be one that can be planned
                 self._problem = f"defect in idim_iv_ros ({one_line(error)})"
 
-        threading.Thread(target=work, name="planning", daemon=True).start()
+        in_thread(work, "planning")
 
-    def _begin_from_rest(self, playback: Playback, trajectory: Trajectory) -> None:
-        topics, self._references = published(
-            self._configuration,
-            self._robot,
-            self._rate,
-            self._references[-1],
-            trajectory,
-            self._settings.seed,
+    def _random_motion(self, duration: float, seed: int) -> Trajectory:
+        configuration, rate = self._simulation.configuration, self._simulation.rate
+        return random_motion(configuration, duration=duration, rate=rate, seed=seed)
+
+    def _from_rest(self, trajectory: Trajectory | None) -> list[JointTopic]:
+        """Return the messages of a motion that begins where the last one ended."""
+        topics, self._references = self._simulation.published(
+            self._references[-1], trajectory, self._settings.seed
         )
-        playback.play(topics)
+        return topics
 
     def _replace(self, playback: Playback, trajectory: Trajectory) -> None:
         """Drop the motion under way for another, as a trajectory controller does."""
         begun, lead = time.monotonic(), _LEAD
         with self._planning:
             while (sample := playback.change(lead)) is not None:
-                topics, references = continued(
-                    self._configuration,
-                    self._robot,
-                    self._rate,
+                topics, references = self._simulation.continued(
                     self._references[: sample + 1],
                     time.monotonic() - begun + lead,
                     trajectory,
@@ -267,7 +239,7 @@ class RobotSimulator:
                     self._references = references
                     return
                 lead *= 2.0
-            self._begin_from_rest(playback, trajectory)
+            playback.play(self._from_rest(trajectory))
 
     def _report(self) -> None:
         if not self._begin():
@@ -282,8 +254,8 @@ class RobotSimulator:
             self.node.get_logger().error(problem)
 
 
-def _loaded(path: Path) -> tuple[Configuration, Path, float]:
-    """Configuration, its URDF, and the rate of the references in Hz."""
+def _loaded(path: Path) -> tuple[MotionSimulation, str]:
+    """Return the simulation of the robot in a configuration, and the text of its URDF."""
     configuration = load_configuration(path)
     urdf = configuration.robot.description
     if urdf is None:
@@ -294,7 +266,9 @@ def _loaded(path: Path) -> tuple[Configuration, Path, float]:
         raise UsageError(
             f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
         )
-    return configuration, urdf, float(rate)
+    text = read_urdf_file(urdf)
+    robot = simulated_robot(configuration, text, urdf.name)
+    return MotionSimulation(configuration, robot, float(rate)), text
 
 
 def run(arguments: Sequence[str]) -> int:

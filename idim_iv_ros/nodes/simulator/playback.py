@@ -4,6 +4,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
@@ -76,150 +77,145 @@ def commanded(
     return Trajectory(tuple(joints), rate, position, velocity, np.zeros_like(position))
 
 
-def published(
-    configuration: Configuration,
-    robot: SimulatedRobot,
-    rate: float,
-    start: FloatArray,
-    trajectory: Trajectory | None,
-    seed: int,
-) -> tuple[list[JointTopic], FloatArray]:
-    """Run the simulated robot from rest at `start` through a trajectory to rest.
+@dataclass(frozen=True)
+class MotionSimulation:
+    """Runs a simulated robot through motions, from rest to rest.
 
-    Parameters
+    Attributes
     ----------
-    configuration, robot
-    rate
+    configuration : Configuration
+    robot : SimulatedRobot
+    rate : float
         Of the references, Hz.
-    start
-        (n_joints,) reference at which it rests.
-    trajectory
-        None: it stays where it is.
-    seed
-        Of the noise.
-
-    Returns
-    -------
-    list of JointTopic, (n_samples, n_joints)
-        Messages with times from zero, and the references; the last REST seconds are at rest.
-
-    Raises
-    ------
-    UsageError
-        The trajectory is for other joints or leaves their range.
-    DataError
-        The closed loop diverged.
     """
-    joints = robot.robot.joints
-    parts = [np.tile(start, (2, 1))]
-    if trajectory is not None:
-        motion = trajectory.in_order(joints).position
-        _require_range(robot, motion)
-        parts += [_approach(robot, start, motion[0], rate), motion]
-    return _simulated(configuration, robot, rate, np.concatenate(parts), seed)
 
+    configuration: Configuration
+    robot: SimulatedRobot
+    rate: float
 
-def continued(
-    configuration: Configuration,
-    robot: SimulatedRobot,
-    rate: float,
-    history: FloatArray,
-    elapsed: float,
-    trajectory: Trajectory,
-    seed: int,
-) -> tuple[list[JointTopic], FloatArray]:
-    """Run the simulated robot out of a motion into another, as a trajectory controller does.
+    def published(
+        self, start: FloatArray, trajectory: Trajectory | None, seed: int
+    ) -> tuple[list[JointTopic], FloatArray]:
+        """Run the robot from rest at `start` through a trajectory to rest.
 
-    Parameters
-    ----------
-    configuration, robot, rate, seed
-        As of `published`.
-    history
-        (n_samples, n_joints) references since the robot rested last, up to the change.
-    elapsed
-        Time between the new motion's beginning and the change, s: what was due then is left out.
-    trajectory
+        Parameters
+        ----------
+        start
+            (n_joints,) reference at which it rests.
+        trajectory
+            None: it stays where it is.
+        seed
+            Of the noise.
 
-    Returns
-    -------
-    list of JointTopic, (n_samples, n_joints)
-        Messages since the beginning of the history, and the references.
+        Returns
+        -------
+        list of JointTopic, (n_samples, n_joints)
+            Messages with times from zero, and the references; the last REST seconds are at rest.
 
-    Raises
-    ------
-    UsageError, DataError
-        As `published`.
-    """
-    motion = trajectory.in_order(robot.robot.joints)
-    _require_range(robot, motion.position)
-    place, speed = history[-1], (history[-1] - history[-2]) * rate
-    due = min(round(elapsed * rate), len(motion.position) - 1)
-    seconds = max(_BLEND, _seconds(robot, motion.position[due] - place))
-    samples = round(seconds * rate)
-    target = min(due + samples, len(motion.position) - 1)
-    ends = (0.0, samples / rate)
-    arrival = motion.velocity[target] if target < len(motion.position) - 1 else np.zeros_like(place)
-    blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
-    time = np.arange(1, samples + 1) / rate
-    whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
-    return _simulated(configuration, robot, rate, whole, seed)
+        Raises
+        ------
+        UsageError
+            The trajectory is for other joints or leaves their range.
+        DataError
+            The closed loop diverged.
+        """
+        parts = [np.tile(start, (2, 1))]
+        if trajectory is not None:
+            motion = self._motion(trajectory).position
+            parts += [self._approach(start, motion[0]), motion]
+        return self._simulated(np.concatenate(parts), seed)
 
+    def continued(
+        self, history: FloatArray, elapsed: float, trajectory: Trajectory, seed: int
+    ) -> tuple[list[JointTopic], FloatArray]:
+        """Run the robot out of a motion into another, as a trajectory controller does.
 
-def _simulated(
-    configuration: Configuration,
-    robot: SimulatedRobot,
-    rate: float,
-    position: FloatArray,
-    seed: int,
-) -> tuple[list[JointTopic], FloatArray]:
-    """Run the robot through references from rest to rest; the rest before is left out."""
-    rest = round(REST * rate)
-    whole = np.concatenate(
-        [np.tile(position[0], (rest, 1)), position, np.tile(position[-1], (rest, 1))]
-    )
-    velocity = np.gradient(whole, 1.0 / rate, axis=0)
-    motion = Trajectory(robot.robot.joints, rate, whole, velocity, np.zeros_like(whole))
-    topics = recorded_topics(configuration, robot, robot.record(motion, seed))
-    # The loop begins unloaded and settles in the first rest, which nobody sees.
-    return [_without(topic, REST) for topic in topics], whole[rest:]
+        Parameters
+        ----------
+        history
+            (n_samples, n_joints) references since the robot rested last, up to the change.
+        elapsed
+            Time between the new motion's beginning and the change, s: what was due then is left
+            out.
+        trajectory
+        seed
+            Of the noise.
 
+        Returns
+        -------
+        list of JointTopic, (n_samples, n_joints)
+            Messages since the beginning of the history, and the references.
 
-def _approach(robot: SimulatedRobot, start: FloatArray, end: FloatArray, rate: float) -> FloatArray:
-    """Fifth-order polynomial from rest to rest, slow against the speed limits."""
-    duration = max(0.5, _seconds(robot, end - start))
-    s = np.linspace(0.0, 1.0, round(duration * rate) + 1)[:, None]
-    return start + (end - start) * quintic(s)[0]
+        Raises
+        ------
+        UsageError, DataError
+            As `published`.
+        """
+        motion, rate = self._motion(trajectory), self.rate
+        place, speed = history[-1], (history[-1] - history[-2]) * rate
+        due = min(round(elapsed * rate), len(motion.position) - 1)
+        seconds = max(_BLEND, self._seconds(motion.position[due] - place))
+        samples = round(seconds * rate)
+        target = min(due + samples, len(motion.position) - 1)
+        ends = (0.0, samples / rate)
+        arrival = motion.velocity[target]
+        if target == len(motion.position) - 1:
+            arrival = np.zeros_like(place)
+        blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
+        time = np.arange(1, samples + 1) / rate
+        whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
+        return self._simulated(whole, seed)
 
+    def _simulated(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
+        """Run the robot through references from rest to rest; the rest before is left out."""
+        rest = round(REST * self.rate)
+        whole = np.concatenate(
+            [np.tile(position[0], (rest, 1)), position, np.tile(position[-1], (rest, 1))]
+        )
+        velocity = np.gradient(whole, 1.0 / self.rate, axis=0)
+        joints = self.robot.robot.joints
+        motion = Trajectory(joints, self.rate, whole, velocity, np.zeros_like(whole))
+        record = self.robot.record(motion, seed)
+        topics = recorded_topics(self.configuration, self.robot, record)
+        # The loop begins unloaded and settles in the first rest, which nobody sees.
+        return [_without(topic, REST) for topic in topics], whole[rest:]
 
-def _seconds(robot: SimulatedRobot, way: FloatArray) -> float:
-    """Duration of a fifth-order polynomial over a way (n_joints,), slow against the limits."""
-    limit = robot.robot.limits.velocity
-    speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
-    return 1.875 * float(np.max(np.abs(way) / speed))
+    def _approach(self, start: FloatArray, end: FloatArray) -> FloatArray:
+        """Fifth-order polynomial from rest to rest, slow against the speed limits."""
+        duration = max(0.5, self._seconds(end - start))
+        s = np.linspace(0.0, 1.0, round(duration * self.rate) + 1)[:, None]
+        return start + (end - start) * quintic(s)[0]
 
+    def _seconds(self, way: FloatArray) -> float:
+        """Duration of a fifth-order polynomial over a way (n_joints,), slow against the limits."""
+        limit = self.robot.robot.limits.velocity
+        speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
+        return 1.875 * float(np.max(np.abs(way) / speed))
 
-def _require_range(robot: SimulatedRobot, motion: FloatArray) -> None:
-    limits = robot.robot.limits
-    outside = (motion < limits.lower - 1e-9) | (motion > limits.upper + 1e-9)
-    if outside.any():
-        joint = robot.robot.joints[int(np.flatnonzero(outside.any(axis=0))[0])]
-        raise UsageError(f"the trajectory leaves the range of {joint}")
+    def _motion(self, trajectory: Trajectory) -> Trajectory:
+        """Return a trajectory in the order of the robot's joints; refuse one beyond their range."""
+        joints, limits = self.robot.robot.joints, self.robot.robot.limits
+        motion = trajectory.in_order(joints)
+        outside = (motion.position < limits.lower - 1e-9) | (motion.position > limits.upper + 1e-9)
+        if outside.any():
+            joint = joints[int(np.flatnonzero(outside.any(axis=0))[0])]
+            raise UsageError(f"the trajectory leaves the range of {joint}")
+        return motion
 
 
 def _without(topic: JointTopic, seconds: float) -> JointTopic:
-    """Leave the beginning out."""
-    kept = topic.time >= seconds - 1e-9
+    """Return a topic without its first seconds, with times from zero."""
+    rows = topic.time >= seconds - 1e-9
 
-    def part(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[kept]
+    def later(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[rows]
 
-    return JointTopic(
-        topic.name,
-        topic.joints,
-        topic.time[kept] - seconds,
-        part(topic.position),
-        part(topic.velocity),
-        part(topic.effort),
+    return replace(
+        topic,
+        time=topic.time[rows] - seconds,
+        position=later(topic.position),
+        velocity=later(topic.velocity),
+        effort=later(topic.effort),
     )
 
 

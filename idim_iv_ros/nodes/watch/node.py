@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
@@ -11,9 +11,8 @@ from rich.live import Live
 
 from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
 from idim_iv_ros.nodes.entry import LATCHED, Closable, run_node, steady_timer
-from idim_iv_ros.nodes.unknown_names import refuse_unknown_parameters
-from idim_iv_ros.nodes.watch.state import JointView, LiveView
-from idim_iv_ros.nodes.watch.terminal import live_table
+from idim_iv_ros.nodes.parameters import refuse_unknown_parameters
+from idim_iv_ros.nodes.watch.view import JointView, LiveView, live_table
 from idim_iv_ros.nodes.watch.web import LivePage
 
 _TOPIC = "predictor/prediction"
@@ -25,24 +24,17 @@ _STATES = ("idle", "recording", "paused", "stopped by a fault", "waiting for /cl
 ABOUT = """watch: measured and predicted efforts of a running robot, with what the nodes do."""
 
 
-@dataclass(frozen=True)
-class WatchSettings:
-    """What `watch` shows, and where.
+class Watcher:
+    """Subscriptions to what the nodes of a robot say, in the namespace of this node.
 
-    Attributes
+    Parameters
     ----------
+    arguments : sequence of str
+        Command line of the node.
     web : int or None
         Port of the page; None: a table on the terminal.
     predictor : callable or None
         Makes a predictor that runs in this process.
-    """
-
-    web: int | None = None
-    predictor: Callable[[Sequence[str]], Closable] | None = None
-
-
-class Watcher:
-    """Subscriptions to what the nodes of a robot say, in the namespace of this node.
 
     Raises
     ------
@@ -50,14 +42,19 @@ class Watcher:
         The port of the page is taken, or the predictor cannot be made.
     """
 
-    def __init__(self, settings: WatchSettings, arguments: Sequence[str] = ()) -> None:
-        self._page = None if settings.web is None else LivePage(settings.web)
-        self._predictor = None if settings.predictor is None else settings.predictor(arguments)
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        web: int | None = None,
+        predictor: Callable[[Sequence[str]], Closable] | None = None,
+    ) -> None:
+        self._page = None if web is None else LivePage(web)
+        self._predictor = None if predictor is None else predictor(arguments)
         self.node = node = Node("watch")
         if self._predictor is None:  # what is given is else the predictor's
             refuse_unknown_parameters(node, (), arguments)
         self._prediction: Prediction | None = None
-        self._heard = self._printed = time.monotonic()
+        self._heard_at = self._printed = time.monotonic()
         self._joints: dict[str, JointView] = {}
         self._nodes: dict[str, str] = {}
         self._predictors = 0
@@ -86,7 +83,7 @@ class Watcher:
         self._console.print("watch: ended")
 
     def _predicted(self, message: Prediction) -> None:
-        self._prediction, self._heard = message, time.monotonic()
+        self._prediction, self._heard_at = message, time.monotonic()
         if self._page is not None:
             self._page.publish(self._view().to_document())
 
@@ -127,7 +124,7 @@ class Watcher:
             )
             for place, name in enumerate(message.name)
         ]
-        silent_for = time.monotonic() - self._heard
+        silent_for = time.monotonic() - self._heard_at
         reason = message.reason
         if self._predictors > 1:
             reason = (
@@ -152,17 +149,21 @@ class Watcher:
             executor.add_node(self._predictor.node)  # does nothing for one that is there
         self._predictors = self.node.count_publishers(self.node.resolve_topic_name(_TOPIC))
         now = time.monotonic()
+        since_drawn, silent_for = now - self._printed, now - self._heard_at
         if self._live is not None:
             self._live.update(live_table(self._view()), refresh=True)
-        elif self._page is None and now - self._printed > _PRINTED:
+        elif self._page is None and since_drawn > _PRINTED:
             self._printed = now
             self._console.print(live_table(self._view()))
-        elif self._page is not None and now - self._heard > _SILENT and now - self._printed > 1.0:
+        elif self._page is not None and silent_for > _SILENT and since_drawn > 1.0:
             self._printed = now
             self._page.publish(self._view().to_document())
 
 
-def run(arguments: Sequence[str], settings: WatchSettings | None = None) -> int:
-    """Watch until a signal and return the exit status; `arguments` begin with a name."""
-    chosen = settings or WatchSettings()
-    return run_node("watch", lambda given: Watcher(chosen, given), ABOUT, arguments)
+def run(
+    arguments: Sequence[str],
+    web: int | None = None,
+    predictor: Callable[[Sequence[str]], Closable] | None = None,
+) -> int:
+    """Run a `Watcher` until a signal and return the exit status; `arguments` begin with a name."""
+    return run_node("watch", lambda given: Watcher(given, web, predictor), ABOUT, arguments)
