@@ -8,10 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.hostile.cells import HostileCell
+from benchmarks.hostile.loop import Chain
 from benchmarks.hostile.nuisances import Nuisances, drawn
 from benchmarks.hostile.plants import Run, chain_of, run
 from benchmarks.hostile.robots import robot
-from benchmarks.withheld_effects.calibration import Calibrated, Course, calibrate, session
+from benchmarks.withheld_effects.calibration import (
+    Calibrated,
+    Course,
+    calibrate,
+    ratio,
+    session,
+    variance,
+)
 from benchmarks.withheld_effects.effects import EFFECTS, PARAMETRIC, STRUCTURAL, Effect
 from benchmarks.withheld_effects.motion import rich_motion
 from benchmarks.withheld_effects.robot import (
@@ -21,7 +29,7 @@ from benchmarks.withheld_effects.robot import (
     given_inertials,
 )
 from benchmarks.withheld_effects.sensors import Sensors
-from benchmarks.withheld_effects.world import Runaway, World, plain_world
+from benchmarks.withheld_effects.world import Record, Runaway, World, plain_world
 
 FloatArray = NDArray[np.float64]
 SHIFT = 0.04  # m by which centres of mass are off, per relative error of the inertials
@@ -66,15 +74,17 @@ def make_session(cell: HostileCell, master: int) -> HostileSession:
         if all(each.reached for each in found):
             break
     slower = _with_chain(given, nuisances)
-    runs, sensors, strengths = _recorded(
-        cell,
-        world,
-        nuisances,
-        _effects(cell, slower, shape),
-        [each.strength for each in found],
-        _motions(cell, nuisances, slower, motion),
-        noise.integers(2**31, size=len(cell.seconds)).tolist(),
+    recorded = Recording(
+        replace(world, controller=slower.controller),
+        cell.plant,
+        chain_of(nuisances, len(given.joints)),
+        tuple(_motions(cell, nuisances, slower, motion)),
+        tuple(noise.integers(2**31, size=len(cell.seconds)).tolist()),
     )
+    acting = _effects(cell, slower, shape)
+    runs, strengths = _recorded(recorded, acting, [each.strength for each in found])
+    shown = _shown(recorded, acting, strengths, runs)
+    sensors = recorded.of(acting, strengths).sensors
     label = {
         "group": cell.group,
         "robot": cell.robot,
@@ -94,12 +104,13 @@ def make_session(cell: HostileCell, master: int) -> HostileSession:
                 "rho_wanted": asked.rho,
                 "rho": each.rho * strength / each.strength if each.strength else 0.0,
                 "reached": each.reached,
+                "rho_recorded": there,
                 "strength": strength,
                 "mass": _mass(effect, world, strength),
                 "shape": effect.shape,
             }
-            for asked, effect, each, strength in zip(
-                cell.effects, effects, found, strengths, strict=True
+            for asked, effect, each, strength, there in zip(
+                cell.effects, effects, found, strengths, shown, strict=True
             )
         ],
     }
@@ -217,34 +228,102 @@ def _calibrated(
     ]
 
 
-def _recorded(
-    cell: HostileCell,
-    world: World,
-    nuisances: Nuisances,
-    effects: Sequence[Effect],
-    strengths: list[float],
-    motions: Sequence[tuple[FloatArray, FloatArray]],
-    seeds: Sequence[int],
-) -> tuple[list[Run], Sensors, list[float]]:
-    """Recordings, what records their efforts, and the strengths with which the loop holds."""
-    law = _with_chain(world.given, nuisances).controller
-    plain = replace(world, controller=law)
-    chain = chain_of(nuisances, len(world.given.joints))
-    for _ in range(8):
-        true = plain
+@dataclass(frozen=True)
+class Recording:
+    """What the recordings of a cell are made of but for the effects.
+
+    `motions` are references and `seeds` of the noise, one of either for a recording.
+    """
+
+    world: World
+    plant: str
+    chain: Chain
+    motions: tuple[tuple[FloatArray, FloatArray], ...]
+    seeds: tuple[int, ...]
+
+    def of(self, effects: Sequence[Effect], strengths: Sequence[float]) -> World:
+        """The true robot with effects."""
+        true = self.world
         for effect, strength in zip(effects, strengths, strict=True):
             true = effect.apply(true, strength)
-        heat = np.zeros(len(world.given.joints))
+        return true
+
+    def runs(self, true: World) -> list[Run]:
+        """Simulate them on a true robot; what warmed up stays warm.
+
+        Raises
+        ------
+        Runaway
+            See `run`.
+        """
+        heat = np.zeros(len(true.given.joints))
         runs = []
+        for motion, seed in zip(self.motions, self.seeds, strict=True):
+            runs.append(run(true, self.plant, self.chain, motion, seed, heat))
+            heat *= true.warmth_kept
+        return runs
+
+
+def _recorded(
+    recording: Recording, effects: Sequence[Effect], strengths: list[float]
+) -> tuple[list[Run], list[float]]:
+    """Recordings, and the strengths with which the loop holds."""
+    for _ in range(8):
         try:
-            for motion, seed in zip(motions, seeds, strict=True):
-                runs.append(run(true, cell.plant, chain, motion, seed, heat))
-                heat *= true.warmth_kept
+            return recording.runs(recording.of(effects, strengths)), strengths
         except Runaway:
             strengths = [WEAKER * strength for strength in strengths]
+    raise Runaway("the loop does not hold with weaker effects")
+
+
+def _shown(
+    recording: Recording,
+    effects: Sequence[Effect],
+    strengths: Sequence[float],
+    runs: Sequence[Run],
+) -> list[float | None]:
+    """Ratio by which every effect stands out in the recordings themselves.
+
+    Against the same motions and noise without that effect, by the fit of the calibration at the
+    control period; None where the loop does not hold without it.
+    """
+    given = replace(recording.world.given, controller=recording.world.controller)
+    slower = replace(recording.world, given=given)
+    whole = _records(recording.of(effects, strengths), runs)
+    out: list[float | None] = []
+    for k, effect in enumerate(effects):
+        others = [*effects[:k], *effects[k + 1 :]]
+        true = recording.of(others, [*strengths[:k], *strengths[k + 1 :]])
+        try:
+            without = variance(slower, _records(true, recording.runs(true)), effect.measure)
+        except Runaway:
+            out.append(None)
             continue
-        return runs, true.sensors, strengths
-    raise Runaway(f"{cell.group} on {cell.robot}")
+        shown = ratio(variance(slower, whole, effect.measure), without)
+        out.append(float(shown[effect.seen_at]))
+    return out
+
+
+def _records(true: World, runs: Sequence[Run]) -> list[Record]:
+    """Runs with their efforts averaged over the control period that is centred on the stamp."""
+    records = []
+    for number, one in enumerate(runs):
+        recorded, rng = one.recorded, np.random.default_rng(number)
+        effort = recorded.applied.copy()
+        effort[:-1] = 0.5 * (effort[:-1] + effort[1:])
+        records.append(
+            Record(
+                time=np.arange(len(effort)) * true.controller.period,
+                position=recorded.position,
+                velocity=recorded.speed,
+                effort=effort + true.sensors.torque * rng.normal(size=effort.shape),
+                position_reference=one.position_reference,
+                velocity_reference=one.velocity_reference,
+                link=recorded.position,
+                clean_effort=effort,
+            )
+        )
+    return records
 
 
 def _mass(effect: Effect, world: World, strength: float) -> float | None:

@@ -153,7 +153,7 @@ def concluded(
         *numbers,
         *controller_causes(data, law, model.effects),
         *refit.gravity_causes(found.tested),
-        *refit.delays,
+        *(refit.delays or law.delay),
     ]
     measured = measured_transmissions(data, regression)
     causes, excluded = with_transmissions(data, regression, measured, causes, without)

@@ -143,6 +143,18 @@ def controller_cause(
     )
 
 
+def commands_late(delay: EffectParameter, period: float) -> str:
+    """Commands of most joints that are later than a control of this period (s) makes them."""
+    assert delay.std is not None
+    half = 1e3 * settings.NORMAL_95 * delay.std
+    return (
+        f"time delay of all joints: recorded efforts are {1e3 * delay.value:.2g} ± {half:.2g} ms "
+        f"({delay.value / period:.2g} control periods) later than the configured law gives them "
+        "from the recorded motion: the loop takes that long, a filter is in it, or the stamps are "
+        "off, which this recording cannot tell"
+    )
+
+
 def beyond_the_law(
     data: Baseline,
     joint: int,

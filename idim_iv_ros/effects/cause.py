@@ -119,6 +119,8 @@ class Cause(ABC):
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
     # Part of the robot that it changes; empty: physics that nothing else asks for by its part.
     part: ClassVar[Part] = ""
+    # Part whose cause it can only act with; empty: by itself.
+    acts_with: ClassVar[Part] = ""
     # Whether, at no joint in particular, it is put in before anything else is looked for.
     put_in_first: ClassVar[bool] = False
     # Simulator: whether the base parameters hold it already; whether it may be at all joints, none

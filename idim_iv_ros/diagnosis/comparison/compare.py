@@ -139,6 +139,7 @@ class _Ranking:
 
     def __init__(self, comparison: Comparison, model: Beside, *, curves: bool) -> None:
         self.comparison, self.model = comparison, model
+        self.parts = {term.candidate.effect.part for term in model.terms}
         options, prior = comparison.options, comparison.prior
         self.beside = model.options_beside()
         bound = np.empty(len(options.candidate))
@@ -254,7 +255,9 @@ class _Ranking:
                 break
             if kept and score[row] < score[kept[0][1]] - rules.NEAR:
                 break
-            if options.keys[options.key[k]] in banned:
+            acts_with = options.candidates[options.candidate[k]].effect.acts_with
+            alone = acts_with and acts_with not in self.parts
+            if alone or options.keys[options.key[k]] in banned:
                 continue
             numbers = self._numbers(row)
             if numbers is None:

@@ -43,6 +43,7 @@ class TiltedMoments(SignalError):
     """
 
     name = "first_moments_under_tilt"
+    acts_with = "gravity"
 
     def places(self, joints: int) -> list[Place]:
         """One place: the first joint."""

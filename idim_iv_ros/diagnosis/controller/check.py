@@ -1,6 +1,6 @@
 """Whether the recorded commands are those of the configured control law."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GAIN, LAG, ControllerMismatch
-from idim_iv_ros.effects.registry import BY_NAME, ENCODER_LAWS
+from idim_iv_ros.effects.registry import BY_NAME, ENCODER_LAWS, name_of
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 
 
@@ -74,20 +74,24 @@ class LawCheck:
     beyond : tuple of str
         What the commands hold beyond the law and its changes, one sentence for each joint where
         it is much.
+    delay : tuple of Cause
+        One where most joints follow the law later than a control of this period makes them.
     """
 
     findings: tuple[ControllerFinding, ...] = ()
     speed: LawSpeed | None = None
     beyond: tuple[str, ...] = ()
+    delay: tuple[Cause, ...] = ()
 
 
 def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0.0) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
     All samples count, also at reversals, except those at the torque limit. Constants, a lag that
-    most joints share, of up to two periods of the control until the effort acts, and a speed that
-    the law differentiates and filters (`law_speed`) are no mismatch, nor is an effort that is no
-    torque. Empty where nothing can be compared or nothing differs; `why_not_checked` says why.
+    most joints share and a speed that the law differentiates and filters (`law_speed`) are no
+    mismatch, nor is an effort that is no torque. A shared lag of more than two periods of the
+    control until the effort acts is a delay of all joints. Empty where nothing can be compared or
+    nothing differs; `why_not_checked` says why.
 
     Parameters
     ----------
@@ -98,10 +102,10 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     if ControllerMismatch.name in without or why_not_checked(data):
         return LawCheck()
     shown = shown_law(data)
-    changes = [change for _, change in shown.joints.values()]
-    longest = _longest_lag(changes, shown.period, shift)
+    late = max(-shift, 0.0)
+    shared = SharedLag.of([change for _, change in shown.joints.values()], shown.period, late)
     found = [
-        _finding(data, shown.law, joint, change, longest)
+        _finding(data, shown.law, joint, change, shared.longest)
         for joint, (_, change) in shown.joints.items()
     ]
     beyond = [
@@ -111,6 +115,7 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
         findings=tuple(finding for finding in found if finding is not None),
         speed=shown.speed,
         beyond=tuple(sentence for sentence in beyond if sentence),
+        delay=shared.causes(data, shown.joints),
     )
 
 
@@ -148,6 +153,76 @@ def shown_law(data: Baseline) -> ShownLaw:
         if rows is not None:
             joints[joint] = rows, law_change(rows)
     return ShownLaw(law, speed, period, joints)
+
+
+@dataclass(frozen=True)
+class SharedLag:
+    """Time by which the commands of the joints follow the law.
+
+    Attributes
+    ----------
+    lag, std : float
+        That of half of the joints, and its spread over those that share it, s.
+    longest : float
+        Lag up to which a joint's is no mismatch of its law, s.
+    usual : float
+        Up to which a lag is that of a control of this period, s.
+    period : float
+        Of the control, s.
+    most : bool
+        Whether most joints, two at least, share it.
+    """
+
+    lag: float
+    std: float
+    longest: float
+    usual: float
+    period: float
+    most: bool
+
+    @classmethod
+    def of(cls, compared: Sequence[LawChange], period: float, late: float) -> "SharedLag":
+        """Compare the lags of the joints; `late`: by which the effort is recorded late, s."""
+        usual = settings.LONGEST_LAG * period + late
+        if len(compared) < 2:
+            return cls(0.0, 0.0, usual, usual, period, False)
+        lags, stds = np.array([each.lag for each in compared]).T
+        common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)
+        apart = settings.LAG_DIFFERENCE * max(period, common)
+        same = np.abs(lags - common) <= apart
+        most = bool(same.sum() >= 2 and 2 * same.sum() > len(lags))
+        std = float(np.hypot(np.std(lags[same]), np.median(stds)))
+        longest = common + apart if most else min(usual, common + settings.LAG_DIFFERENCE * period)
+        return cls(common, std, longest, usual, period, most)
+
+    def causes(
+        self, data: Baseline, joints: Mapping[int, tuple[CommandRows, LawChange]]
+    ) -> tuple[Cause, ...]:
+        """The delay of all joints, where it is longer than a control of this period makes it."""
+        clear = self.lag - settings.CLEAR_DEVIATIONS * self.std > self.usual
+        if not (self.most and clear):
+            return ()
+        delay = EffectParameter(self.lag, self.std, "s")
+        one, two = (
+            float(np.linalg.norm([np.sqrt(np.mean(rest**2)) for rest in left]))
+            for left in (
+                [change.left((), self.usual) for _, change in joints.values()],
+                [change.left() for _, change in joints.values()],
+            )
+        )
+        cause = Cause(
+            effect=name_of("delay"),
+            kind="structural",
+            joint=None,
+            other_joint=None,
+            parameters={"delay": delay},
+            evidence=Evidence((self.lag / self.std) ** 2),
+            indistinguishable_from=(),
+            torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+            simulation_gap=None,
+            sentence=sentences.commands_late(delay, self.period),
+        )
+        return (cause,)
 
 
 def beside_gains(law: LawCheck, causes: Sequence[Cause]) -> LawCheck:
@@ -210,16 +285,6 @@ def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: Command
     return sentences.beyond_the_law(
         data, joint, (size, command), events_in(rest, rows.recording, rows.time)
     )
-
-
-def _longest_lag(compared: Sequence[LawChange], period: float, shift: float) -> float:
-    """Lag up to which a joint's is no mismatch, s: that of half of the joints, and a little."""
-    longest = settings.LONGEST_LAG * period + max(-shift, 0.0)
-    if len(compared) < 2:
-        return longest
-    lags = sorted(each.lag[0] for each in compared)
-    common = max(lags[(len(lags) - 1) // 2], 0.0)
-    return min(longest, common + settings.LAG_DIFFERENCE * period)
 
 
 def _finding(
