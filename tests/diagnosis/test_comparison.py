@@ -28,7 +28,7 @@ from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from tests.diagnosis.simulated_sessions import arm2_session
-from tests.diagnosis.worlds import PULSES, SINGLE, Torque, pulses, world
+from tests.diagnosis.worlds import NOISE, PULSES, SINGLE, Torque, pulses, world
 from tests.estimation.test_simulated_arms import recorded
 
 NAMES = [effect.name for effect in (*STRUCTURAL, *PARAMETRIC)]
@@ -196,7 +196,22 @@ def _ranges(lengths: list[int]) -> list[tuple[int, int]]:
 def test_the_table_of_probabilities_says_from_what_it_was_made() -> None:
     assert "recordings" in table().origin
     assert len(table().weights) == len(FEATURES)
-    sure = [6.0, 1.0, 4.0, 2.0, 1.0, 0.0]
-    doubtful = [1.0, 0.0, -3.0, -1.0, 0.3, 1.5]
+    certain = [6.0, 1.0, 4.0, 2.0, 1.0, 0.0, 0.0]
+    doubtful = [1.0, 0.0, -3.0, -1.0, 0.3, 1.5, 1.0]
     for effect in ("spring", "an effect that the table has not"):
-        assert probability(sure, effect) > 0.8 > 0.2 > probability(doubtful, effect)
+        assert probability(certain, effect) > 0.8 > 0.2 > probability(doubtful, effect)
+
+
+def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_acts_there(
+    data: Baseline,
+) -> None:
+    """Noise of one size everywhere would name something in most of these worlds."""
+    for seed in range(6):
+        plain, rng = world(data, seed), np.random.default_rng(seed)
+        rows = plain.joints[1]
+        large = np.abs(rows.torque) > np.quantile(np.abs(rows.torque), 0.97)
+        louder = rows.torque + np.where(large, 12.0 * NOISE[1], 0.0) * rng.normal(size=len(rows))
+        joints = (plain.joints[0], replace(rows, torque=louder))
+        regression = Regression(joints, plain.parameters)
+        names = "torque_saturation", "asymmetric_friction", "position_dependent_friction"
+        assert names_of(selected(data, regression, *names)) == []

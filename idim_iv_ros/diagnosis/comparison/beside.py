@@ -182,7 +182,7 @@ class _Link:
                 right.append(np.zeros((len(rows), term.width)))
                 continue
             own = white.noise[joint].standardized(term.columns[joint], rows.segments)
-            own = own * (np.abs(white.model[joint]).sum(axis=1) > 0.0)[:, None]
+            own = own * white.counted[joint][:, None]
             self.white[joint] = own
             right.append(own)
             shared[rows.columns] += white.model[joint].T @ own
@@ -190,18 +190,20 @@ class _Link:
         self.projected = nominal.root.T @ shared
         self.moved = nominal.root @ self.projected
         self.score = gap - self.projected.T @ nominal.explained
-        self._nominal, self._right = nominal, right
+        self._right = right
+        self._crossed: dict[int, FloatArray] = {}
 
-    @cached_property
-    def crossed(self) -> dict[int, FloatArray]:
+    def crossed(self, nominal: NominalErrors) -> dict[int, FloatArray]:
         """Products (m_w, w, w') of all options, in coefficients of unit size, with the term."""
-        nominal, options = self._nominal, self._nominal.options
-        crossed = options.products(nominal.white.lines, self._right)
-        crossed -= nominal.projected.T @ self.projected
-        return {
-            w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])
-            for w, columns in options.columns.items()
-        }
+        if not self._crossed:
+            options = nominal.options
+            crossed = options.products(nominal.white.lines, self._right)
+            crossed -= nominal.projected.T @ self.projected
+            self._crossed = {
+                w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])
+                for w, columns in options.columns.items()
+            }
+        return self._crossed
 
     def between(self, other: "_Link") -> FloatArray:
         """Products (w, w') of two terms beside the nominal errors."""
@@ -289,7 +291,9 @@ class Beside:
         taken = root.T @ score
         made = {}
         for w in nominal.inner:
-            crossed = np.concatenate([link.crossed[w] for link in self._links], axis=2) @ root
+            crossed = (
+                np.concatenate([link.crossed(nominal)[w] for link in self._links], axis=2) @ root
+            )
             inner = nominal.inner[w] - np.matmul(crossed, crossed.transpose(0, 2, 1))
             made[w] = inner, nominal.score[w] - crossed @ taken
         return made
@@ -345,4 +349,5 @@ class Beside:
         """Products (w, q) of one option, in coefficients of unit size, with the terms."""
         if not self.terms:
             return np.zeros((width, 0))
-        return np.concatenate([link.crossed[width][place] for link in self._links], axis=1)
+        links = [link.crossed(self.nominal)[width][place] for link in self._links]
+        return np.concatenate(links, axis=1)

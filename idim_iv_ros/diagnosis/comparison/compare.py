@@ -100,8 +100,11 @@ class Comparison:
         rest: Sequence[FloatArray],
         white: dict[int, FloatArray],
         coefficients: FloatArray,
-    ) -> float:
-        """Variance of an option's score over blocks of time, over that of the model; 1 at least.
+    ) -> tuple[float, float]:
+        """Variance of an option's score over blocks of time, over that of the model, and by rows.
+
+        The second is where its torque is (White's estimator): 1 where the noise is as large there
+        as elsewhere, more where noise grows with the torque or outliers lie. Both are 1 at least.
 
         Parameters
         ----------
@@ -115,14 +118,15 @@ class Comparison:
         width = len(coefficients)
         count = len(self._cuts[0])
         sums, inner = np.zeros((count, width)), np.zeros((width, width))
+        by_rows = np.zeros((width, width))
         for joint, table in white.items():
             if not len(table) or not table.any():
                 continue
             left = rest[joint] - table @ coefficients
             starts = self._cuts[joint]
-            totals = np.concatenate(
-                [np.zeros((1, width)), np.cumsum(table * left[:, None], axis=0)]
-            )
+            scores = table * left[:, None]
+            by_rows += scores.T @ scores
+            totals = np.concatenate([np.zeros((1, width)), np.cumsum(scores, axis=0)])
             ends = np.append(starts[1:], len(table))
             sums += totals[ends] - totals[starts]
             inner += table.T @ table
@@ -130,8 +134,10 @@ class Comparison:
         seen = values > 1e-5 * max(float(values[-1]), 1e-300)
         root = vectors[:, seen] / np.sqrt(values[seen])
         weights = (root.T @ (inner @ coefficients)) ** 2
+        share = weights / max(float(weights.sum()), 1e-300)
         observed = np.diag(root.T @ (sums.T @ sums) @ root) * count / max(count - 1, 1)
-        return max(1.0, float(weights @ observed) / max(float(weights.sum()), 1e-300))
+        local = np.diag(root.T @ by_rows @ root)
+        return max(1.0, float(share @ observed)), max(1.0, float(share @ local))
 
 
 class _Ranking:
@@ -158,9 +164,9 @@ class _Ranking:
         order = np.argsort(-self.bound)[:_LOOKED_AT]
         self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
         self._directions = {int(k): self._eigen(int(k)) for k in self.order}
-        self.dispersion = 1.0
+        self.dispersion = np.ones(len(self.order))
         plain = self._log_bayes(np.zeros(len(self.order)))
-        self.dispersion = self._least_dispersion(plain)
+        self.dispersion = self._dispersions(plain)
         self.evidence = self._log_bayes(np.zeros(len(self.order)))
         self.score = self.evidence + prior.log[self.order]
         self.capped = self._log_bayes(self._misfit())
@@ -185,9 +191,8 @@ class _Ranking:
             z, values, _ = self._directions[int(k)]
             scores[row, : len(z)] = z
             information[row, : len(z)] = values
-        return log_bayes_factor(
-            scores / np.sqrt(self.dispersion), information / self.dispersion, misfit
-        )
+        by = self.dispersion[:, None]
+        return log_bayes_factor(scores / np.sqrt(by), information / by, misfit)
 
     def _misfit(self) -> FloatArray:
         """τ₀² of each option in the order."""
@@ -200,11 +205,15 @@ class _Ranking:
         joints = [options.candidates[options.candidate[k]].joints for k in self.order]
         return np.array([float(np.mean(square[list(where)])) for where in joints])
 
-    def _least_dispersion(self, evidence: FloatArray) -> float:
-        """Least dispersion among the best options of different effects and places."""
+    def _dispersions(self, evidence: FloatArray) -> FloatArray:
+        """Of the options in their order, (k,).
+
+        Over blocks the least of the best options of different effects and places, which the right
+        one shows; where it is larger, that by rows of the option's own effect and place.
+        """
         options, prior = self.comparison.options, self.comparison.prior
         score = evidence + prior.log[self.order]
-        seen: dict[int, float] = {}
+        seen: dict[int, tuple[float, float]] = {}
         for row in np.argsort(-score):
             k = int(self.order[row])
             if score[row] < prior.nothing - 3.0 or len(seen) >= rules.RIVALS:
@@ -217,7 +226,9 @@ class _Ranking:
                     self._uncovered(k, white=True),
                     vectors @ (z / np.sqrt(values)),
                 )
-        return min(seen.values(), default=1.0)
+        least = min((blocks for blocks, _ in seen.values()), default=1.0)
+        local = {key: max(least, by_rows) for key, (_, by_rows) in seen.items()}
+        return np.array([local.get(int(options.key[k]), least) for k in self.order])
 
     def _columns(self, option: int, *, white: bool) -> dict[int, FloatArray]:
         """(r_j, w) columns of an option, of unit size."""
@@ -225,12 +236,14 @@ class _Ranking:
         w, place = int(options.width[option]), self.place[option]
         basis = comparison.nominal.basis[w][place]
         lines = comparison.nominal.white.lines if white else options.lines
+        counted = comparison.nominal.white.counted
         columns = options.columns[w][place]
         candidate = options.candidates[options.candidate[option]]
-        return {
-            joint: lines[joint][options.at[joint][columns]].T.astype(float) @ basis
-            for joint in candidate.joints
-        }
+        made = {}
+        for joint in candidate.joints:
+            table = lines[joint][options.at[joint][columns]]
+            made[joint] = (table * counted[joint] if white else table).T.astype(float) @ basis
+        return made
 
     def _uncovered(self, option: int, *, white: bool) -> dict[int, FloatArray]:
         comparison, options = self.comparison, self.comparison.options
@@ -279,8 +292,9 @@ class _Ranking:
         w, place = int(options.width[k]), self.place[k]
         basis = comparison.nominal.basis[w][place]
         spread = basis @ (vectors / np.sqrt(values))
-        deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion)
-        left = shrunk(z / np.sqrt(self.dispersion), values / self.dispersion, 0.0)
+        dispersion = float(self.dispersion[row])
+        deviations = np.linalg.norm(spread, axis=1) * np.sqrt(dispersion)
+        left = shrunk(z / np.sqrt(dispersion), values / dispersion, 0.0)
         unit = vectors @ (left * z / np.sqrt(values))
         coefficients = basis @ unit
         candidate = options.candidates[options.candidate[k]]
@@ -337,7 +351,7 @@ class _Ranking:
             whole=whole,
             visible=visible,
             rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
-            dispersion=self.dispersion,
+            dispersion=float(self.dispersion[row]),
         )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Key
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.options import whitened
+from idim_iv_ros.diagnosis.comparison.options import counted_alone
 from idim_iv_ros.diagnosis.comparison.select import Selection, climb
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -51,7 +51,7 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
     keys, gains = [], []
     for fold in range(int(part.max()) + 1):
         counted: list[BoolArray] = [part[block] != fold for block in ledger.blocks]
-        white = whitened(options, nominal.white.noise, counted)
+        white = counted_alone(options, nominal.white, counted)
         less = Comparison(
             comparison.catalogue,
             NominalErrors(options, white, nominal.torques, nominal.errors),
@@ -59,6 +59,7 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
         )
         keys.append(frozenset(term.key for term in climb(less, ())))
         gains.append(_gains(less, selection, counted))
+        del white, less  # before the next one is made
     return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
 
 

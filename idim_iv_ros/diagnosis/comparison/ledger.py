@@ -32,6 +32,8 @@ class Ledger:
         Stretch of time that each row belongs to, numbered over all recordings.
     nominal : bool
         Whether there are given numbers; else every number is free.
+    unsampled : tuple of (r_j,), optional
+        Content of the torque at half the rate of the recording, N m (N).
     """
 
     joints: tuple[JointRows, ...]
@@ -41,6 +43,7 @@ class Ledger:
     drive_errors: FloatArray
     blocks: tuple[IntArray, ...]
     nominal: bool
+    unsampled: tuple[FloatArray, ...] | None = None
 
     @property
     def parameters(self) -> int:
@@ -75,7 +78,22 @@ def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False)
         refit = model.dynamic_parameters(data.estimate.linear.values)
         links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model, refit)
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
-    return Ledger(joints, gap, sizes, links, drives, blocks_of(data), given is not None)
+    blocks, nominal = blocks_of(data), given is not None
+    return Ledger(joints, gap, sizes, links, drives, blocks, nominal, _unsampled(data))
+
+
+def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:
+    """(r_j,) content of the torque at half the rate of the recording, brought down to the rows.
+
+    Shocks that are shorter than two samples leave it, and with it errors at the rows.
+    """
+    rows = []
+    for motion in data.prepared.motions:
+        torque = motion.signals.torque.copy()
+        torque[1::2] *= -1.0
+        rows.append(motion.decimation.whole(torque[motion.span]))
+    joints = range(len(data.joints))
+    return tuple(data.counting(joint, [table[:, joint] for table in rows]) for joint in joints)
 
 
 def blocks_of(data: Baseline, length: float = BLOCK) -> tuple[IntArray, ...]:

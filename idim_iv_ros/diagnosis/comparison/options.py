@@ -1,13 +1,13 @@
 """All options of all candidates side by side, and their products with each other and the model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.diagnosis.comparison.noise import RowNoise
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _AT_ONCE = 256
@@ -71,16 +71,25 @@ class Options:
         self.is_curve: BoolArray = self.kinds == Kind.CURVE.value
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
-    def own_products(self, lines: Sequence[SingleArray]) -> dict[int, FloatArray]:
-        """Products (m_w, w, w) of the columns of each option, over all joints."""
+    def own_products(
+        self, lines: Sequence[SingleArray], counted: Sequence[BoolArray] | None = None
+    ) -> dict[int, FloatArray]:
+        """Products (m_w, w, w) of the columns of each option, over all joints.
+
+        Parameters
+        ----------
+        counted
+            Rows (r_j,) of each joint that count; None: all.
+        """
         made = {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
-        for place, table in zip(self.at, lines, strict=True):
+        for joint, (place, table) in enumerate(zip(self.at, lines, strict=True)):
             for w, columns in self.columns.items():
                 there = np.flatnonzero(place[columns[:, 0]] >= 0)
                 for start in range(0, len(there), _AT_ONCE):
                     some = there[start : start + _AT_ONCE]
                     rows = table[place[columns[some]]]
-                    made[w][some] += np.matmul(rows, rows.transpose(0, 2, 1))
+                    right = rows if counted is None else rows * counted[joint]
+                    made[w][some] += np.matmul(rows, right.transpose(0, 2, 1))
         return made
 
     def products(self, lines: Sequence[SingleArray], right: Sequence[FloatArray]) -> FloatArray:
@@ -99,10 +108,13 @@ class Whitened:
 
     Attributes
     ----------
-    noise : tuple of AutoregressiveModel
+    noise : tuple of RowNoise
     model : tuple of (r_j, c_j)
     gap : tuple of (r_j,)
     lines : tuple of (p_j, r_j) float32
+        Of all rows, whether they count or not.
+    counted : tuple of (r_j,) bool
+        Rows that count; those of model and gap that do not are zero.
     normal : (b, b)
         XᵀX.
     shared : (b, p)
@@ -111,29 +123,23 @@ class Whitened:
         Products of the columns of each option.
     """
 
-    noise: tuple[AutoregressiveModel, ...]
+    noise: tuple[RowNoise, ...]
     model: tuple[FloatArray, ...]
     gap: tuple[FloatArray, ...]
     lines: tuple[SingleArray, ...]
+    counted: tuple[BoolArray, ...]
     normal: FloatArray
     shared: FloatArray
     inner: dict[int, FloatArray]
 
 
-def whitened(
-    options: Options,
-    noise: Sequence[AutoregressiveModel],
-    counted: Sequence[BoolArray] | None = None,
-) -> Whitened:
-    """Whiten everything; rows (r_j,) that are not `counted` weigh nothing."""
+def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
+    """Whiten everything; rows of a joint that is left out weigh nothing."""
     ledger = options.ledger
     model, gap, lines = [], [], []
     for joint, (rows, left) in enumerate(zip(ledger.joints, ledger.gap, strict=True)):
-        kept = np.ones(len(rows)) if counted is None else counted[joint].astype(float)
-        if rows.left_out:
-            kept = np.zeros(len(rows))
-        both = noise[joint].standardized(np.column_stack([rows.matrix, left]), rows.segments)
-        both *= kept[:, None]
+        kept = float(not rows.left_out)
+        both = kept * noise[joint].standardized(np.column_stack([rows.matrix, left]), rows.segments)
         table = options.lines[joint]
         white = np.empty_like(table)
         for start in range(0, len(table), _AT_ONCE):
@@ -144,15 +150,29 @@ def whitened(
         model.append(both[:, :-1])
         gap.append(both[:, -1])
         lines.append(white)
+    counted = tuple(np.full(len(rows), not rows.left_out) for rows in ledger.joints)
     normal, shared = products_with_model(options, model, lines)
     return Whitened(
-        tuple(noise),
-        tuple(model),
-        tuple(gap),
-        tuple(lines),
-        normal,
-        shared,
-        options.own_products(lines),
+        noise=tuple(noise),
+        model=tuple(model),
+        gap=tuple(gap),
+        lines=tuple(lines),
+        counted=counted,
+        normal=normal,
+        shared=shared,
+        inner=options.own_products(lines),
+    )
+
+
+def counted_alone(options: Options, white: Whitened, counted: Sequence[BoolArray]) -> Whitened:
+    """Return the same where only some of the rows (r_j,) count."""
+    kept = tuple(one & two for one, two in zip(white.counted, counted, strict=True))
+    model = tuple(rows * some[:, None] for rows, some in zip(white.model, kept, strict=True))
+    gap = tuple(left * some for left, some in zip(white.gap, kept, strict=True))
+    normal, shared = products_with_model(options, model, white.lines)
+    inner = options.own_products(white.lines, kept)
+    return replace(
+        white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=inner
     )
 
 

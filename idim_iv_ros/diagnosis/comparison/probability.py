@@ -20,6 +20,7 @@ FEATURES = (
     "logarithm of its visible share of the torque over what remains beyond the noise",
     "its weight in its set",
     "logarithm of its place among the terms by visible share",
+    "logarithm of the variance of its score over that of the noise",
 )
 _MOST_LOSS = 6.0
 _SMALL = 1e-3  # share of the torque
@@ -91,6 +92,7 @@ def features(
             np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),
             dict(term.rivals).get(term.key, 0.0),
             np.log(1 + larger),
+            np.log(term.dispersion),
         ]
     )
 

@@ -16,10 +16,9 @@ from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term,
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.noise import noise_of
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
-from idim_iv_ros.diagnosis.likelihood import noise_model
-from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _ROUNDS = 10  # of adding one term
@@ -73,6 +72,7 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
             noise = noise_of(ledger, Beside(comparison.nominal, terms).residuals(white=False))
+            del white, comparison  # two copies of the whitened rows would be held
     curves: list[Term] = []
     while len(curves) < _MOST_CURVES:
         curve = comparison.curve([*terms, *curves])
@@ -102,19 +102,6 @@ def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
         table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
         left[joint] = left[joint] - table @ np.linalg.lstsq(table, left[joint], rcond=1e-9)[0]
     return left
-
-
-def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[AutoregressiveModel, ...]:
-    """Autoregressive noise of each joint's residual (r_j,)."""
-    made = []
-    for rows, left in zip(ledger.joints, residuals, strict=True):
-        sigma = rows.assumed_sigma
-        made.append(
-            noise_model(left, rows.segments)
-            if sigma is None
-            else AutoregressiveModel(np.zeros(0), sigma**2)
-        )
-    return tuple(made)
 
 
 def refit_residuals(
@@ -152,13 +139,9 @@ def _with_likely_errors(
     catalogue: Catalogue, options: Options, white: Whitened, torques: Torques, prior: Prior
 ) -> tuple[Comparison, tuple[Term, ...]]:
     """Climb from small and from likely nominal errors, and again where others are likelier."""
-    comparisons: dict[tuple[float, float], Comparison] = {}
 
     def comparison(errors: tuple[float, float]) -> Comparison:
-        if errors not in comparisons:
-            nominal = NominalErrors(options, white, torques, errors)
-            comparisons[errors] = Comparison(catalogue, nominal, prior)
-        return comparisons[errors]
+        return Comparison(catalogue, NominalErrors(options, white, torques, errors), prior)
 
     if not options.ledger.nominal:
         only = comparison((1.0, 1.0))
