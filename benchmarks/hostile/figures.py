@@ -38,6 +38,12 @@ def asked(label: Mapping[str, Any]) -> bool:
     return all(effect["rho"] >= 0.9 * LEAST_RATIO for effect in label["effects"])
 
 
+def shown(label: Mapping[str, Any]) -> bool:
+    """Whether all effects of a cell are asked for and stand out as much in its recordings."""
+    there = [effect.get("rho_recorded") for effect in label["effects"]]
+    return asked(label) and all(rho is not None and rho >= LEAST_RATIO for rho in there)
+
+
 def _small(label: Mapping[str, Any]) -> bool:
     return bool(label["joints"] == 2)
 
@@ -71,6 +77,16 @@ FIGURES = (
         _of("single", _hit(), lambda label: asked(label) and not _small(label)),
     ),
     Figure(
+        "– of 2 joints, and ρ ≥ 1 in the recording too",
+        "≥ 92 %",
+        _of("single", _hit(), lambda label: shown(label) and _small(label)),
+    ),
+    Figure(
+        "– of 6 and 7 joints, and ρ ≥ 1 in the recording too",
+        "≥ 90 %",
+        _of("single", _hit(), lambda label: shown(label) and not _small(label)),
+    ),
+    Figure(
         "– every number off",
         "≥ 90 %",
         _of("single", _hit(), lambda label: asked(label) and label["numbers_off"]),
@@ -83,16 +99,27 @@ FIGURES = (
     Figure("– anywhere in a set", "", _of("single", lambda cell: cell.found[0].anywhere, asked)),
     Figure("– and the first cause", "", _of("single", lambda cell: cell.found[0].first, asked)),
     Figure("one wrong number: hit", "", _of("parametric", _hit(), asked)),
+    Figure("– and ρ ≥ 1 in the recording too", "", _of("parametric", _hit(), shown)),
     Figure(
         "pairs, both hit",
         "≥ 75 %",
         _of("pair", lambda cell: all(each.hit for each in cell.found), asked),
+    ),
+    Figure(
+        "– and ρ ≥ 1 in the recording too",
+        "≥ 75 %",
+        _of("pair", lambda cell: all(each.hit for each in cell.found), shown),
     ),
     Figure("payload beside friction: payload hit", "≥ 90 %", _of("payload", _hit(0), asked)),
     Figure(
         "– its mass in the 95 % interval, where named",
         "≥ 90 %",
         _of("payload", lambda cell: cell.mass_in_interval),
+    ),
+    Figure(
+        "– payload hit, and ρ ≥ 1 of both in the recording too",
+        "≥ 90 %",
+        _of("payload", _hit(0), shown),
     ),
     Figure("– friction hit", "≥ 90 %", _of("payload", _hit(1), asked)),
     Figure("outside the catalogue, misnamed", "≤ 5 %", _of("outside", _false)),
