@@ -129,8 +129,8 @@ def also_true(
     """Names that nobody asks for and that are not false, at one joint or (None) at any.
 
     What the errors of the nominal model make true; the offset that asymmetric friction cannot be
-    told from; the delay of one joint where all have it, and any where the loop is late by more
-    than a period, which the configuration does not say.
+    told from; the delay of one joint where all have it, and any where loop or stamps are late by
+    more than a period, which the configuration does not say.
     """
     anywhere, true = [], []
     if nuisances.nominal_error >= LEAST_ERROR:
@@ -138,7 +138,8 @@ def also_true(
         anywhere += ["link_inertia", "friction_level", "drive_inertia", "payload"]
     if not nuisances.knows_armature:
         anywhere.append("drive_inertia")
-    if nuisances.computing + nuisances.lateness > nuisances.period:
+    late = nuisances.computing + nuisances.lateness + abs(nuisances.effort_offset)
+    if late > nuisances.period:
         anywhere.append("time_delay")
     for effect in effects:
         if effect.name == "time_delay" and effect.joint is None:
