@@ -461,9 +461,7 @@ def main() -> int:
     chosen = [case for case in CASES if any(each in case.name for each in options.only)]
     outcomes = run(chosen or CASES, options.keep)
     if options.write:
-        argued = RESULTS.read_text().partition("\n## ")[1:] if RESULTS.is_file() else ()
         write_page("real_causes", "Real recordings of known cause", table(outcomes))
-        RESULTS.write_text(RESULTS.read_text() + "".join(argued))
     return 0
 
 
