@@ -18,7 +18,7 @@ from pydantic import (
 from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
-from idim_iv_ros.signal_source import source_text, topic_of
+from idim_iv_ros.signal_source import NO_EFFORT, source_text, topic_of
 from idim_iv_ros.validation import first_problem, shortened
 
 # Steps of the simulated plant in one control period.
@@ -196,20 +196,28 @@ class SignalsSection(Section):
     A topic without a leading slash lies in the namespace of the robot. One whose messages hold
     several sets of numbers may be given with a field, as
     ``{topic: arm_controller/controller_state, field: output}`` or ``topic#field``.
-    `link_states` holds positions of encoders behind the gears, on the joint side.
+    `link_states` holds positions of encoders behind the gears, on the joint side. `effort` is
+    ``none`` for a robot without efforts, whose torques follow from its position error by the law
+    under `controller`; `reference_delay` (s) is how late that law sees what was asked for.
     """
 
     joint_states: Topic = "joint_states"
     effort: Topic | None = None
     reference: Topic | None = None
     link_states: Topic | None = None
+    reference_delay: Delay = 0.0
     effort_scale: list[NotZero] | None = None
     effort_unit: Literal["N m", "A", "V"] = "N m"
 
     @property
+    def effort_topic(self) -> str | None:
+        """Topic of the efforts; None for a robot without."""
+        return None if self.effort == NO_EFFORT else self.effort or self.joint_states
+
+    @property
     def relative_topics(self) -> tuple[str, ...]:
         """Topics in the namespace of the robot."""
-        named = (self.joint_states, self.effort, self.reference, self.link_states)
+        named = (self.joint_states, self.effort_topic, self.reference, self.link_states)
         topics = (topic_of(name) for name in named if name and not name.startswith("/"))
         return tuple(dict.fromkeys(topics))
 

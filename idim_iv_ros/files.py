@@ -41,10 +41,12 @@ IMPORT_FORMAT = f"{PROGRAM}/import/1"
 INIT_FORMAT = f"{PROGRAM}/init/1"
 SIMULATION_FORMAT = f"{PROGRAM}/simulation/1"
 REPLAY_FORMAT: Final = "idim_iv_ros/replay/1"
+SERVO_FORMAT: Final = "idim_iv_ros/servo/1"
 TRUTH_FORMAT = f"{PROGRAM}/truth/1"  # of BAG.truth.json
 
 RESULT, GAP, REPORT = "result.json", "gap.json", "report.html"
 REPLAY, EFFECTS = "replay.json", "effects.json"
+SERVO = "servo.json"
 FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'

@@ -9,6 +9,7 @@ from idim_iv_ros.documents import Document
 from idim_iv_ros.fleet.bag_result import BagResult
 from idim_iv_ros.fleet.result import FleetResult
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.servo.result import ServoResult
 from idim_iv_ros.simulators.replay_result import ReplayResult
 
 SCHEMAS: dict[str, type[Document]] = {
@@ -17,6 +18,7 @@ SCHEMAS: dict[str, type[Document]] = {
     "gap.schema.json": GapResult,
     "replay.schema.json": ReplayResult,
     "result.schema.json": IdentificationResult,
+    "servo.schema.json": ServoResult,
 }
 
 

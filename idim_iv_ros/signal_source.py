@@ -4,6 +4,9 @@ from collections.abc import Mapping
 
 _MARK = "#"  # no topic name may hold it
 
+# In place of a topic: the robot records no efforts.
+NO_EFFORT = "none"
+
 
 def source_text(value: object) -> object:
     """Text ``topic#field`` of what a configuration file gives as a source.

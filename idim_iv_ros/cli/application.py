@@ -16,6 +16,7 @@ from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
 from idim_iv_ros.cli.replay import replay_command
+from idim_iv_ros.cli.servo import servo_command
 from idim_iv_ros.cli.simulate import simulate_command
 from idim_iv_ros.cli.streams import complain
 
@@ -31,6 +32,7 @@ application.command("init")(init_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
+application.command("servo")(servo_command)
 application.command("export")(export_command)
 application.command("import")(import_command)
 application.command("record", context_settings=nodes.ROS_ARGUMENTS)(nodes.record_command)

@@ -19,6 +19,7 @@ from idim_iv_ros.recording import (
     session_of,
 )
 from idim_iv_ros.recording.request import Request
+from idim_iv_ros.signal_source import NO_EFFORT
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.types import FloatArray
 
@@ -127,7 +128,7 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     """
     session = session_of(recordings)
     recordings = session.recordings
-    urdf, source = _urdf(configuration, recordings)
+    urdf, source = description_text(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
     records = [joint_side(recording, configuration) for recording in recordings]
     source = str(configuration.source or "the configuration")
@@ -185,7 +186,7 @@ def read_configured(
         bags,
         joints=request.joints,
         joint_states=request.joint_states,
-        effort=request.effort,
+        effort=request.effort or NO_EFFORT,
         reference=request.reference,
         prismatic=request.prismatic,
         link_states=request.link_states,
@@ -201,12 +202,12 @@ def configured_request(configuration: Configuration) -> Request:
     prismatic: frozenset[str] = frozenset()
     # Behind a transmission the positions are angles of motors, whatever the joints are.
     if urdf is not None and configuration.robot.motor_to_joint is None:
-        joints = read_urdf_text(*_urdf(configuration, ())).joints.values()
+        joints = read_urdf_text(*description_text(configuration, ())).joints.values()
         prismatic = frozenset(joint.name for joint in joints if joint.type == "prismatic")
     return Request(
         joints=configuration.robot.joints,
         joint_states=signals.joint_states,
-        effort=signals.effort or signals.joint_states,
+        effort=signals.effort_topic,
         reference=signals.reference,
         prismatic=prismatic,
         link_states=signals.link_states,
@@ -242,7 +243,16 @@ def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) 
         )
 
 
-def _urdf(configuration: Configuration, recordings: Sequence[Recording]) -> tuple[str, str]:
+def description_text(
+    configuration: Configuration, recordings: Sequence[Recording]
+) -> tuple[str, str]:
+    """URDF of the robot, of the configuration or else of a recording, and what to call it.
+
+    Raises
+    ------
+    UsageError
+        There is none, or it cannot be read.
+    """
     path = configuration.robot.description
     if path is not None:
         return read_urdf_file(path), str(path)

@@ -27,7 +27,7 @@ from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
 from idim_iv_ros.recording.request import Request, add_batch, in_bag
 from idim_iv_ros.recording.wraps import without_wraps
-from idim_iv_ros.signal_source import topic_of
+from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
 LEAST_SAMPLES = 20
 # A grid may be longer than its messages by so much: more is holes.
@@ -56,7 +56,8 @@ def read_recordings(
     joints
         Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
-        Topics; `effort` is that of `joint_states` if it is None. A name without a leading slash
+        Topics; `effort` is that of `joint_states` if it is None, and ``none`` where the robot has
+        no efforts: they are zeros then. A name without a leading slash
         is looked for in the namespace of the robot (`topics_in_bag`). Of a message that holds more
         than one set of numbers the one that suits is taken (what the controller was asked for is
         the reference), or the one that is named: ``topic#field``.
@@ -79,7 +80,7 @@ def read_recordings(
     request = Request(
         names,
         joint_states,
-        effort or joint_states,
+        None if effort == NO_EFFORT else effort or joint_states,
         reference,
         prismatic,
         link_states,
@@ -242,14 +243,19 @@ def _assemble(
             notes += topic.notes
             notes += _with_encoder(topic.messages, request).notes()
         names = [joints[column] for column in part.columns]
+        if effort is None:
+            continue
         stamped, more = without_frozen(dict(part.stamped), joint_states, effort, names, grid.start)
         parts[number], frozen = replace(part, stamped=stamped), frozen + more
     clocks = [topic.quality for part in parts for topic in part.stamped.values()]
     if len({clock.source for clock in clocks}) > 1:
-        notes.append(Note(effort, "topics with different clocks: their delay is not known", 1))
-    torque = joined(grid, parts, effort, "effort")
+        what = "topics with different clocks: their delay is not known"
+        notes.append(Note(joint_states, what, 1))
+    torque = _no_effort(grid, len(joints))
+    if effort is not None:
+        torque = joined(grid, parts, effort, "effort")
     for column, joint in enumerate(joints):
-        if not torque.values[:, column].any():
+        if effort is not None and not torque.values[:, column].any():
             why = "is zero throughout: the driver does not publish it"
             if torque.invented[:, column].all():
                 why = "is missing wherever positions are recorded"
@@ -272,6 +278,12 @@ def _assemble(
         robot_description=description,
         frozen=frozen,
     )
+
+
+def _no_effort(grid: Grid, joints: int) -> Signal:
+    """Zeros for a robot that records no efforts."""
+    zeros = np.zeros((grid.samples, joints))
+    return Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
 
 
 def _unwrapped(part: Part, request: Request, prismatic: Collection[str]) -> Part:

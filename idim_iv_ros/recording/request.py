@@ -15,12 +15,12 @@ from idim_iv_ros.signal_source import field_of, topic_of, with_field
 class Request:
     """What to read of a bag: joints, topics, and which joints are known to be prismatic.
 
-    A topic may be named with a field, ``topic#field``.
+    A topic may be named with a field, ``topic#field``. `effort` is None where none is recorded.
     """
 
     joints: Sequence[str]
     joint_states: str
-    effort: str
+    effort: str | None
     reference: str | None
     prismatic: Collection[str] = ()
     link_states: str | None = None
@@ -36,7 +36,8 @@ class Request:
     def fields(self) -> dict[str, set[str]]:
         """Fields to read of each topic."""
         fields: dict[str, set[str]] = {self.joint_states: {"position", "velocity"}}
-        fields.setdefault(self.effort, set()).add("effort")
+        if self.effort is not None:
+            fields.setdefault(self.effort, set()).add("effort")
         if self.reference is not None:
             fields.setdefault(self.reference, set()).update(("position", "velocity"))
         if self.link_states is not None:
@@ -95,11 +96,11 @@ def in_bag(bag: Bag, request: Request) -> Request:
         field_, topic = field_of(source), found[topic_of(source)]
         return topic if field_ is None else with_field(topic, field_)
 
-    reference, link_states = request.reference, request.link_states
+    effort, reference, link_states = request.effort, request.reference, request.link_states
     return replace(
         request,
         joint_states=full(request.joint_states),
-        effort=full(request.effort),
+        effort=None if effort is None else full(effort),
         reference=None if reference is None else full(reference),
         link_states=None if link_states is None else full(link_states),
     ).own

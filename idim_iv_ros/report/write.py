@@ -16,6 +16,7 @@ from idim_iv_ros.files import (
     REPLAY,
     REPORT,
     RESULT,
+    SERVO,
     FilePath,
     made_folder,
     probe_place,
@@ -28,9 +29,11 @@ from idim_iv_ros.report.fleet import fleet_html
 from idim_iv_ros.report.page import gap_report_html, report_html
 from idim_iv_ros.report.replay import replay_html
 from idim_iv_ros.report.section import CONFIGURATION
+from idim_iv_ros.report.servo import servo_html
+from idim_iv_ros.servo.result import ServoResult
 from idim_iv_ros.simulators.replay_result import ReplayResult
 
-_WRITTEN_BY = {RESULT: "identify", GAP: "diagnose", REPLAY: "replay"}
+_WRITTEN_BY = {RESULT: "identify", GAP: "diagnose", REPLAY: "replay", SERVO: "servo"}
 
 
 def write_report(
@@ -117,6 +120,13 @@ def write_replay_report(
         The folder cannot be written, or holds another result or a file of somebody else.
     """
     return _write(Path(out), REPLAY, result.to_json(), partial(replay_html, result), force)
+
+
+def write_servo_report(
+    result: ServoResult, out: FilePath, *, force: bool = False
+) -> tuple[Path, Path | None]:
+    """Write servo.json, then report.html; otherwise as `write_report`."""
+    return _write(Path(out), SERVO, result.to_json(), partial(servo_html, result), force)
 
 
 def write_fleet_report(

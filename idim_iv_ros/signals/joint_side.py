@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import BoolArray, FloatArray
 
@@ -101,30 +101,36 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
 
     With a motor-to-joint matrix R all recorded signals are on the motor side: q = R⁻¹ q_motor and
     τ = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor). Encoders behind the gears are
-    on the joint side as they are.
+    on the joint side as they are. Where no effort is recorded, the torque is what the configured
+    law makes of the position error (`servo_torque`).
 
     Raises
     ------
+    UsageError
+        No effort is recorded, and no law is given from which it follows.
     DataError
         Positions or torques that no robot has, before or after the scaling.
     """
     robot = configuration.robot
     transform = joint_transform(configuration)
-    to_joint, joints, offset = transform.to_joint, len(robot.joints), transform.offset
+    to_joint, joints = transform.to_joint, len(robot.joints)
     position = transform.position(recording.position.values)
-    torque = transform.torque(recording.effort.values)
+    reference, unasked = joint_reference(recording, configuration)
+    if configuration.signals.effort_topic is None:
+        torque = servo_torque(configuration, recording, position, reference)
+    else:
+        torque = transform.torque(recording.effort.values)
     name = recording.path.name
     _require_possible(name, robot.joints, "position", "rad (m)", position, (0.0, _LARGEST_POSITION))
     unit = configuration.signals.effort_unit
     _require_possible(name, robot.joints, "torque", unit, torque, _TORQUES)
     invented = transform.touched(recording.position.invented, recording.effort.invented)
-    measured = reference = velocity = None
+    measured = velocity = None
     if recording.velocity is not None:
         measured = _transformed(recording.velocity.values, to_joint, np.zeros(joints))
-    if recording.position_reference is not None:
-        reference = _transformed(recording.position_reference.values, to_joint, offset)
-        invented |= _touched(recording.position_reference.invented, to_joint)
-    if recording.velocity_reference is not None:
+    if unasked is not None:
+        invented |= unasked
+    if recording.velocity_reference is not None and configuration.signals.effort_topic is not None:
         values = recording.velocity_reference.values
         velocity = _transformed(values, to_joint, np.zeros(joints))
     link = recording.link_position
@@ -140,6 +146,60 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         link_position=None if link is None else link.values,
         link_valid=None if link is None else ~link.invented,
     )
+
+
+def joint_reference(
+    recording: Recording, configuration: Configuration
+) -> tuple[FloatArray | None, BoolArray | None]:
+    """References of the joints as their law sees them, and which of them were not recorded.
+
+    Of a robot without efforts they are held from one to the next and arrive
+    `signals.reference_delay` late; what is returned is their mean about each sample.
+
+    Returns
+    -------
+    references, missing : (n_samples, n_joints) rad or m, bool; None, None where there are none
+    """
+    signal, signals = recording.position_reference, configuration.signals
+    if signal is None:
+        return None, None
+    transform = joint_transform(configuration)
+    reference = transform.position(signal.values)
+    if signals.effort_topic is None:
+        place = np.arange(len(reference)) - signals.reference_delay * recording.rate - 0.5
+        samples = np.arange(len(reference))
+        columns = [np.interp(place, samples, column) for column in reference.T]
+        reference = np.column_stack(columns)
+    return reference, _touched(signal.invented, transform.to_joint)
+
+
+def servo_torque(
+    configuration: Configuration,
+    recording: Recording,
+    position: FloatArray,
+    reference: FloatArray | None,
+) -> FloatArray:
+    """Torques (n_samples, n_joints) that the law of a servo makes of its position error, N m.
+
+    Raises
+    ------
+    UsageError
+        There is no reference, or no law of the position error alone.
+    """
+    law, name = configuration.controller, configuration.source or "the configuration"
+    if reference is None:
+        raise UsageError(
+            f"{name}: signals.effort is none, and nothing says what was asked for: give "
+            "signals.reference"
+        )
+    if law.type != "pd" or law.kp is None or any((*(law.kd or []), *(law.ki or []))):
+        raise UsageError(
+            f"{name}: signals.effort is none: torques follow from a law of the position error; "
+            f"`idim-iv servo {recording.path.name} --config …` finds it (type pd, kd 0: the "
+            "damping of the loop counts as friction of the joint)"
+        )
+    limit = np.inf if law.torque_limit is None else np.array(law.torque_limit)
+    return np.asarray(np.clip(np.array(law.kp) * (reference - position), -limit, limit))
 
 
 def _transformed(values: FloatArray, matrix: FloatArray, offset: FloatArray) -> FloatArray:

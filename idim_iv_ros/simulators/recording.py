@@ -195,8 +195,8 @@ def recorded_topics(
         reference_velocity = reference_velocity @ to_motor.T
     states = topic_of(signals.joint_states)
     reference = topic_of(signals.reference or "joint_reference")
-    separate = signals.effort is not None and topic_of(signals.effort) != states
-    if reference in (states, topic_of(signals.effort or "")):
+    efforts = topic_of(signals.effort_topic or "")
+    if reference in (states, efforts):
         raise UsageError(
             f"signals.reference is {reference}, which is measured too: a simulated recording needs "
             "two topics"
@@ -207,7 +207,7 @@ def recorded_topics(
             joints,
             record.time,
             (record.position - offset) @ to_motor.T,
-            effort=None if separate else effort,
+            effort=effort if efforts == states else None,
         ),
         JointTopic(
             reference,
@@ -217,8 +217,7 @@ def recorded_topics(
             reference_velocity,
         ),
     ]
-    if separate and signals.effort is not None:
-        efforts = topic_of(signals.effort)
+    if efforts not in ("", states):
         topics.append(JointTopic(efforts, joints, record.time, effort=effort))
     return topics
 

@@ -130,7 +130,7 @@ class Predictor:
         signals, resolve = self._configuration.signals, self.node.resolve_topic_name
         sources = {
             "position": signals.joint_states,
-            "effort": signals.effort or signals.joint_states,
+            "effort": signals.effort_topic or signals.joint_states,
         }
         fields: dict[str, dict[str, str | None]] = {}
         for quantity, source in sources.items():

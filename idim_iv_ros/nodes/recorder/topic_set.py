@@ -141,14 +141,15 @@ def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
         configuration = read_configuration(node, settings.configuration)
         names, joints = configuration.signals, tuple(configuration.robot.joints)
     needed: dict[str, list[str]] = {topic_of(names.joint_states): ["position"]}
-    needed.setdefault(topic_of(names.effort or names.joint_states), []).append("effort")
+    if names.effort_topic is not None:
+        needed.setdefault(topic_of(names.effort_topic), []).append("effort")
     if names.reference is not None:
         needed.setdefault(topic_of(names.reference), []).append("position")
     if names.link_states is not None:
         needed.setdefault(topic_of(names.link_states), []).append("position")
     if not settings.configuration:
         needed[topic_of(names.joint_states)] = []
-    given = (names.joint_states, names.effort, names.reference, names.link_states)
+    given = (names.joint_states, names.effort_topic, names.reference, names.link_states)
     with_field = {topic_of(source) for source in given if source and field_of(source)}
     topics = []
     for name, fields in needed.items():

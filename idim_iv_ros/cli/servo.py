@@ -1,0 +1,99 @@
+"""`idim-iv servo`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.files import REPORT, SERVO
+
+
+def servo_command(
+    bags: shared.Bags,
+    config: shared.Config,
+    gains: Annotated[
+        str | None,
+        typer.Option(
+            metavar="G1,G2,…",
+            help="The servos' gain setting in each recording, in any unit, where it differs.",
+        ),
+    ] = None,
+    model_error: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="How wrong the nominal model's torques may be, as a standard deviation.",
+        ),
+    ] = 0.05,
+    out: shared.OutOrJson = None,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+) -> None:
+    """Identify servos from commands and positions, for robots that record no torque.
+
+    Writes servo.json, report.html and, where stiffness is known in N m/rad, servo.xml (MuJoCo),
+    servo_isaac_lab.py and servo.yaml, a configuration for `identify` and `diagnose`.
+
+    Example: idim-iv servo run1.mcap --config so101.yaml --out servos
+    """
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.errors import UsageError
+
+    output = Output(quiet=quiet, as_json=as_json)
+    configuration = load_configuration(config)
+    try:
+        settings = None if gains is None else [float(word) for word in gains.split(",")]
+    except ValueError:
+        raise UsageError(f"--gains {gains}: numbers with commas between them are needed") from None
+    if settings is not None and not all(setting > 0.0 for setting in settings):
+        raise UsageError(f"--gains {gains}: gains are above zero")
+    from functools import partial
+
+    from idim_iv_ros.report.servo import error_rows, gain_rows, headline, number_rows
+    from idim_iv_ros.report.write import write_servo_report
+    from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
+    from idim_iv_ros.servo.identify import identify_servos
+
+    if out is not None:
+        require_servo_files(out, force=force)
+    result, numbers, page = output.produce(
+        lambda progress: identify_servos(
+            bags, configuration, gains=settings, model_error=model_error, progress=progress
+        ),
+        partial(write_servo_report, force=force),
+        lambda result, path: None,
+        out=out,
+        names=(SERVO, REPORT),
+        picture=None,
+        force=force,
+    )
+    for joint in result.joints:
+        print_table(
+            output.console,
+            joint.joint,
+            ("", ">value", ">95 % interval"),
+            number_rows((*joint.numbers, *joint.ratios)),
+        )
+        if joint.reason:
+            output.console.print(f"{joint.joint}: {joint.reason}")
+    print_table(
+        output.console,
+        "Position, rms in mrad",
+        ("joint", ">perfect tracking", ">simulated servo", ">half not fitted", ">encoder step"),
+        error_rows(result),
+    )
+    if result.gains:
+        heads = ("recording", "joint", ">given", ">estimated", ">95 % interval", "")
+        print_table(output.console, "Gains", heads, gain_rows(result))
+    output.console.print(headline(result))
+    output.warn(result.warnings)
+    if out is not None and any(joint.absolute for joint in result.joints):
+        for path in write_servo_files(result, configuration, bags, out):
+            output.line(f"Wrote {path}")
+    output.name_files(numbers, page)

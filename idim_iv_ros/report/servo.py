@@ -1,0 +1,141 @@
+"""The page of an identification without torques: the servos, and how well they are simulated."""
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from idim_iv_ros.files import GENERATOR
+from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, axis, layout, line
+from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.servo.result import ServoNumber, ServoResult, ServoSeries
+
+_HEIGHT = 260
+_FEW = 3
+
+
+def servo_html(result: ServoResult) -> str:
+    """Return the report as one self-contained HTML document."""
+    section = environment().get_template("servo.html.j2").render(anchor="servos", **shown(result))
+    count = len(result.joints)
+    return environment().get_template("page.html.j2").render(
+        generator=Markup(GENERATOR),
+        robot=result.robot,
+        subject="servos, without torques",
+        subtitle=f"{len(result.recordings)} recordings, {count} joint{'s' if count != 1 else ''}",
+        links=[("servos", "Servos")],
+        sections=[Markup(section)],
+        **page_parts(),
+    )  # fmt: skip
+
+
+def shown(result: ServoResult) -> dict[str, Any]:
+    """What the template shows."""
+    plots = [
+        (series.joint, series.recording, servo_figure(series, index))
+        for index, series in enumerate(result.series)
+    ]
+    return {
+        "headline": headline(result),
+        "joints": [
+            (joint.joint, joint.reason, number_rows((*joint.numbers, *joint.ratios)))
+            for joint in result.joints
+        ],
+        "errors": error_rows(result),
+        "gains": gain_rows(result),
+        "model_error": f"{100.0 * result.model_error:.3g} %",
+        "warnings": result.warnings,
+        "legend": [
+            Mark("line", GREY, "asked for"),
+            Mark("line", INK, "measured"),
+            Mark("line", BLUE, "simulated servo"),
+        ],
+        "plots": plots,
+        "layout": "one" if len(plots) <= _FEW else "two",
+        "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
+    }
+
+
+def headline(result: ServoResult) -> str:
+    """Say what is known, and how far the simulated servos are from the measured ones."""
+    count, absolute = len(result.joints), sum(joint.absolute for joint in result.joints)
+    worst = max(result.joints, key=lambda joint: joint.residual / max(joint.nominal, 1e-12))
+    share = 100.0 * worst.residual / max(worst.nominal, 1e-12)
+    wrong = [check for check in result.gains if not check.agrees]
+    text = (
+        f"{absolute} of {count} servos are known in N m; the simulated ones follow the measured "
+        f"motion within {1e3 * worst.residual:.2g} mrad rms, {share:.2g} % of what perfect "
+        f"tracking misses{f' (worst: {worst.joint})' if count > 1 else ''}."
+    )
+    for check in wrong[:1]:
+        more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+        text += (
+            f" {check.recording} was said to have gain {check.given:.4g} at {check.joint}, and "
+            f"behaves as {check.low:.4g} to {check.high:.4g}{more}."
+        )
+    return text
+
+
+def number_rows(numbers: tuple[ServoNumber, ...]) -> list[tuple[str, str, str]]:
+    """Name, value with unit, and interval of numbers; what is not shown says so."""
+    rows = []
+    for number in numbers:
+        if number.shown:
+            value = f"{number.value:.4g} {number.unit}"
+            interval = f"{number.low:.4g} to {number.high:.4g}"
+        elif np.isfinite(number.value):
+            value, interval = "not shown", f"{number.low:.2g} to {number.high:.2g} {number.unit}"
+        else:
+            value, interval = "not reached", "–"
+        rows.append((number.name, value, interval))
+    return rows
+
+
+def error_rows(result: ServoResult) -> list[tuple[str, ...]]:
+    """Position errors of every joint in mrad: perfect tracking, fit, other half, encoder."""
+    rows = []
+    for joint in result.joints:
+        step = joint.resolution
+        cells = (joint.nominal, joint.residual, joint.held_out)
+        finest = "–" if step is None else f"{1e3 * step:.3g}"
+        rows.append((joint.joint, *(f"{1e3 * value:.3g}" for value in cells), finest))
+    return rows
+
+
+def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
+    """Recording, joint, gain that was given, gain that suits the others, and whether it agrees."""
+    return [
+        (
+            check.recording,
+            check.joint,
+            f"{check.given:.4g}",
+            f"{check.estimated:.4g}",
+            f"{check.low:.4g} to {check.high:.4g}",
+            "agrees" if check.agrees else "wrong",
+        )
+        for check in result.gains
+    ]
+
+
+def servo_figure(series: ServoSeries, index: int) -> Figure:
+    """Return commanded, measured and simulated position over time, and what is left below."""
+    data = [
+        line(series.time, series.command, GREY, 0.9, "asked %{y:.4g} rad", yaxis="y"),
+        line({"same": 0}, series.measured, INK, 1.2, "measured %{y:.4g} rad", yaxis="y"),
+        line({"same": 0}, series.simulated, BLUE, 1.2, "simulated %{y:.4g} rad", yaxis="y"),
+        line(
+            {"same": 0},
+            1e3 * (series.measured - series.simulated),
+            BLUE,
+            0.9,
+            "left %{y:.3g} mrad",
+            yaxis="y2",
+        ),
+    ]
+    axes = {
+        "xaxis": axis("Time, s", anchor="y2"),
+        "yaxis": axis("Position, rad", domain=[0.4, 1.0], nticks=6),
+        "yaxis2": axis("Left, mrad", domain=[0.0, 0.3], nticks=4),
+    }
+    words = f"Position of {series.joint}: asked for, measured and simulated, over time"
+    return Figure(f"servo-{index}", _HEIGHT, words, data, layout(axes))

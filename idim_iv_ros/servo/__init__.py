@@ -1,0 +1,1 @@
+"""Robots without a torque signal: servos identified from commands and positions."""

@@ -1,0 +1,221 @@
+"""Servos as simulators hold them: a MuJoCo model, Isaac Lab actuators, and a configuration."""
+
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.files import SERVO, write_together
+from idim_iv_ros.identification.prepare import description_text, read_configured
+from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.servo.result import ServoJoint, ServoResult
+
+MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
+_STEP = 0.002  # s, time step of the model where it gives none that is finer
+_STIFF = 2.0  # steps: shortest time constant of dry friction that MuJoCo integrates
+
+
+def rounded(joint: ServoJoint, name: str, otherwise: float = 0.0) -> float:
+    """Value of a number to a tenth of its interval; `otherwise` where it is not shown."""
+    number = joint.number(name)
+    if number is None or not number.shown or not math.isfinite(number.value):
+        return otherwise
+    wide = number.high - number.low
+    if not math.isfinite(wide) or wide <= 0.0:
+        return float(number.value)
+    return round(float(number.value), 1 - math.floor(math.log10(wide)))
+
+
+def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> str:
+    """Return the user's model with position actuators, armature and friction of its servos.
+
+    Parameters
+    ----------
+    configuration
+        Of an MJCF everything else stays; of a URDF the shapes are left out.
+    urdf
+        Text of the description, where it is no MJCF.
+
+    Raises
+    ------
+    DataError
+        No joint has absolute numbers.
+    UsageError
+        MuJoCo is not installed.
+    """
+    absolute = [joint for joint in result.joints if joint.absolute]
+    if not absolute:
+        raise DataError("no servo's stiffness is known in N m/rad: there is no model to write")
+    mujoco = load_mujoco("a model with servos")
+    source = configuration.robot.mjcf
+    if source is not None:
+        spec = mujoco.MjSpec.from_file(str(source))
+    else:
+        spec = mujoco.MjSpec.from_string(_without_shapes(urdf))
+        spec.option.gravity = configuration.robot.gravity
+    spec.option.timestep = min(spec.option.timestep, _STEP)
+    step = spec.option.timestep
+    for actuator in list(spec.actuators):
+        if actuator.target in {joint.joint for joint in absolute}:
+            spec.delete(actuator)
+    for servo in absolute:
+        joint = spec.joint(servo.joint)
+        joint.armature = rounded(servo, "armature")
+        _set_first(joint, "damping", rounded(servo, "damping"))
+        joint.frictionloss = rounded(servo, "dry friction")
+        joint.solref_friction = [_STIFF * step, 1.0]
+        stiffness = rounded(servo, "stiffness")
+        limit, delay = rounded(servo, "torque limit", math.inf), rounded(servo, "delay")
+        position = spec.add_actuator(name=servo.joint, target=servo.joint)
+        position.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        position.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+        position.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        position.gainprm = [stiffness, *[0.0] * (len(position.gainprm) - 1)]
+        position.biasprm = [0.0, -stiffness, *[0.0] * (len(position.biasprm) - 2)]
+        if math.isfinite(limit):
+            position.forcelimited, position.forcerange = True, [-limit, limit]
+        if delay > 0.0 and hasattr(position, "delay"):
+            position.delay, position.nsample = delay, math.ceil(delay / step) + 1
+    spec.compile()
+    return str(spec.to_xml())
+
+
+def _set_first(element: Any, name: str, value: float) -> None:
+    """Set a number that newer versions of MuJoCo hold as the first of a polynomial."""
+    before = getattr(element, name)
+    if np.ndim(before):
+        setattr(element, name, [value, *[0.0] * (len(before) - 1)])
+    else:
+        setattr(element, name, value)
+
+
+def _without_shapes(urdf: str) -> str:
+    """URDF without visuals and collisions, whose meshes need not be there, joints kept apart."""
+    root = ElementTree.fromstring(urdf)
+    for link in root.iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    element = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(
+        element, "compiler", fusestatic="false", discardvisual="true", balanceinertia="true"
+    )
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def servo_isaac_lab(result: ServoResult, step: float = 0.005) -> str:
+    """Return a Python text with one `DelayedPDActuatorCfg` for each servo of absolute numbers.
+
+    Parameters
+    ----------
+    step
+        Time step of the simulation, s, in which delays are counted.
+    """
+    lines = [
+        f'"""Servos of {result.robot}, identified without torques from '
+        f"{', '.join(result.recordings)}.",
+        "",
+        "Written from the documented fields of Isaac Lab 2.3, and not run there.",
+        '"""',
+        "",
+        "from isaaclab.actuators import DelayedPDActuatorCfg",
+        "",
+        f"PHYSICS_DT = {step!r}  # s; delays count such steps",
+        "ACTUATORS = {",
+    ]
+    for servo in result.joints:
+        if not servo.absolute:
+            lines.append(f"    # {servo.joint}: its stiffness is not known in N m/rad")
+            continue
+        late = round(rounded(servo, "delay") / step)
+        lines += [
+            f'    "{servo.joint}": DelayedPDActuatorCfg(',
+            f'        joint_names_expr=["{servo.joint}"],',
+            f"        stiffness={rounded(servo, 'stiffness')},  # N m/rad",
+            "        damping=0.0,  # of the loop; it is part of viscous_friction",
+            f"        armature={rounded(servo, 'armature')},  # kg m2",
+            f"        friction={rounded(servo, 'dry friction')},  # N m",
+            f"        dynamic_friction={rounded(servo, 'dry friction')},  # N m",
+            f"        viscous_friction={rounded(servo, 'damping')},  # N m s/rad",
+        ]
+        limit = rounded(servo, "torque limit", math.inf)
+        if math.isfinite(limit):
+            lines.append(f"        effort_limit={limit},  # N m")
+        lines += [f"        min_delay={late},", f"        max_delay={late},", "    ),"]
+    return "\n".join([*lines, "}", ""])
+
+
+def servo_configuration(
+    result: ServoResult, configuration: Configuration
+) -> dict[str, dict[str, object]]:
+    """Keys by section of a configuration in which the servos' law stands for the efforts.
+
+    With it `identify` and `diagnose` take K·sat(command − position) as the torque. The nominal
+    model is the one that `servo_mjcf` writes.
+    """
+    joints = list(result.joints)
+    delays = [rounded(joint, "delay") for joint in joints]
+    limits = [rounded(joint, "torque limit", math.inf) for joint in joints]
+    controller: dict[str, object] = {
+        "type": "pd",
+        "kp": [rounded(joint, "stiffness") for joint in joints],
+        "kd": [0.0] * len(joints),
+    }
+    if all(map(math.isfinite, limits)):
+        controller["torque_limit"] = limits
+    signals: dict[str, object] = {
+        "joint_states": configuration.signals.joint_states,
+        "effort": "none",
+        "reference": configuration.signals.reference,
+        "reference_delay": float(np.mean(delays)),
+    }
+    robot: dict[str, object] = {
+        "mjcf": MODEL,
+        "joints": [joint.joint for joint in joints],
+        "gravity": list(configuration.robot.gravity),
+    }
+    return {"robot": robot, "controller": controller, "signals": signals}
+
+
+def require_servo_files(out: Path, *, force: bool) -> None:
+    """Refuse to replace files that no earlier identification of servos wrote.
+
+    Raises
+    ------
+    UsageError
+        There is one.
+    """
+    if force or (out / SERVO).is_file():
+        return
+    for name in (MODEL, ISAAC_LAB, CONFIGURATION):
+        if (out / name).exists():
+            raise UsageError(
+                f"{out / name}: exists, and is not of an earlier `idim-iv servo`; give another "
+                "--out, or --force to replace it"
+            )
+
+
+def write_servo_files(
+    result: ServoResult, configuration: Configuration, bags: Sequence[Path], out: Path
+) -> list[Path]:
+    """Write the model, the actuators and the configuration into a folder; return their paths.
+
+    The configuration needs every joint in N m, and is left out otherwise.
+    """
+    description, _ = description_text(configuration, read_configured(bags[:1], configuration))
+    texts = {
+        out / MODEL: servo_mjcf(result, configuration, description),
+        out / ISAAC_LAB: servo_isaac_lab(result),
+    }
+    if all(joint.absolute for joint in result.joints):
+        stream = io.StringIO()
+        YAML().dump(servo_configuration(result, configuration), stream)
+        texts[out / CONFIGURATION] = stream.getvalue()
+    write_together(texts)
+    return list(texts)

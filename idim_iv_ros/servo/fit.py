@@ -1,0 +1,271 @@
+"""One servo's parameters from commands and positions: the motion of its loop, fitted.
+
+The recording holds no torque. What it holds is a loop, K·sat(command(t − d) − q) = load(q, q̇, q̈) +
+Ia·q̈ + D·q̇ + Fc·sign(q̇) + offset, whose simulated motion is compared with the measured one. The
+sensitivities of the simulated motion are the instruments of IDIM-IV (paper, section III.B): they
+hold none of the noise that stands on both sides of the equation, so that estimates do not tend to
+zero as least squares on measured speeds and accelerations do.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joint
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+PARAMETERS = Drive._fields
+# Longest step of the simulation, s.
+_STEP = 1e-3
+STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
+_BLOCK = 1.0  # s, over which residuals may depend on one another
+_DIFFERENCE = 1e-4  # of the scale of a parameter
+_LARGE = 1e9  # rad, of a simulation that ran away
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one joint was asked and did, sampled uniformly.
+
+    Attributes
+    ----------
+    rate : float
+        Hz.
+    command, position : (n_samples,) rad
+    valid : (n_samples,) bool
+        Whether the position was measured.
+    load : Load
+        What the rigid body asks along the motion, (n_samples · finer,) each.
+    gain : float
+        Of the loop, in parts of that for which K is asked.
+    """
+
+    rate: float
+    command: FloatArray
+    position: FloatArray
+    valid: BoolArray
+    load: Load
+    gain: float = 1.0
+
+    @property
+    def finer(self) -> int:
+        """Samples of the load in one of the recording."""
+        return len(self.load.torque) // len(self.command)
+
+    @property
+    def used(self) -> BoolArray:
+        """Samples (n_samples,) that are compared."""
+        used = self.valid.copy()
+        used[: int(np.ceil(STARTING * self.rate))] = False
+        return used
+
+    def simulated(self, drive: Drive) -> FloatArray:
+        """Position, speed, acceleration (3, n_samples) of the joint that follows its commands."""
+        motion = np.empty((3, len(self.load.torque)))
+        start = np.array([self.position[0], 0.0])
+        command, rate = np.repeat(self.command, self.finer), self.rate * self.finer
+        simulate_joint(drive, self.load, command, rate, self.gain, steps_of(rate), start, motion)
+        return motion[:, :: self.finer]
+
+
+def steps_of(rate: float) -> int:
+    """Steps of a simulation in a sample at `rate` Hz."""
+    return int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
+
+
+@dataclass(frozen=True)
+class DriveEstimate:
+    """Parameters of one servo, divided by its stiffness, with their covariance.
+
+    Attributes
+    ----------
+    drive : Drive
+    covariance : (7, 7)
+        In the order of `PARAMETERS`; zero where a parameter was given.
+    residual : float
+        Root mean square of measured less simulated position, rad.
+    blocks : int
+        That the covariance rests on.
+    """
+
+    drive: Drive
+    covariance: FloatArray
+    residual: float
+    blocks: int
+
+
+def residuals(runs: Sequence[Run], drive: Drive) -> FloatArray:
+    """Measured less simulated positions of all runs where they are compared, (n,) rad."""
+    parts = [(run.position - run.simulated(drive)[0])[run.used] for run in runs]
+    joined = np.concatenate(parts)
+    return np.asarray(np.nan_to_num(joined, nan=_LARGE, posinf=_LARGE, neginf=-_LARGE))
+
+
+def fit_drive(
+    runs: Sequence[Run],
+    start: Drive,
+    free: Sequence[str],
+    scale: FloatArray,
+    *,
+    iterations: int = 60,
+) -> DriveEstimate:
+    """Fit the free parameters to all runs at once.
+
+    Parameters
+    ----------
+    start
+        Where the search begins, and the value of what is not free.
+    free
+        Of `PARAMETERS`.
+    scale
+        (7,) what is large for a parameter, in its unit.
+    iterations
+        At most.
+    """
+    places = [PARAMETERS.index(name) for name in free]
+    first = np.array(start, dtype=float)
+    unit = scale[places]
+
+    def drive(x: FloatArray) -> Drive:
+        values = first.copy()
+        values[places] = x * unit
+        return Drive(*values)
+
+    def difference(x: FloatArray) -> FloatArray:
+        return residuals(runs, drive(x))
+
+    def slopes(x: FloatArray) -> FloatArray:
+        columns = []
+        for k in range(len(x)):
+            step = np.zeros(len(x))
+            step[k] = _DIFFERENCE
+            lower = np.maximum(x - step, low)
+            columns.append((difference(x + step) - difference(lower)) / (x[k] + step[k] - lower[k]))
+        return np.column_stack(columns)
+
+    low = np.array([-np.inf if PARAMETERS[k] == "offset" else 0.0 for k in places])
+    start_x = np.maximum(first[places] / unit, low + 1e-6)
+    answer = scipy.optimize.least_squares(
+        difference,
+        start_x,
+        slopes,
+        bounds=(low, np.inf),
+        x_scale="jac",
+        max_nfev=iterations,
+        xtol=1e-6,
+        ftol=1e-6,
+    )
+    found = drive(answer.x)
+    covariance = np.zeros((len(first), len(first)))
+    sandwich, blocks = block_covariance(_used_labels(runs), answer.fun, answer.jac)
+    covariance[np.ix_(places, places)] = sandwich * np.outer(unit, unit)
+    return DriveEstimate(found, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
+
+
+def _used_labels(runs: Sequence[Run]) -> IntArray:
+    """Blocks of the samples that are compared."""
+    labels = zip(block_labels(runs), runs, strict=True)
+    return np.concatenate([label[run.used] for label, run in labels])
+
+
+class Sampled(Protocol):
+    """What blocks of time are made of."""
+
+    @property
+    def rate(self) -> float:
+        """Samples a second."""
+
+    @property
+    def command(self) -> FloatArray:
+        """Commands, (n_samples, …)."""
+
+
+def block_labels(runs: Sequence[Sampled]) -> list[IntArray]:
+    """Number of the block of every sample, (n_samples,) for each run."""
+    labels, count = [], 0
+    for run in runs:
+        label = count + np.arange(len(run.command)) // max(int(_BLOCK * run.rate), 1)
+        labels.append(label)
+        count = int(label[-1]) + 1
+    return labels
+
+
+def block_covariance(
+    labels: IntArray, residual: FloatArray, slopes: FloatArray
+) -> tuple[FloatArray, int]:
+    """Covariance (p, p) that holds for residuals which depend on one another within a block.
+
+    What the estimate changes by without each block (the jackknife over clusters).
+
+    Returns
+    -------
+    covariance, blocks
+    """
+    names, place = np.unique(labels, return_inverse=True)
+    count, p = len(names), slopes.shape[1]
+    order = np.argsort(place, kind="stable")
+    cuts = np.searchsorted(place[order], np.arange(1, count))
+    whole = slopes.T @ slopes
+    covariance = np.zeros((p, p))
+    for rows in np.split(order, cuts):
+        without = whole - slopes[rows].T @ slopes[rows]
+        change = np.linalg.pinv(without, hermitian=True) @ (slopes[rows].T @ residual[rows])
+        covariance += np.outer(change, change)
+    return covariance * (count - 1) / count, count
+
+
+def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
+    """Factor of the gain or of the load of one run that suits a drive found on others.
+
+    Parameters
+    ----------
+    what
+        ``gain`` or ``load``.
+
+    Returns
+    -------
+    factor, standard deviation
+        With what is not sure of the drive, and blocks that differ.
+    """
+
+    def residual(factor: float, drive: Drive) -> FloatArray:
+        other = scaled(run, factor, what)
+        return residuals([other], drive)
+
+    solution = scipy.optimize.least_squares(
+        lambda x: residual(float(x[0]), answer.drive), [1.0], bounds=(0.01, 100.0), x_scale="jac"
+    )
+    factor = float(solution.x[0])
+    slope = _slope(lambda x: residual(x, answer.drive), factor, _DIFFERENCE)
+    own, _ = block_covariance(_used_labels([run]), solution.fun, slope[:, None])
+    variance = float(own[0, 0])
+    bread = float(slope @ slope)
+    values, spread = np.array(answer.drive), np.sqrt(np.diag(answer.covariance))
+    change = np.zeros(len(values))
+    for k in np.flatnonzero(spread > 0.0):
+
+        def moved(value: float, k: int = int(k)) -> FloatArray:
+            drive = values.copy()
+            drive[k] = value
+            return residual(factor, Drive(*drive))
+
+        column = _slope(
+            moved, float(values[k]), min(0.1 * float(spread[k]), 0.5 * values[k] + 1e-6)
+        )
+        change[k] = -float(slope @ column) / bread
+    return factor, float(np.sqrt(variance + change @ answer.covariance @ change))
+
+
+def scaled(run: Run, factor: float, what: str) -> Run:
+    """Return a run whose gain or load is multiplied."""
+    if what == "gain":
+        return replace(run, gain=factor * run.gain)
+    inertia, torque, slope = (factor * values for values in run.load[:3])
+    return replace(run, load=Load(inertia, torque, slope, run.load.position))
+
+
+def _slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
+    return (function(at + step) - function(at - step)) / (2.0 * step)

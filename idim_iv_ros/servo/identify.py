@@ -1,0 +1,388 @@
+"""From bags without efforts to the servos of a robot: `idim-iv servo` but for its files."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+
+import numpy as np
+
+from idim_iv_ros import __version__
+from idim_iv_ros.compilation import one_thread
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.files import FilePaths
+from idim_iv_ros.identification.prepare import description_text, read_configured
+from idim_iv_ros.model.inverse_model import configured_robot
+from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.progress import Progress, Stopwatch
+from idim_iv_ros.recording import Recording
+from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, fit_factor, residuals
+from idim_iv_ros.servo.loop_kernel import Drive
+from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
+from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
+from idim_iv_ros.servo.rigid_load import Motion, RigidLoad, Trajectory, finer_motion
+from idim_iv_ros.servo.robot_fit import fit_robot
+from idim_iv_ros.servo.start import ordinary_least_squares, scales, smooth_motion
+from idim_iv_ros.signals.joint_side import joint_transform
+from idim_iv_ros.types import FloatArray
+
+_TURNS = 2  # of the fits joint by joint
+_COARSE = 8  # iterations
+_SAME = 0.1  # share by which a gain may differ from the one given and be called the same
+_DEGREES = 12.0  # rad, beyond which no limited joint turns
+_STUCK, _AWAY = 1.0, 0.5  # s at rest; share of the commands' range away from the command
+_LAGS = 25  # samples by which a command may be a copy of the position
+_POINTS = 600  # of a picture
+_LIMITS = (0.9, 0.6, 0.35)  # of the largest command error: where the search for a limit begins
+
+
+def fit_servos(
+    motions: Sequence[Motion], robot: RobotModel
+) -> list[tuple[list[Run], DriveEstimate]]:
+    """Fit the servos of all joints to all motions.
+
+    Joint by joint first, with what the others do taken from the measured motion and then from a
+    simulation of all; then all at once, because the joints act on one another.
+
+    Returns
+    -------
+    list
+        Runs and estimate of each joint.
+    """
+    trajectories = [
+        finer_motion(smooth_motion(motion.position, motion.rate), motion.finer)
+        for motion in motions
+    ]
+    estimates: list[DriveEstimate] = []
+    for _ in range(_TURNS):
+        loads = [
+            RigidLoad.along(motion.robot or robot, trajectory)
+            for motion, trajectory in zip(motions, trajectories, strict=True)
+        ]
+        starts: list[Drive | None] = [estimate.drive for estimate in estimates]
+        starts = starts or [None] * len(robot.joints)
+        estimates = [
+            fit_joint(_runs(motions, loads, joint), start) for joint, start in enumerate(starts)
+        ]
+        drives = np.array([estimate.drive for estimate in estimates])
+        trajectories = [
+            _simulated(load, drives, motion) for motion, load in zip(motions, loads, strict=True)
+        ]
+    loads = [
+        RigidLoad.along(motion.robot or robot, trajectory)
+        for motion, trajectory in zip(motions, trajectories, strict=True)
+    ]
+    if len(robot.joints) > 1:
+        estimates, loads = fit_robot(motions, loads, robot, estimates)
+    return [(_runs(motions, loads, joint), estimate) for joint, estimate in enumerate(estimates)]
+
+
+def _simulated(load: RigidLoad, drives: FloatArray, motion: Motion) -> Trajectory:
+    """Motion of all joints; that along which the load is where the simulation runs away."""
+    simulated = load.simulated(drives, motion)
+    if np.isfinite(simulated).all() and np.abs(simulated[0]).max() < _DEGREES:
+        return simulated
+    return load.trajectory
+
+
+def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> list[Run]:
+    """Return what one joint did in all motions."""
+    return [
+        Run(
+            motion.rate,
+            np.ascontiguousarray(motion.command[:, joint]),
+            np.ascontiguousarray(motion.position[:, joint]),
+            motion.valid[:, joint],
+            load.of_joint(joint),
+            motion.gain,
+        )
+        for motion, load in zip(motions, loads, strict=True)
+    ]
+
+
+def fit_joint(runs: Sequence[Run], start: Drive | None = None) -> DriveEstimate:
+    """Fit one servo; the limit of its torque only where the recording shows one.
+
+    A limit is there if the evidence of the blocks says so (BIC, with a block for a sample).
+    """
+    scale = scales(runs)
+    first = ordinary_least_squares(runs) if start is None else start
+    unlimited = first._replace(limit=np.inf)
+    open_end = fit_drive(runs, unlimited, PARAMETERS[:6], scale)
+    starts = [share * scale[6] for share in _LIMITS]
+    if start is not None and np.isfinite(start.limit):
+        starts = [start.limit]
+    elif start is not None:
+        return open_end
+    limited = [
+        fit_drive(runs, open_end.drive._replace(limit=limit), PARAMETERS, scale, iterations=_COARSE)
+        for limit in starts
+    ]
+    best = min(limited, key=lambda answer: answer.residual)
+    gained = 2.0 * best.blocks * np.log(open_end.residual / max(best.residual, 1e-300))
+    if gained <= np.log(best.blocks):
+        return open_end
+    return fit_drive(runs, best.drive, PARAMETERS, scale)
+
+
+def identify_servos(
+    bags: FilePaths,
+    configuration: Configuration,
+    *,
+    gains: Sequence[float] | None = None,
+    model_error: float = 0.05,
+    progress: Progress | None = None,
+) -> ServoResult:
+    """Identify the servos of a robot from commands and positions.
+
+    Parameters
+    ----------
+    bags
+        Recordings of one robot, used together.
+    configuration
+        With `signals.effort` ``none`` and the topic of the commands as `signals.reference`.
+    gains
+        The servos' setting in each recording, in any unit, where it differs; stiffness and ratios
+        are those of the first.
+    model_error
+        Standard deviation of the nominal rigid-body torques, as a share of them.
+
+    Raises
+    ------
+    UsageError
+        The configuration is wrong, or has efforts or no reference.
+    DataError
+        The recordings cannot support the answer.
+    """
+    source = configuration.source or "the configuration"
+    if configuration.signals.effort_topic is not None:
+        raise UsageError(
+            f"{source}: the robot has efforts: use `idim-iv identify`; servos are for "
+            "`effort: none` under `signals:`"
+        )
+    if configuration.signals.reference is None:
+        raise UsageError(f"{source}: signals.reference is missing: the topic of the commands")
+    with one_thread(), Stopwatch(progress) as watch:
+        watch.stage("reading", 0.0)
+        recordings = read_configured(bags, configuration, progress)
+        if gains is not None and len(gains) != len(recordings):
+            raise UsageError(f"--gains: {len(gains)} values for {len(recordings)} recordings")
+        urdf, name = description_text(configuration, recordings)
+        robot = configured_robot(configuration, urdf, name)
+        settings = [1.0] * len(recordings) if gains is None else list(gains)
+        motions = [
+            _motion(recording, configuration, robot, setting / settings[0])
+            for recording, setting in zip(recordings, settings, strict=True)
+        ]
+        watch.stage("fit", 0.3)
+        fitted = fit_servos(motions, robot)
+        watch.stage("held out", 0.7)
+        joints = tuple(
+            _joint(robot, number, runs, answer, model_error)
+            for number, (runs, answer) in enumerate(fitted)
+        )
+        watch.stage("gains", 0.9)
+        checks: tuple[GainCheck, ...] = ()
+        if gains is not None and len(motions) > 1:
+            checks = tuple(
+                check
+                for joint, (runs, answer) in zip(robot.joints, fitted, strict=True)
+                for check in _gain_checks(joint, motions, runs, answer, settings)
+            )
+    return ServoResult(
+        robot=robot.name,
+        recordings=tuple(recording.path.name for recording in recordings),
+        gain=settings[0],
+        joints=joints,
+        gains=checks,
+        model_error=model_error,
+        warnings=_warnings(configuration, robot, joints),
+        software={"idim_iv_ros": __version__, "numpy": np.__version__, "scipy": version("scipy")},
+        timing=watch.timing,
+        series=_series(robot, motions, fitted),
+    )
+
+
+def _motion(
+    recording: Recording, configuration: Configuration, robot: RobotModel, gain: float
+) -> Motion:
+    """Commands and positions of the joints, as they were recorded."""
+    asked = recording.position_reference
+    assert asked is not None
+    transform = joint_transform(configuration)
+    nothing = np.zeros_like(asked.invented)
+    invented = transform.touched(recording.position.invented, nothing)
+    motion = Motion(
+        recording.path.name,
+        recording.rate,
+        transform.position(asked.values),
+        transform.position(recording.position.values),
+        ~(invented | transform.touched(asked.invented, nothing)),
+        gain,
+    )
+    for column, joint in enumerate(robot.joints):
+        if robot.joint_types[column] != "revolute":
+            raise UsageError(f"{joint} is prismatic: servos are identified at turning joints")
+        _require_servo(f"{motion.name}: {joint}", motion, column)
+    return motion
+
+
+def _require_servo(where: str, motion: Motion, column: int) -> None:
+    """Refuse what no servo records.
+
+    Raises
+    ------
+    DataError
+        Degrees, a command that is a copy of the position, one that never moves, or a joint that
+        does not follow.
+    """
+    command, position = motion.command[:, column], motion.position[:, column]
+    if max(np.abs(command).max(), np.abs(position).max()) > _DEGREES:
+        raise DataError(
+            f"{where} is at {np.abs(position).max():.3g} rad: these look like degrees; import them "
+            "with a scale of 0.0174533"
+        )
+    span = float(np.ptp(command))
+    if span == 0.0:
+        raise DataError(f"{where} is asked for one position throughout: record a motion of it")
+    least = 1e-3 * span
+    for lag in range(1, _LAGS):
+        if np.sqrt(np.mean((command[lag:] - position[:-lag]) ** 2)) < least:
+            raise DataError(
+                f"{where}: the command is the measured position, {lag} samples later: name the "
+                "topic of what the servo was asked for as signals.reference"
+            )
+    window = int(_STUCK * motion.rate)
+    away = np.abs(command - position) > _AWAY * span
+    for start in range(0, len(position) - window, max(window // 4, 1)):
+        part = slice(start, start + window)
+        if away[part].all() and np.ptp(position[part]) < least:
+            raise DataError(
+                f"{where} does not follow its command at {start / motion.rate:.1f} s: is the servo "
+                "off or blocked? cut this part out of the recording"
+            )
+
+
+def _joint(
+    robot: RobotModel, number: int, runs: Sequence[Run], answer: DriveEstimate, model_error: float
+) -> ServoJoint:
+    """Numbers and errors of one joint."""
+    absolute = is_absolute(answer)
+    reason = ""
+    if not absolute:
+        reason = (
+            "the rigid bodies' torques hardly show in this motion, so that only ratios to the "
+            "stiffness of the loop are known: add a known mass, or move where gravity acts"
+        )
+        start = answer.drive._replace(compliance=0.0)
+        free = [name for name in PARAMETERS[1:] if name != "limit" or np.isfinite(start.limit)]
+        answer = fit_drive(runs, start, free, scales(runs))
+    position = np.concatenate([run.position[run.valid] for run in runs])
+    steps = np.diff(np.unique(position))
+    steps = steps[steps > 1e-7]
+    asked = np.concatenate([(run.command - run.position)[run.used] for run in runs])
+    return ServoJoint(
+        joint=robot.joints[number],
+        absolute=absolute,
+        reason=reason,
+        numbers=absolute_numbers(answer, model_error) if absolute else (),
+        ratios=ratio_numbers(answer, with_links=not absolute),
+        residual=answer.residual,
+        held_out=_held_out(runs, answer),
+        nominal=float(np.sqrt(np.mean(asked**2))),
+        resolution=float(steps.min()) if len(steps) else None,
+    )
+
+
+def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
+    """Error, rad, at each half of the recordings of what was fitted to the other half alone."""
+    spread = np.sqrt(np.diag(answer.covariance))
+    free = [name for name, std in zip(PARAMETERS, spread, strict=True) if std > 0.0]
+    total, count = 0.0, 0
+    for first in (True, False):
+        halves = []
+        for run in runs:
+            early = np.arange(len(run.position)) < len(run.position) // 2
+            halves.append(early if first else ~early)
+        fitted = [
+            replace(run, valid=run.valid & half) for run, half in zip(runs, halves, strict=True)
+        ]
+        others = [
+            replace(run, valid=run.valid & ~half) for run, half in zip(runs, halves, strict=True)
+        ]
+        drive = fit_drive(fitted, answer.drive, free, scales(runs)).drive
+        error = residuals(others, drive)
+        total, count = total + float(error @ error), count + len(error)
+    return float(np.sqrt(total / count)) if count else float("nan")
+
+
+def _gain_checks(
+    joint: str,
+    motions: Sequence[Motion],
+    runs: Sequence[Run],
+    answer: DriveEstimate,
+    settings: Sequence[float],
+) -> list[GainCheck]:
+    """Compare the gain of each recording with what the others make of it."""
+    spread = np.sqrt(np.diag(answer.covariance))
+    free = [name for name, std in zip(PARAMETERS, spread, strict=True) if std > 0.0]
+    checks = []
+    for number, (motion, given) in enumerate(zip(motions, settings, strict=True)):
+        others = [run for k, run in enumerate(runs) if k != number]
+        drive = fit_drive(others, answer.drive, free, scales(runs))
+        factor, std = fit_factor(runs[number], drive, "gain")
+        wide = interval_width(drive) * std
+        low, high = given * max(factor - wide, 0.0), given * (factor + wide)
+        agrees = low <= given <= high or abs(factor - 1.0) < _SAME
+        checks.append(
+            GainCheck(
+                recording=motion.name,
+                joint=joint,
+                given=given,
+                estimated=given * factor,
+                low=low,
+                high=high,
+                agrees=agrees,
+            )
+        )
+    return checks
+
+
+def _warnings(
+    configuration: Configuration, robot: RobotModel, joints: Sequence[ServoJoint]
+) -> tuple[str, ...]:
+    warnings = list(robot.doubts)
+    given = configuration.controller.kp
+    for place, joint in enumerate(joints):
+        stiffness = joint.number("stiffness")
+        if given is not None and stiffness is not None:
+            off = abs(given[place] / stiffness.value - 1.0) > _SAME
+            if off and not stiffness.low <= given[place] <= stiffness.high:
+                warnings.append(
+                    f"{joint.joint}: controller.kp is {given[place]:.4g} N m/rad, and the "
+                    f"recordings say {stiffness.low:.4g} to {stiffness.high:.4g}"
+                )
+    return tuple(warnings)
+
+
+def _series(
+    robot: RobotModel,
+    motions: Sequence[Motion],
+    fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
+) -> tuple[ServoSeries, ...]:
+    """The first recording of every joint, thinned."""
+    series = []
+    for joint, (runs, answer) in zip(robot.joints, fitted, strict=True):
+        run = runs[0]
+        thin = slice(None, None, max(len(run.command) // _POINTS, 1))
+        series.append(
+            ServoSeries(
+                joint=joint,
+                recording=motions[0].name,
+                time=(np.arange(len(run.command)) / run.rate)[thin],
+                command=run.command[thin],
+                measured=run.position[thin],
+                simulated=run.simulated(answer.drive)[0][thin],
+            )
+        )
+    return tuple(series)

@@ -1,0 +1,228 @@
+"""One joint behind a position servo, simulated over a whole recording (compiled).
+
+Everything is divided by the stiffness K of the servo's loop, so that a command error of one radian
+is a torque of one: what a recording without torques can tell is then linear in the parameters.
+"""
+
+import math
+from typing import NamedTuple
+
+from idim_iv_ros.compilation import entry, kernel
+from idim_iv_ros.types import FloatArray
+
+_SWEEPS = 6  # of the joints of a step, which begin where the step before ended
+
+
+class Drive(NamedTuple):
+    """What a servo is, divided by its stiffness K.
+
+    Attributes
+    ----------
+    compliance : 1 / K, rad/(N m): what the rigid body's torques are multiplied with.
+    inertia : of the drive, s².
+    damping : of loop, motor and bearings together, s.
+    friction : dry, rad: half the dead band.
+    offset : rad
+    delay : from the command to its effect on the measured position, s.
+    limit : command error beyond which the torque grows no more, rad.
+    """
+
+    compliance: float
+    inertia: float
+    damping: float
+    friction: float
+    offset: float
+    delay: float
+    limit: float
+
+
+class Load(NamedTuple):
+    """What the rigid body asks of one joint along a motion, (n_samples,) each.
+
+    Attributes
+    ----------
+    inertia : kg m², the joint's entry on the diagonal of the mass matrix.
+    torque : N m, gravity, Coriolis and the accelerations of the other joints.
+    slope : N m/rad, of that torque with the joint's position.
+    position : rad, where torque and slope hold.
+    """
+
+    inertia: FloatArray
+    torque: FloatArray
+    slope: FloatArray
+    position: FloatArray
+
+
+@kernel
+def mean_command(command: FloatArray, rate: float, start: float, duration: float) -> float:
+    """Mean of the held command over `duration` s, at most one sample, from `start` s."""
+    last = command.shape[0] - 1
+    first = min(max(math.floor(start * rate), 0), last)
+    after = min(max(math.floor((start + duration) * rate), 0), last)
+    if first == after:
+        return float(command[first])
+    share = (start + duration - after / rate) / duration
+    return float((1.0 - share) * command[first] + share * command[after])
+
+
+@entry
+def simulate_joint(
+    drive: Drive,
+    load: Load,
+    command: FloatArray,
+    rate: float,
+    gain: float,
+    steps: int,
+    start: FloatArray,
+    motion: FloatArray,
+) -> None:
+    """Follow the commands of a recording from its first sample to its last.
+
+    The step is a midpoint rule, implicit in stiffness and damping: it is stable for any drive. A
+    joint that stops stays until more than its dry friction pulls.
+
+    Parameters
+    ----------
+    drive, load, gain
+        `gain` multiplies the command error before it saturates: 1 but where recordings of several
+        gains are told apart by it.
+    command
+        (n_samples,) rad at `rate` Hz, held from its sample to the next.
+    steps
+        In a sample.
+    start
+        (2,) rad, rad/s.
+    motion
+        (3, n_samples) position rad, speed rad/s and acceleration rad/s², overwritten.
+    """
+    q, v = start[0], start[1]
+    step = 1.0 / (rate * steps)
+    samples = command.shape[0]
+    for k in range(samples):
+        motion[0, k] = q
+        motion[1, k] = v
+        if k == samples - 1:
+            motion[2, k] = motion[2, max(k - 1, 0)]
+            break
+        before = v
+        for i in range(steps):
+            w = (i + 0.5) / steps
+            inertia = (1.0 - w) * load.inertia[k] + w * load.inertia[k + 1]
+            torque = (1.0 - w) * load.torque[k] + w * load.torque[k + 1]
+            slope = (1.0 - w) * load.slope[k] + w * load.slope[k + 1]
+            along = (1.0 - w) * load.position[k] + w * load.position[k + 1]
+            asked = mean_command(command, rate, k / rate + i * step - drive.delay, step)
+            left = step
+            while left > 1e-9 * step:
+                middle = q + 0.5 * left * v
+                pull = gain * (asked - middle)
+                stiffness = gain
+                if abs(pull) > drive.limit:
+                    pull = math.copysign(drive.limit, pull)
+                    stiffness = 0.0
+                pull -= drive.compliance * (torque + slope * (middle - along)) + drive.offset
+                mass = drive.compliance * inertia + drive.inertia + 0.5 * left * drive.damping
+                mass += 0.25 * left**2 * max(stiffness + drive.compliance * slope, 0.0)
+                free = v + left * (pull - drive.damping * v) / mass
+                most = left * drive.friction / mass
+                part = left
+                if v == 0.0:
+                    after = 0.0 if abs(free) <= most else free - math.copysign(most, free)
+                else:
+                    after = free - math.copysign(most, v)
+                    if after * v < 0.0 and most > 0.0:
+                        part = left * v / (v - after)
+                        after = 0.0
+                q += 0.5 * part * (v + after)
+                v = after
+                left -= part
+        motion[2, k] = (v - before) * rate
+
+
+@entry
+def simulate_joints(
+    drives: FloatArray,
+    mass: FloatArray,
+    torque: FloatArray,
+    slope: FloatArray,
+    along: FloatArray,
+    command: FloatArray,
+    rate: float,
+    gain: float,
+    steps: int,
+    state: FloatArray,
+    motion: FloatArray,
+) -> None:
+    """Follow the commands with all joints of a robot, coupled by its mass matrix.
+
+    As `simulate_joint`, with the accelerations of a step found by projected Gauss-Seidel sweeps,
+    which converge for every positive definite mass matrix.
+
+    Parameters
+    ----------
+    drives
+        (n_joints, 7), rows as `Drive`; a compliance of zero leaves a joint without load.
+    mass, torque, slope, along
+        (n_samples, n_joints, n_joints) kg m² and (n_samples, n_joints) each, as `Load`, the torque
+        without any acceleration.
+    command
+        (n_samples, n_joints) rad.
+    state
+        (5, n_joints) position, speed, and three rows of workspace; overwritten.
+    motion
+        (3, n_samples, n_joints), overwritten.
+    """
+    q, v, change, pull, stop = state[0], state[1], state[2], state[3], state[4]
+    samples, joints = command.shape
+    step = 1.0 / (rate * steps)
+    for k in range(samples):
+        for j in range(joints):
+            motion[0, k, j] = q[j]
+            motion[1, k, j] = v[j]
+            motion[2, k, j] = change[j] / step
+        if k == samples - 1:
+            break
+        for i in range(steps):
+            w = (i + 0.5) / steps
+            for j in range(joints):
+                compliance = drives[j, 0]
+                load = (1.0 - w) * torque[k, j] + w * torque[k + 1, j]
+                bend = (1.0 - w) * slope[k, j] + w * slope[k + 1, j]
+                there = (1.0 - w) * along[k, j] + w * along[k + 1, j]
+                start = k / rate + i * step - drives[j, 5]
+                middle = q[j] + 0.5 * step * v[j]
+                error = gain * (mean_command(command[:, j], rate, start, step) - middle)
+                limit = drives[j, 6]
+                pull[j] = min(max(error, -limit), limit) - drives[j, 4] - drives[j, 2] * v[j]
+                pull[j] -= compliance * (load + bend * (middle - there))
+            for _ in range(_SWEEPS):
+                for j in range(joints):
+                    compliance = drives[j, 0]
+                    others = 0.0
+                    for other in range(joints):
+                        if other != j:
+                            others += mass[k, j, other] * change[other]
+                    own = compliance * mass[k, j, j] + drives[j, 1] + 0.5 * step * drives[j, 2]
+                    own += 0.25 * step**2 * gain
+                    free = v[j] + (step * pull[j] - compliance * others) / own
+                    most = step * drives[j, 3] / own
+                    stop[j] = 1.0
+                    if v[j] == 0.0:
+                        after = 0.0 if abs(free) <= most else free - math.copysign(most, free)
+                    else:
+                        after = free - math.copysign(most, v[j])
+                        if after * v[j] < 0.0 and most > 0.0:
+                            # It stops on the way, and sets off again if what pulls is enough.
+                            stop[j] = v[j] / (v[j] - after)
+                            gained = free - v[j]
+                            after = 0.0
+                            if abs(gained) > most:
+                                after = (1.0 - stop[j]) * (gained - math.copysign(most, gained))
+                    change[j] = after - v[j]
+            for j in range(joints):
+                after = v[j] + change[j]
+                if stop[j] < 1.0:
+                    q[j] += 0.5 * step * (stop[j] * v[j] + (1.0 - stop[j]) * after)
+                else:
+                    q[j] += 0.5 * step * (v[j] + after)
+                v[j] = after
