@@ -83,7 +83,10 @@ def _starts(configuration: Configuration, model: InverseModel) -> tuple[Start, .
     usable = model.robot.has_inertials and configuration.signals.effort_unit == "N m"
     if configuration.identification.start == "regular" or not usable:
         return (regular,)
-    given = Start("the given values", model.given_without_friction, _sizes(model))
+    # A servo's law has no damping of its own: without the friction its loop would run away.
+    servo = configuration.signals.effort_topic is None
+    values = model.given if servo else model.given_without_friction
+    given = Start("the given values", values, _sizes(model))
     return (given, regular)
 
 

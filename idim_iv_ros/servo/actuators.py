@@ -19,6 +19,7 @@ from idim_iv_ros.servo.result import ServoJoint, ServoResult
 
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
 _STEP = 0.002  # s, time step of the model where it gives none that is finer
+_PERIOD = 0.0005  # s, of the loop in simulations: servos compute theirs at 1 to 2 kHz
 _STIFF = 2.0  # steps: shortest time constant of dry friction that MuJoCo integrates
 
 
@@ -166,6 +167,7 @@ def servo_configuration(
         "type": "pd",
         "kp": [rounded(joint, "stiffness") for joint in joints],
         "kd": [0.0] * len(joints),
+        "period": _PERIOD,
     }
     if all(map(math.isfinite, limits)):
         controller["torque_limit"] = limits

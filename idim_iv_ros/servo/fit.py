@@ -111,6 +111,7 @@ def fit_drive(
     scale: FloatArray,
     *,
     iterations: int = 60,
+    tolerance: float = 1e-6,
 ) -> DriveEstimate:
     """Fit the free parameters to all runs at once.
 
@@ -124,6 +125,8 @@ def fit_drive(
         (7,) what is large for a parameter, in its unit.
     iterations
         At most.
+    tolerance
+        Share by which the cost must fall for another iteration.
     """
     places = [PARAMETERS.index(name) for name in free]
     first = np.array(start, dtype=float)
@@ -156,7 +159,7 @@ def fit_drive(
         x_scale="jac",
         max_nfev=iterations,
         xtol=1e-6,
-        ftol=1e-6,
+        ftol=tolerance,
     )
     found = drive(answer.x)
     covariance = np.zeros((len(first), len(first)))

@@ -28,9 +28,10 @@ from idim_iv_ros.types import FloatArray
 
 _TURNS = 2  # of the fits joint by joint
 _COARSE = 8  # iterations
+_ROUGH = 1e-3  # share of the cost, of a fit that another one follows
 _SAME = 0.1  # share by which a gain may differ from the one given and be called the same
 _DEGREES = 12.0  # rad, beyond which no limited joint turns
-_STUCK, _AWAY = 1.0, 0.5  # s at rest; share of the commands' range away from the command
+_WINDOW, _LOST = 1.0, 0.5  # s; share of the tracking error at which no servo explains a motion
 _LAGS = 25  # samples by which a command may be a copy of the position
 _POINTS = 600  # of a picture
 _LIMITS = (0.9, 0.6, 0.35)  # of the largest command error: where the search for a limit begins
@@ -54,6 +55,7 @@ def fit_servos(
         for motion in motions
     ]
     estimates: list[DriveEstimate] = []
+    tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH
     for _ in range(_TURNS):
         loads = [
             RigidLoad.along(motion.robot or robot, trajectory)
@@ -62,7 +64,8 @@ def fit_servos(
         starts: list[Drive | None] = [estimate.drive for estimate in estimates]
         starts = starts or [None] * len(robot.joints)
         estimates = [
-            fit_joint(_runs(motions, loads, joint), start) for joint, start in enumerate(starts)
+            fit_joint(_runs(motions, loads, joint), start, tolerance=tolerance)
+            for joint, start in enumerate(starts)
         ]
         drives = np.array([estimate.drive for estimate in estimates])
         trajectories = [
@@ -100,7 +103,9 @@ def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> 
     ]
 
 
-def fit_joint(runs: Sequence[Run], start: Drive | None = None) -> DriveEstimate:
+def fit_joint(
+    runs: Sequence[Run], start: Drive | None = None, *, tolerance: float = 1e-6
+) -> DriveEstimate:
     """Fit one servo; the limit of its torque only where the recording shows one.
 
     A limit is there if the evidence of the blocks says so (BIC, with a block for a sample).
@@ -108,7 +113,7 @@ def fit_joint(runs: Sequence[Run], start: Drive | None = None) -> DriveEstimate:
     scale = scales(runs)
     first = ordinary_least_squares(runs) if start is None else start
     unlimited = first._replace(limit=np.inf)
-    open_end = fit_drive(runs, unlimited, PARAMETERS[:6], scale)
+    open_end = fit_drive(runs, unlimited, PARAMETERS[:6], scale, tolerance=tolerance)
     starts = [share * scale[6] for share in _LIMITS]
     if start is not None and np.isfinite(start.limit):
         starts = [start.limit]
@@ -122,7 +127,7 @@ def fit_joint(runs: Sequence[Run], start: Drive | None = None) -> DriveEstimate:
     gained = 2.0 * best.blocks * np.log(open_end.residual / max(best.residual, 1e-300))
     if gained <= np.log(best.blocks):
         return open_end
-    return fit_drive(runs, best.drive, PARAMETERS, scale)
+    return fit_drive(runs, best.drive, PARAMETERS, scale, tolerance=tolerance)
 
 
 def identify_servos(
@@ -196,7 +201,7 @@ def identify_servos(
         joints=joints,
         gains=checks,
         model_error=model_error,
-        warnings=_warnings(configuration, robot, joints),
+        warnings=_warnings(configuration, robot, joints, motions, fitted),
         software={"idim_iv_ros": __version__, "numpy": np.__version__, "scipy": version("scipy")},
         timing=watch.timing,
         series=_series(robot, motions, fitted),
@@ -233,8 +238,7 @@ def _require_servo(where: str, motion: Motion, column: int) -> None:
     Raises
     ------
     DataError
-        Degrees, a command that is a copy of the position, one that never moves, or a joint that
-        does not follow.
+        Degrees, a command that is a copy of the position, or one that never moves.
     """
     command, position = motion.command[:, column], motion.position[:, column]
     if max(np.abs(command).max(), np.abs(position).max()) > _DEGREES:
@@ -251,15 +255,6 @@ def _require_servo(where: str, motion: Motion, column: int) -> None:
             raise DataError(
                 f"{where}: the command is the measured position, {lag} samples later: name the "
                 "topic of what the servo was asked for as signals.reference"
-            )
-    window = int(_STUCK * motion.rate)
-    away = np.abs(command - position) > _AWAY * span
-    for start in range(0, len(position) - window, max(window // 4, 1)):
-        part = slice(start, start + window)
-        if away[part].all() and np.ptp(position[part]) < least:
-            raise DataError(
-                f"{where} does not follow its command at {start / motion.rate:.1f} s: is the servo "
-                "off or blocked? cut this part out of the recording"
             )
 
 
@@ -348,10 +343,36 @@ def _gain_checks(
     return checks
 
 
+def _lost(
+    joint: ServoJoint, motions: Sequence[Motion], runs: Sequence[Run], answer: DriveEstimate
+) -> str:
+    """Where a joint moves as no servo does: when it is off, blocked or pushed; else empty."""
+    for motion, run in zip(motions, runs, strict=True):
+        left = np.where(run.used, run.position - run.simulated(answer.drive)[0], 0.0)
+        window = max(int(_WINDOW * run.rate), 1)
+        size = np.sqrt(np.convolve(left**2, np.ones(window) / window, mode="valid"))
+        first = np.flatnonzero(size > _LOST * joint.nominal)
+        if len(first):
+            return (
+                f"{motion.name}: {joint.joint} does not move as its servo asks from "
+                f"{first[0] / run.rate:.1f} s on: is it off, blocked or pushed there? cut that part"
+            )
+    return ""
+
+
 def _warnings(
-    configuration: Configuration, robot: RobotModel, joints: Sequence[ServoJoint]
+    configuration: Configuration,
+    robot: RobotModel,
+    joints: Sequence[ServoJoint],
+    motions: Sequence[Motion],
+    fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
 ) -> tuple[str, ...]:
     warnings = list(robot.doubts)
+    lost = (
+        _lost(joint, motions, runs, answer)
+        for joint, (runs, answer) in zip(joints, fitted, strict=True)
+    )
+    warnings += filter(None, lost)
     given = configuration.controller.kp
     for place, joint in enumerate(joints):
         stiffness = joint.number("stiffness")
