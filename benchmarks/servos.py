@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from benchmarks.measurement import write_page
 from idim_iv_ros.model.robot import load_robot
-from idim_iv_ros.servo.fit import Drive, DriveEstimate, Run, fit_factor
+from idim_iv_ros.servo.factor import fit_factor
+from idim_iv_ros.servo.fit import Drive, DriveEstimate, Run
 from idim_iv_ros.servo.identify import fit_joint, fit_servos
 from idim_iv_ros.servo.loop_kernel import Load
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, ratio_numbers
@@ -128,7 +129,7 @@ def position_errors(runs: dict[str, Run]) -> list[str]:
         damping = TORQUE_CONSTANT**2 / RESISTANCE + VISCOUS
         rows[f"published M1 at {volts:g} V"] = Drive(
             1.0 / stiffness, ARMATURE / stiffness, damping / stiffness, FRICTION / stiffness, 0.0,
-            0.0, volts * TORQUE_CONSTANT / RESISTANCE / stiffness,
+            0.0, volts * TORQUE_CONSTANT / RESISTANCE / stiffness, 0.0,
         )  # fmt: skip
     kinds = ("", "sin_sin", "sin_time", "up_and", "brutal")
     lines = [
@@ -177,9 +178,10 @@ def wrong_gains(folder: Path) -> list[str]:
     return lines
 
 
-def mujoco_servo(rate: float, seconds: float, seed: int) -> Motion:
+def mujoco_servo(rate: float, seconds: float, seed: int, gravity: float = GRAVITY) -> Motion:
     """Return the recording of a position servo with a 12 bit encoder and held commands."""
-    model = f"""<mujoco><option timestep="{STEP}" integrator="RK4"/><worldbody><body>
+    model = f"""<mujoco><option timestep="{STEP}" integrator="RK4" gravity="0 0 {-gravity}"/>
+    <worldbody><body>
     <inertial mass="{MASS}" pos="{LENGTH} 0 0" diaginertia="2e-5 2e-5 2e-5"/>
     <joint name="j" axis="0 1 0" armature="{TRUTH["armature"]}" damping="{TRUTH["damping"]}"
     frictionloss="{TRUTH["dry friction"]}" solreffriction="0.002 1"
@@ -192,7 +194,8 @@ def mujoco_servo(rate: float, seconds: float, seed: int) -> Motion:
     count = int(seconds * rate)
     grid = np.arange(count) / rate
     command = np.zeros(count)
-    for frequency, phase in zip(random.uniform(0.1, 1.0, 5), random.uniform(0, 6.28, 5)):
+    waves = zip(random.uniform(0.1, 1.0, 5), random.uniform(0, 6.28, 5), strict=True)
+    for frequency, phase in waves:
         command += 0.35 * np.sin(2.0 * np.pi * frequency * grid + phase) / (1.0 + frequency)
     command += np.repeat(random.uniform(-0.5, 0.5, int(seconds) + 1), int(rate) + 1)[:count]
     data.qpos[0] = command[0]

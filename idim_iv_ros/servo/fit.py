@@ -7,8 +7,8 @@ hold none of the noise that stands on both sides of the equation, so that estima
 zero as least squares on measured speeds and accelerations do.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -22,8 +22,9 @@ PARAMETERS = Drive._fields
 _STEP = 1e-3
 STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
 _BLOCK = 1.0  # s, over which residuals may depend on one another
-_DIFFERENCE = 1e-4  # of the scale of a parameter
+DIFFERENCE = 1e-4  # of the scale of a parameter
 _LARGE = 1e9  # rad, of a simulation that ran away
+_UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that changes nothing
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class DriveEstimate:
     Attributes
     ----------
     drive : Drive
-    covariance : (7, 7)
+    covariance : (8, 8)
         In the order of `PARAMETERS`; zero where a parameter was given.
     residual : float
         Root mean square of measured less simulated position, rad.
@@ -122,7 +123,7 @@ def fit_drive(
     free
         Of `PARAMETERS`.
     scale
-        (7,) what is large for a parameter, in its unit.
+        (8,) what is large for a parameter, in its unit.
     iterations
         At most.
     tolerance
@@ -144,7 +145,7 @@ def fit_drive(
         columns = []
         for k in range(len(x)):
             step = np.zeros(len(x))
-            step[k] = _DIFFERENCE
+            step[k] = DIFFERENCE
             lower = np.maximum(x - step, low)
             columns.append((difference(x + step) - difference(lower)) / (x[k] + step[k] - lower[k]))
         return np.column_stack(columns)
@@ -163,12 +164,12 @@ def fit_drive(
     )
     found = drive(answer.x)
     covariance = np.zeros((len(first), len(first)))
-    sandwich, blocks = block_covariance(_used_labels(runs), answer.fun, answer.jac)
+    sandwich, blocks = block_covariance(used_labels(runs), answer.fun, answer.jac)
     covariance[np.ix_(places, places)] = sandwich * np.outer(unit, unit)
     return DriveEstimate(found, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
 
 
-def _used_labels(runs: Sequence[Run]) -> IntArray:
+def used_labels(runs: Sequence[Run]) -> IntArray:
     """Blocks of the samples that are compared."""
     labels = zip(block_labels(runs), runs, strict=True)
     return np.concatenate([label[run.used] for label, run in labels])
@@ -201,74 +202,27 @@ def block_covariance(
 ) -> tuple[FloatArray, int]:
     """Covariance (p, p) that holds for residuals which depend on one another within a block.
 
-    What the estimate changes by without each block (the jackknife over clusters).
+    What the estimate changes by without each block (the jackknife over clusters). Combinations of
+    parameters that change nothing get a variance without bound.
 
     Returns
     -------
     covariance, blocks
     """
     names, place = np.unique(labels, return_inverse=True)
-    count, p = len(names), slopes.shape[1]
+    count = len(names)
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-30)
+    slopes = slopes / size
     order = np.argsort(place, kind="stable")
     cuts = np.searchsorted(place[order], np.arange(1, count))
     whole = slopes.T @ slopes
-    covariance = np.zeros((p, p))
+    covariance = np.zeros(whole.shape)
     for rows in np.split(order, cuts):
         without = whole - slopes[rows].T @ slopes[rows]
         change = np.linalg.pinv(without, hermitian=True) @ (slopes[rows].T @ residual[rows])
         covariance += np.outer(change, change)
-    return covariance * (count - 1) / count, count
-
-
-def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
-    """Factor of the gain or of the load of one run that suits a drive found on others.
-
-    Parameters
-    ----------
-    what
-        ``gain`` or ``load``.
-
-    Returns
-    -------
-    factor, standard deviation
-        With what is not sure of the drive, and blocks that differ.
-    """
-
-    def residual(factor: float, drive: Drive) -> FloatArray:
-        other = scaled(run, factor, what)
-        return residuals([other], drive)
-
-    solution = scipy.optimize.least_squares(
-        lambda x: residual(float(x[0]), answer.drive), [1.0], bounds=(0.01, 100.0), x_scale="jac"
-    )
-    factor = float(solution.x[0])
-    slope = _slope(lambda x: residual(x, answer.drive), factor, _DIFFERENCE)
-    own, _ = block_covariance(_used_labels([run]), solution.fun, slope[:, None])
-    variance = float(own[0, 0])
-    bread = float(slope @ slope)
-    values, spread = np.array(answer.drive), np.sqrt(np.diag(answer.covariance))
-    change = np.zeros(len(values))
-    for k in np.flatnonzero(spread > 0.0):
-
-        def moved(value: float, k: int = int(k)) -> FloatArray:
-            drive = values.copy()
-            drive[k] = value
-            return residual(factor, Drive(*drive))
-
-        column = _slope(
-            moved, float(values[k]), min(0.1 * float(spread[k]), 0.5 * values[k] + 1e-6)
-        )
-        change[k] = -float(slope @ column) / bread
-    return factor, float(np.sqrt(variance + change @ answer.covariance @ change))
-
-
-def scaled(run: Run, factor: float, what: str) -> Run:
-    """Return a run whose gain or load is multiplied."""
-    if what == "gain":
-        return replace(run, gain=factor * run.gain)
-    inertia, torque, slope = (factor * values for values in run.load[:3])
-    return replace(run, load=Load(inertia, torque, slope, run.load.position))
-
-
-def _slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
-    return (function(at + step) - function(at - step)) / (2.0 * step)
+    covariance *= (count - 1) / count
+    values, directions = np.linalg.eigh(whole)
+    for direction in directions.T[values < _UNSEEN * values[-1]]:
+        covariance += _LARGE * np.outer(direction, direction)
+    return covariance / np.outer(size, size), count

@@ -16,7 +16,8 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, fit_factor, residuals
+from idim_iv_ros.servo.factor import fit_factor
+from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, residuals
 from idim_iv_ros.servo.loop_kernel import Drive
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
@@ -34,7 +35,9 @@ _DEGREES = 12.0  # rad, beyond which no limited joint turns
 _WINDOW, _LOST = 1.0, 0.5  # s; share of the tracking error at which no servo explains a motion
 _LAGS = 25  # samples by which a command may be a copy of the position
 _POINTS = 600  # of a picture
-_LIMITS = (0.9, 0.6, 0.35)  # of the largest command error: where the search for a limit begins
+_ALWAYS = PARAMETERS[:6]
+_LOAD_FRICTION = 0.1  # where the search for it begins
+_LIMITS = (0.8, 0.4)  # of the largest command error: where the search for a limit begins
 
 
 def fit_servos(
@@ -106,28 +109,43 @@ def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> 
 def fit_joint(
     runs: Sequence[Run], start: Drive | None = None, *, tolerance: float = 1e-6
 ) -> DriveEstimate:
-    """Fit one servo; the limit of its torque only where the recording shows one.
+    """Fit one servo; a torque limit and friction by load only where the recording shows them.
 
-    A limit is there if the evidence of the blocks says so (BIC, with a block for a sample).
+    They are there if the evidence of the blocks says so (BIC, with a block for a sample).
+
+    Parameters
+    ----------
+    start
+        Of an earlier fit to the same recordings, which decided what is there; None: decide.
     """
     scale = scales(runs)
-    first = ordinary_least_squares(runs) if start is None else start
-    unlimited = first._replace(limit=np.inf)
-    open_end = fit_drive(runs, unlimited, PARAMETERS[:6], scale, tolerance=tolerance)
-    starts = [share * scale[6] for share in _LIMITS]
-    if start is not None and np.isfinite(start.limit):
-        starts = [start.limit]
-    elif start is not None:
-        return open_end
-    limited = [
-        fit_drive(runs, open_end.drive._replace(limit=limit), PARAMETERS, scale, iterations=_COARSE)
-        for limit in starts
-    ]
-    best = min(limited, key=lambda answer: answer.residual)
-    gained = 2.0 * best.blocks * np.log(open_end.residual / max(best.residual, 1e-300))
-    if gained <= np.log(best.blocks):
-        return open_end
-    return fit_drive(runs, best.drive, PARAMETERS, scale, tolerance=tolerance)
+    if start is not None:
+        return fit_drive(runs, start, _present(start), scale, tolerance=tolerance)
+    least_squares = ordinary_least_squares(runs)
+    best = fit_drive(runs, least_squares, _ALWAYS, scale, tolerance=tolerance)
+    error = scale[PARAMETERS.index("limit")]
+    limits = [{"limit": share * error} for share in _LIMITS]
+    for trials in (limits, [{"load_friction": _LOAD_FRICTION}]):
+        tried = []
+        for trial in trials:
+            drive = best.drive._replace(**trial)
+            tried.append(fit_drive(runs, drive, _present(drive), scale, iterations=_COARSE))
+        better = min(tried, key=lambda answer: answer.residual)
+        gained = 2.0 * best.blocks * np.log(best.residual / max(better.residual, 1e-300))
+        if gained > np.log(best.blocks):
+            present = _present(better.drive)
+            best = fit_drive(runs, better.drive, present, scale, tolerance=tolerance)
+    return best
+
+
+def _present(drive: Drive) -> list[str]:
+    """Parameters that a drive has."""
+    present = list(_ALWAYS)
+    if np.isfinite(drive.limit):
+        present.append("limit")
+    if drive.load_friction > 0.0:
+        present.append("load_friction")
+    return present
 
 
 def identify_servos(
@@ -269,8 +287,10 @@ def _joint(
             "the rigid bodies' torques hardly show in this motion, so that only ratios to the "
             "stiffness of the loop are known: add a known mass, or move where gravity acts"
         )
-        start = answer.drive._replace(compliance=0.0)
-        free = [name for name in PARAMETERS[1:] if name != "limit" or np.isfinite(start.limit)]
+        start = answer.drive._replace(compliance=0.0, load_friction=0.0)
+        free = [
+            name for name in _present(start._replace(load_friction=0.0)) if name != "compliance"
+        ]
         answer = fit_drive(runs, start, free, scales(runs))
     position = np.concatenate([run.position[run.valid] for run in runs])
     steps = np.diff(np.unique(position))

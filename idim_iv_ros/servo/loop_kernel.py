@@ -25,6 +25,7 @@ class Drive(NamedTuple):
     offset : rad
     delay : from the command to its effect on the measured position, s.
     limit : command error beyond which the torque grows no more, rad.
+    load_friction : dry friction for each unit of the load, of gravity, Coriolis and other joints.
     """
 
     compliance: float
@@ -34,6 +35,7 @@ class Drive(NamedTuple):
     offset: float
     delay: float
     limit: float
+    load_friction: float
 
 
 class Load(NamedTuple):
@@ -120,11 +122,12 @@ def simulate_joint(
                 if abs(pull) > drive.limit:
                     pull = math.copysign(drive.limit, pull)
                     stiffness = 0.0
-                pull -= drive.compliance * (torque + slope * (middle - along)) + drive.offset
+                carried = drive.compliance * (torque + slope * (middle - along))
+                pull -= carried + drive.offset
                 mass = drive.compliance * inertia + drive.inertia + 0.5 * left * drive.damping
                 mass += 0.25 * left**2 * max(stiffness + drive.compliance * slope, 0.0)
                 free = v + left * (pull - drive.damping * v) / mass
-                most = left * drive.friction / mass
+                most = left * (drive.friction + drive.load_friction * abs(carried)) / mass
                 part = left
                 if v == 0.0:
                     after = 0.0 if abs(free) <= most else free - math.copysign(most, free)
@@ -161,18 +164,19 @@ def simulate_joints(
     Parameters
     ----------
     drives
-        (n_joints, 7), rows as `Drive`; a compliance of zero leaves a joint without load.
+        (n_joints, 8), rows as `Drive`; a compliance of zero leaves a joint without load.
     mass, torque, slope, along
         (n_samples, n_joints, n_joints) kg m² and (n_samples, n_joints) each, as `Load`, the torque
         without any acceleration.
     command
         (n_samples, n_joints) rad.
     state
-        (5, n_joints) position, speed, and three rows of workspace; overwritten.
+        (6, n_joints) position, speed, and four rows of workspace; overwritten.
     motion
         (3, n_samples, n_joints), overwritten.
     """
-    q, v, change, pull, stop = state[0], state[1], state[2], state[3], state[4]
+    q, v, change, pull = state[0], state[1], state[2], state[3]
+    stop, dry = state[4], state[5]
     samples, joints = command.shape
     step = 1.0 / (rate * steps)
     for k in range(samples):
@@ -194,7 +198,9 @@ def simulate_joints(
                 error = gain * (mean_command(command[:, j], rate, start, step) - middle)
                 limit = drives[j, 6]
                 pull[j] = min(max(error, -limit), limit) - drives[j, 4] - drives[j, 2] * v[j]
-                pull[j] -= compliance * (load + bend * (middle - there))
+                carried = compliance * (load + bend * (middle - there))
+                pull[j] -= carried
+                dry[j] = drives[j, 3] + drives[j, 7] * abs(carried)
             for _ in range(_SWEEPS):
                 for j in range(joints):
                     compliance = drives[j, 0]
@@ -205,7 +211,7 @@ def simulate_joints(
                     own = compliance * mass[k, j, j] + drives[j, 1] + 0.5 * step * drives[j, 2]
                     own += 0.25 * step**2 * gain
                     free = v[j] + (step * pull[j] - compliance * others) / own
-                    most = step * drives[j, 3] / own
+                    most = step * dry[j] / own
                     stop[j] = 1.0
                     if v[j] == 0.0:
                         after = 0.0 if abs(free) <= most else free - math.copysign(most, free)

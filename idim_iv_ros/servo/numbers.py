@@ -17,6 +17,7 @@ _ABSOLUTE = {
     "friction": ("dry friction", "N m"),
     "offset": ("offset", "N m"),
     "limit": ("torque limit", "N m"),
+    "load_friction": ("friction by load", "1"),
 }
 _RATIOS = {
     "inertia": ("armature / stiffness", "s²"),
@@ -41,7 +42,7 @@ def is_absolute(answer: DriveEstimate) -> bool:
 
 
 def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNumber, ...]:
-    """Stiffness, armature, damping, dry friction, offset and torque limit.
+    """Stiffness, armature, damping, dry friction, offset, torque limit and friction by load.
 
     Parameters
     ----------
@@ -67,11 +68,12 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
     for kind, (name, unit) in _ABSOLUTE.items():
         place = PARAMETERS.index(kind)
         slope = np.zeros(len(values))
-        if np.isfinite(values[place]):
+        value = values[place] if kind == "load_friction" else values[place] / compliance
+        if kind == "load_friction":
+            slope[place] = 1.0
+        elif np.isfinite(values[place]):
             slope[0], slope[place] = -values[place] / compliance**2, 1.0 / compliance
-        numbers.append(
-            _number(kind, name, unit, values[place] / compliance, slope, covariance, width)
-        )
+        numbers.append(_number(kind, name, unit, value, slope, covariance, width))
     return tuple(numbers)
 
 

@@ -105,12 +105,12 @@ class RigidLoad:
         Parameters
         ----------
         drives
-            (n_joints, 7), as `Drive`.
+            (n_joints, 8), as `Drive`.
         """
         rate = motion.rate * motion.finer
         command = np.ascontiguousarray(np.repeat(motion.command, motion.finer, axis=0))
         trajectory = np.empty((3, *command.shape))
-        state = np.zeros((5, command.shape[1]))
+        state = np.zeros((6, command.shape[1]))
         state[0] = motion.position[0]
         position = np.ascontiguousarray(self.trajectory[0])
         simulate_joints(

@@ -37,7 +37,7 @@ def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -
     """
     most = _LONGEST_DELAY if delay is None else 0.0
     halves = np.arange(0.0, most + 1e-9, 0.5 / runs[0].rate) if delay is None else [delay]
-    best, smallest = Drive(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.inf), np.inf
+    best, smallest = Drive(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0), np.inf
     motions = [smooth_motion(run.position, run.rate) for run in runs]
     for late in halves:
         columns, errors = [], []
@@ -58,7 +58,7 @@ def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -
         if answer.cost < smallest:
             smallest = float(answer.cost)
             compliance, inertia, damping, friction, offset = (answer.x / size).tolist()
-            best = Drive(compliance, inertia, damping, friction, offset, float(late), np.inf)
+            best = Drive(compliance, inertia, damping, friction, offset, float(late), np.inf, 0.0)
     return best
 
 
@@ -69,7 +69,7 @@ def asked_torque(run: Run, position: FloatArray, acceleration: FloatArray) -> Fl
 
 
 def scales(runs: Sequence[Run]) -> FloatArray:
-    """What is large for each parameter of a drive, (7,), in the order of `PARAMETERS`."""
+    """What is large for each parameter of a drive, (8,), in the order of `PARAMETERS`."""
     error = torque = speed = acceleration = 1e-12
     for run in runs:
         q, v, a = smooth_motion(run.position, run.rate)
@@ -80,6 +80,6 @@ def scales(runs: Sequence[Run]) -> FloatArray:
             max(acceleration, float(np.abs(a).max())),
         )
     late = max(2.0 / runs[0].rate, 0.02)
-    values = (error / torque, error / acceleration, error / speed, error, error, late, error)
+    values = (error / torque, error / acceleration, error / speed, error, error, late, error, 1.0)
     assert len(values) == len(PARAMETERS)
     return np.array(values)
