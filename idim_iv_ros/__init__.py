@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from idim_iv_ros.identification.result import IdentificationResult
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
     from idim_iv_ros.report import write_gap_report, write_replay_report, write_report
+    from idim_iv_ros.servo.identify import identify_servos
+    from idim_iv_ros.servo.result import ServoResult
     from idim_iv_ros.simulator_files import Exported, export
     from idim_iv_ros.simulators.replay import replay_bags
     from idim_iv_ros.simulators.replay_result import ReplayResult
@@ -38,6 +40,7 @@ __all__ = [
     "IdimError",
     "Recording",
     "ReplayResult",
+    "ServoResult",
     "Trajectory",
     "UsageError",
     "check",
@@ -48,6 +51,7 @@ __all__ = [
     "identify",
     "identify_fleet",
     "identify_recordings",
+    "identify_servos",
     "import_table",
     "load_configuration",
     "propose_configuration",
@@ -74,6 +78,8 @@ _MODULES = {
     "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
     "report": ("write_gap_report", "write_replay_report", "write_report"),
+    "servo.identify": ("identify_servos",),
+    "servo.result": ("ServoResult",),
     "simulators.replay": ("replay_bags",),
     "simulators.replay_result": ("ReplayResult",),
     "identification.result": ("IdentificationResult",),

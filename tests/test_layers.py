@@ -8,7 +8,15 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "idim_iv_ros"
 ORDER = (
     *("recording", "signals", "model", "effects", "simulation", "estimation", "statistics"),
-    *("physical", "identification", "prediction", "diagnosis", "excitation", "first_configuration"),
+    *(
+        "physical",
+        "identification",
+        "servo",
+        "prediction",
+        "diagnosis",
+        "excitation",
+        "first_configuration",
+    ),
     *("simulators", "simulator_files", "fleet", "report", "nodes", "cli"),
 )
 

@@ -39,6 +39,7 @@ def init_command(
     from idim_iv_ros.cli.output import Output, next_command, print_marked
     from idim_iv_ros.cli.table import print_table
     from idim_iv_ros.files import INIT_FORMAT, require_file_place
+    from idim_iv_ros.signal_source import NO_EFFORT
 
     output = Output(quiet=quiet, as_json=as_json)
     require_file_place([out], force=force)
@@ -71,4 +72,6 @@ def init_command(
         print_table(output.console, "Left out", ("joint", "why"), list(proposal.left_out.items()))
     print_marked(output.console, "Warning", proposal.warnings, "yellow")
     output.line(f"Written: {out}")
-    output.line(f"Next: {next_command('check', bags, out)}")
+    servo = values["signals"].get("effort") == NO_EFFORT
+    following = ("servo", "--out", "servos") if servo else ("check",)
+    output.line(f"Next: {next_command(following[0], bags, out, *following[1:])}")

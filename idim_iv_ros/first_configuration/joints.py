@@ -36,7 +36,7 @@ class JointChoice:
 
 
 def choose_joints(
-    urdf: str, source: str, bags: Sequence[BagContents], states: str, efforts: str
+    urdf: str, source: str, bags: Sequence[BagContents], states: str, efforts: str | None
 ) -> JointChoice:
     """Choose the joints that move and have an effort in every bag.
 
@@ -45,7 +45,7 @@ def choose_joints(
     urdf, source
         Text of the URDF, and what to call it.
     states, efforts
-        Topics.
+        Topics; `efforts` is None for a robot without.
 
     Raises
     ------
@@ -61,8 +61,11 @@ def choose_joints(
             continue
         name = joint.name
         position = [_contents(bag, states, name) for bag in bags]
-        effort = [_contents(bag, efforts, name) for bag in bags]
-        reason = _why_not(joint, position, effort, _is_array(bags[0], efforts))
+        effort: Sequence[JointContents | None] = position
+        needless = efforts is None or _is_array(bags[0], efforts)
+        if efforts is not None:
+            effort = [_contents(bag, efforts, name) for bag in bags]
+        reason = _why_not(joint, position, effort, needless)
         if not reason:
             chosen.append(name)
             continue
@@ -92,7 +95,7 @@ def _why_not(
     joint: UrdfJoint,
     position: Sequence[JointContents | None],
     effort: Sequence[JointContents | None],
-    array: bool,
+    needless: bool,
 ) -> str:
     """Reason to leave a movable joint out; empty where it is identified."""
     if joint.type not in MOVABLE:
@@ -103,7 +106,7 @@ def _why_not(
         return "a gripper, by its name"
     if any(each is None or each.lowest is None for each in position):
         return "not in the bag"
-    if not array and not all(each is not None and each.largest_effort for each in effort):
+    if not needless and not all(each is not None and each.largest_effort for each in effort):
         return "its effort is empty or zero"
     moved = max(each.range for each in position if each is not None)
     if moved < _STILL[joint.type]:

@@ -1,7 +1,7 @@
 """From bags and a URDF to the values of a first configuration, each with its reason."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from idim_iv_ros.identification.sanity import joint_findings
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.model.urdf_reader import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.signal_source import topic_of
+from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
 
 @dataclass(frozen=True)
@@ -108,10 +108,13 @@ def propose_configuration(
         named, missing = preset.sources(contents) if preset is not None else ({}, {})
         wanted = topic_of(named.get("joint_states", ""))
         states, effort = choose_states(contents, wanted)
+        servo = effort is None and not states.with_effort()
         efforts = topic_of(named.get("effort", "")) or (effort or states).name
-        joints = choose_joints(text, source, contents, states.name, efforts)
+        joints = choose_joints(text, source, contents, states.name, None if servo else efforts)
         topics = choose_topics(contents, joints.joints, wanted)
         sources = _sources(topics, named)
+        if servo:
+            return _servo_proposal(paths, urdf, joints, topics, sources)
         watch.stage("reading", 0.3)
         configuration = _configuration(None if urdf is None else Path(urdf), joints, sources)
         recordings = read_configured(paths, configuration)
@@ -149,6 +152,31 @@ def propose_configuration(
         left_out=joints.left_out,
         limits=tuple(float(limit) for limit in limits) if finite and torques else (),
         warnings=warnings + (() if torques else _UNIT_WARNING),
+    )
+
+
+def _servo_proposal(
+    paths: Sequence[Path],
+    urdf: FilePath | None,
+    joints: JointChoice,
+    topics: TopicChoice,
+    sources: Mapping[str, str],
+) -> Proposal:
+    """Return the proposal for a robot that records no efforts: `idim-iv servo` finds its law."""
+    reasons = {("signals", key): reason for key, reason in topics.reasons.items()}
+    reasons["signals", "effort"] = "no bag has any: `idim-iv servo` identifies the servos"
+    return Proposal(
+        bags=tuple(paths),
+        joints=joints.joints,
+        urdf=None if urdf is None else Path(urdf),
+        values={
+            "robot": {"joints": list(joints.joints)},
+            "signals": {**sources, "effort": NO_EFFORT},
+        },
+        reasons=reasons,
+        left_out=joints.left_out,
+        limits=(),
+        warnings=joints.warnings,
     )
 
 

@@ -224,12 +224,13 @@ def choose_states(
 ) -> tuple[TopicContents, TopicContents | None]:
     """Choose the topic of the joint states, `wanted` if it holds any, and that of the efforts.
 
-    The latter is None where it is the same.
+    The latter is None where it is the same, and where there are no efforts but something that was
+    asked for: then the robot is one of servos.
 
     Raises
     ------
     DataError
-        No bag has positions, or no effort that is not zero.
+        No bag has positions, or neither an effort that is not zero nor a reference.
     """
     first = bags[0]
     states = [topic for topic in first.topics if topic.with_position() and not topic.asked]
@@ -245,12 +246,16 @@ def choose_states(
     others = [topic for topic in first.topics if topic.name != chosen.name and not topic.asked]
     efforts = [topic for topic in others if topic.with_effort() & chosen.with_position()]
     efforts += [topic for topic in others if topic.numbers == len(chosen.joints)]
+    asked = [topic for topic in first.topics if topic.asked or sounds_like_reference(topic.name)]
+    if not efforts and any(topic.with_position() & chosen.with_position() for topic in asked):
+        return chosen, None
     if not efforts:
         zero = any(each.largest_effort is not None for each in chosen.joints.values())
         how = "is zero throughout" if zero else "is empty"
         raise DataError(
             f"{first.path}: effort on {chosen.name} {how} and no other topic holds any: nothing "
-            "can be identified; let the driver publish motor currents or torques as effort"
+            "can be identified; let the driver publish motor currents or torques as effort, or "
+            "record what the joints were asked for, from which servos are identified"
         )
     return chosen, efforts[0]
 

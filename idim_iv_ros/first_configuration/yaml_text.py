@@ -91,11 +91,18 @@ SECTIONS: dict[str, dict[str, Key]] = {
             "joint_states",
             "joint_states",
         ),
-        "effort": Key("also std_msgs/Float64MultiArray", "joint_states", "/joint_states"),
+        "effort": Key(
+            "also std_msgs/Float64MultiArray; none: the robot has no efforts (`idim-iv servo`)",
+            "joint_states",
+            "/joint_states",
+        ),
         "reference": Key(
             "what the controller was asked for: a JointState or a controller_state",
             "no reference",
             "/joint_trajectory_controller/controller_state",
+        ),
+        "reference_delay": Key(
+            "s, from the reference to its effect; only read where effort is none", "0", 0.02
         ),
         "link_states": Key(
             "sensor_msgs/JointState of encoders behind the gears: shows stiffness and play",

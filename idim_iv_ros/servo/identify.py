@@ -6,7 +6,6 @@ from importlib.metadata import version
 
 import numpy as np
 
-from idim_iv_ros import __version__
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
@@ -220,7 +219,7 @@ def identify_servos(
         gains=checks,
         model_error=model_error,
         warnings=_warnings(configuration, robot, joints, motions, fitted),
-        software={"idim_iv_ros": __version__, "numpy": np.__version__, "scipy": version("scipy")},
+        software={"idim_iv_ros": version("idim-iv-ros"), "scipy": version("scipy")},
         timing=watch.timing,
         series=_series(robot, motions, fitted),
     )
