@@ -22,7 +22,9 @@ FEATURES = (
     "logarithm of its place among the terms by visible share",
     "logarithm of the variance of its score over that of the noise",
 )
-_MOST_LOSS = 6.0
+# What is lost counts in full up to the first; then only beside the dispersion of the scores, up to
+# the second: few terms of the table lose more, and misfit alone makes dispersed scores.
+_MOST_LOSS, _MOST_BESIDE = 6.0, 12.0
 _SMALL = 1e-3  # share of the torque
 LIMITS = 0.01, 0.99  # no table of a few thousand recordings says more
 
@@ -76,7 +78,8 @@ def features(
     comparison, terms = selection.comparison, selection.terms
     term = terms[number]
     others = (*terms[:number], *terms[number + 1 :])
-    loss = comparison.objective(terms) - comparison.objective(others)
+    loss = max(comparison.objective(terms) - comparison.objective(others), 0.0)
+    dispersion = max(float(term.dispersion), 1.0)
     visible = float(term.visible.max())
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
@@ -86,7 +89,7 @@ def features(
     )
     return np.array(
         [
-            min(np.log1p(max(loss, 0.0)), _MOST_LOSS),
+            max(min(np.log1p(loss), _MOST_LOSS), min(np.log1p(loss / dispersion), _MOST_BESIDE)),
             chosen.times(term) / len(chosen.keys),
             np.sign(least) * np.log1p(abs(least)),
             np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),
