@@ -30,9 +30,14 @@ def started(*arguments: str, code: str = START, **environment: str) -> subproces
         stderr=subprocess.PIPE,
         text=True,
         env=variables,
-        # A shell that runs the tests in the background lets its children ignore SIGINT.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=_as_in_a_terminal,
     )
+
+
+def _as_in_a_terminal() -> None:
+    """Heed the signals that a shell in the background, or nohup, lets its children ignore."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def finished(*arguments: str, code: str = START, **environment: str) -> tuple[str, str]:
