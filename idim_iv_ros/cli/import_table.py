@@ -1,9 +1,11 @@
 """`idim-iv import`."""
 
+from __future__ import annotations
+
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,14 +14,28 @@ from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import IMPORT_FORMAT
 
+if TYPE_CHECKING:
+    from idim_iv_ros.cli.output import Output
+    from idim_iv_ros.recording.table import ImportSummary
+
 _table = partial(typer.Option, metavar="FILE[:KEY]")
 
 
 def import_command(
     out: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The bag to write.")],
-    position: Annotated[str, _table(help="Measured positions.")],
-    effort: Annotated[str, _table(help="Measured efforts.")],
-    joints: Annotated[str, typer.Option(metavar="a,b,c", help="Names for the columns.")],
+    position: Annotated[str | None, _table(help="Measured positions.")] = None,
+    effort: Annotated[str | None, _table(help="Measured efforts; without: servos.")] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(metavar="a,b,c", help="Names for the columns; of a data set JOINT=COLUMN."),
+    ] = None,
+    lerobot: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="A LeRobot data set instead of tables.")
+    ] = None,
+    episode: Annotated[int, typer.Option(min=0, help="Of the data set.")] = 0,
+    scale: Annotated[
+        float, typer.Option(help="Of the data set's positions to rad: 0.0174533 for degrees.")
+    ] = 1.0,
     rate: Annotated[float | None, typer.Option(help="Samples per second.")] = None,
     time: Annotated[str | None, _table(help="Stamps in s, instead of --rate.")] = None,
     velocity: Annotated[str | None, _table()] = None,
@@ -34,22 +50,38 @@ def import_command(
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
 ) -> None:
-    """Turn tables (.csv .npy .npz .mat) into a bag.
+    """Turn tables (.csv .npy .npz .mat .parquet) or a LeRobot episode into a bag.
 
-    KEY is a variable (.npz, .mat), or comma-separated columns: their names in the first line of a
-    .csv, or their numbers, counted from 0 (d.csv:0,1). A few rows of NaN or impossible values are
-    imported as missing, with a warning; more than 1 % are refused.
+    KEY is a variable (.npz, .mat) or comma-separated columns: their names (.parquet, the first
+    line of a .csv), or their numbers, counted from 0 (d.csv:0,1). A few rows of NaN or impossible
+    values are imported as missing, with a warning; more than 1 % are refused.
 
     Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.model import read_urdf_file
     from idim_iv_ros.recording import import_table
+    from idim_iv_ros.recording.lerobot import import_lerobot
 
     output = Output(quiet=quiet, as_json=as_json)
-    names = [name.strip() for name in joints.split(",")]
+    names = [name.strip() for name in joints.split(",")] if joints is not None else []
     if not all(names) or len(set(names)) != len(names):
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
+    described = None if urdf is None else read_urdf_file(urdf)
+    if lerobot is not None:
+        summary = import_lerobot(
+            out,
+            lerobot,
+            episode=episode,
+            joints=names or None,
+            scale=scale,
+            robot_description=described,
+            force=force,
+        )
+        _print_summary(output, out, summary, described is not None)
+        return
+    if position is None or not names:
+        raise UsageError("give --position and --joints, or --lerobot FOLDER")
     summary = import_table(
         out,
         joints=names,
@@ -62,16 +94,21 @@ def import_command(
         velocity_reference=velocity_reference,
         reference_time=reference_time,
         link=link,
-        robot_description=None if urdf is None else read_urdf_file(urdf),
+        robot_description=described,
         force=force,
     )
+    _print_summary(output, out, summary, described is not None)
+
+
+def _print_summary(output: Output, out: Path, summary: ImportSummary, described: bool) -> None:
+    """Say what was written, and what comes next."""
     signals = list(summary.signals)
     output.warn(summary.warnings)
     about = asdict(summary) | {"path": str(out), "signals": signals}
     output.document({"format": IMPORT_FORMAT, **about})
     output.line(
-        f"{out}: {summary.samples} samples of {len(names)} joints, {summary.duration:.4g} s at "
+        f"{out}: {summary.samples} samples, {summary.duration:.4g} s at "
         f"{summary.rate:.5g} per second: {', '.join(signals)}"
     )
-    described = "" if urdf is not None else " --urdf FILE"
-    output.line(f"Next: idim-iv init {shell_command(str(out))}{described} --out my_arm.yaml")
+    urdf = "" if described else " --urdf FILE"
+    output.line(f"Next: idim-iv init {shell_command(str(out))}{urdf} --out my_arm.yaml")

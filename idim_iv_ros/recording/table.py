@@ -1,4 +1,4 @@
-"""Tables (.csv .npy .npz .mat) become bags, so that everything enters by the same door."""
+"""Tables (.csv .npy .npz .mat .parquet) become bags, so that everything enters by the same door."""
 
 import os
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def import_table(
     *,
     joints: Sequence[str] | str,
     position: FilePath,
-    effort: FilePath,
+    effort: FilePath | None = None,
     rate: float | None = None,
     time: FilePath | None = None,
     velocity: FilePath | None = None,
@@ -66,6 +66,8 @@ def import_table(
         The bag.
     joints
         Names for the columns; one name for one column.
+    effort
+        None for a robot that records none.
     rate, time
         Samples per second, or the stamps in s; one of the two.
     reference_time
@@ -87,10 +89,10 @@ def import_table(
     """
     out = Path(out)
     joints = [joints] if isinstance(joints, str) else list(joints)
-    position, effort = os.fspath(position), os.fspath(effort)
-    time, velocity, reference, velocity_reference, reference_time = (
+    position = os.fspath(position)
+    time, effort, velocity, reference, velocity_reference, reference_time = (
         None if given is None else os.fspath(given)
-        for given in (time, velocity, reference, velocity_reference, reference_time)
+        for given in (time, effort, velocity, reference, velocity_reference, reference_time)
     )
     if (rate is None) == (time is None):
         raise UsageError("give either --rate or --time")
@@ -100,7 +102,9 @@ def import_table(
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
     require_file_place([out], force=force)
     _require_text(joints)
-    measured = {"position": position, "effort": effort}
+    measured = {"position": position}
+    if effort is not None:
+        measured["effort"] = effort
     if velocity is not None:
         measured["velocity"] = velocity
     warnings: list[str] = []

@@ -1,7 +1,8 @@
-"""Numbers in .csv, .npy, .npz and .mat files: ``FILE`` or ``FILE:KEY``."""
+"""Numbers in .csv, .npy, .npz, .mat and .parquet files: ``FILE`` or ``FILE:KEY``."""
 
 import warnings
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,7 +14,7 @@ from idim_iv_ros.types import FloatArray
 
 _Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
-SUFFIXES = (".csv", ".npy", ".npz", ".mat")
+SUFFIXES = (".csv", ".npy", ".npz", ".mat", ".parquet")
 _NUMBERS = "iuf"  # kinds of numpy: integers, unsigned ones, floats
 _LARGEST = 1 << 30  # bytes of one array
 
@@ -90,12 +91,44 @@ def _load(path: Path, key: str | None) -> Any:
         return array[:, _different(path, [_column(path, part) for part in key.split(",")])]
     if suffix == ".npz":
         return _npz(path, key)
+    if suffix == ".parquet":
+        return parquet_columns([path], key)
     from scipy.io import loadmat, whosmat  # here, because a recorder starts faster without it
 
     names = [name for name, _, _ in whosmat(path)]
     wanted = _variables(path, names, key)
     loaded = loadmat(path, variable_names=wanted)
     return _joined([loaded[name] for name in wanted])
+
+
+def parquet_columns(paths: Sequence[Path], key: str | None, **options: Any) -> FloatArray:
+    """Columns of parquet files, (n_samples, n_columns); a column of lists has several.
+
+    Parameters
+    ----------
+    key
+        Names with commas between them; None where there is one column.
+    options
+        Of `pyarrow.parquet.read_table`, for example its `filters`.
+
+    Raises
+    ------
+    UsageError
+        pyarrow is not installed, or there is no such column.
+    """
+    try:
+        from pyarrow import parquet
+    except ImportError as error:
+        raise UsageError(
+            f'{paths[0]}: parquet needs pyarrow: pip install "idim-iv-ros[tables]"'
+        ) from error
+    wanted = _variables(paths[0], parquet.read_schema(paths[0]).names, key)
+    tables = [parquet.read_table(path, columns=wanted, **options) for path in paths]
+    parts = []
+    for name in wanted:
+        rows = [row for table in tables for row in table[name].to_pylist()]
+        parts.append(np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1))
+    return np.column_stack(parts)
 
 
 def _npz(path: Path, key: str | None) -> Any:

@@ -1,0 +1,97 @@
+"""Episodes of LeRobot data sets, written here by pyarrow as versions 2 and 3 lay them out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.recording import read_recordings
+from idim_iv_ros.recording.lerobot import import_lerobot
+from idim_iv_ros.recording.table import import_table
+
+NAMES = ["pan.pos", "lift.pos", "gripper.pos"]
+FRAMES, RATE = 90, 30.0
+
+
+def states(episode: int) -> np.ndarray:
+    time = np.arange(FRAMES)[:, None] / RATE
+    return 20.0 * np.sin(2.0 * time * np.array([1.0, 0.7, 0.4]) + episode)  # degrees
+
+
+def table(episode: int) -> pa.Table:
+    state = states(episode)
+    return pa.table(
+        {
+            "observation.state": state.tolist(),
+            "action": (state + 1.0).tolist(),
+            "timestamp": np.arange(FRAMES) / RATE,
+            "frame_index": np.arange(FRAMES),
+            "episode_index": np.full(FRAMES, episode),
+        }
+    )
+
+
+@pytest.fixture(params=[2, 3])
+def data_set(request, tmp_path: Path) -> Path:
+    folder = tmp_path / "set"
+    chunk = folder / "data" / "chunk-000"
+    chunk.mkdir(parents=True)
+    (folder / "meta").mkdir()
+    feature = {"dtype": "float32", "shape": [3], "names": NAMES}
+    features = {"observation.state": feature, "action": feature}
+    content = {"fps": RATE, "total_episodes": 2, "features": features}
+    (folder / "meta" / "info.json").write_text(json.dumps(content))
+    if request.param == 2:
+        for episode in (0, 1):
+            parquet.write_table(table(episode), chunk / f"episode_{episode:06d}.parquet")
+    else:
+        whole = pa.concat_tables([table(0), table(1)])
+        parquet.write_table(whole, chunk / "file-000.parquet")
+    return folder
+
+
+def test_episode_becomes_a_bag_in_rad(data_set, tmp_path):
+    scale = np.pi / 180.0
+    summary = import_lerobot(
+        tmp_path / "run.mcap", data_set, episode=1, joints=["j1=pan.pos", "lift.pos"], scale=scale
+    )
+    assert (summary.samples, summary.rate) == (FRAMES, pytest.approx(RATE))
+    assert "no measured times" in summary.warnings[0]
+    (recording,) = read_recordings(
+        tmp_path / "run.mcap", joints=["j1", "lift.pos"], effort="none", reference="joint_reference"
+    )
+    np.testing.assert_allclose(recording.position.values, scale * states(1)[:, :2], atol=1e-9)
+    command = recording.position_reference.values
+    np.testing.assert_allclose(command, scale * (states(1)[:, :2] + 1.0), atol=1e-9)
+
+
+def test_degrees_are_refused_with_what_to_do(data_set, tmp_path):
+    with pytest.raises(DataError, match=r"pan.pos is at .*--scale 0.0174533"):
+        import_lerobot(tmp_path / "run.mcap", data_set)
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_column_that_is_not_there(data_set, tmp_path):
+    with pytest.raises(UsageError, match=r"no column elbow.*pan.pos, lift.pos, gripper.pos"):
+        import_lerobot(tmp_path / "run.mcap", data_set, joints=["elbow"])
+
+
+def test_episode_that_is_not_there(data_set, tmp_path):
+    with pytest.raises(UsageError, match="episode 7"):
+        import_lerobot(tmp_path / "run.mcap", data_set, episode=7)
+
+
+def test_columns_of_a_parquet_file(tmp_path):
+    parquet.write_table(table(0), tmp_path / "d.parquet")
+    import_table(
+        tmp_path / "run.mcap",
+        joints=["a", "b", "c"],
+        position=f"{tmp_path / 'd.parquet'}:observation.state",
+        rate=RATE,
+    )
+    (recording,) = read_recordings(tmp_path / "run.mcap", joints=["a", "b", "c"], effort="none")
+    np.testing.assert_allclose(recording.position.values, states(0), atol=1e-9)
