@@ -32,6 +32,7 @@ def servo_command(
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
 ) -> None:
     """Identify servos from commands and positions, for robots that record no torque.
 
@@ -55,7 +56,14 @@ def servo_command(
         raise UsageError(f"--gains {gains}: gains are above zero")
     from functools import partial
 
-    from idim_iv_ros.report.servo import error_rows, gain_rows, headline, number_rows
+    from idim_iv_ros.report.servo import (
+        SUMMARY_COLUMNS,
+        error_rows,
+        gain_rows,
+        headline,
+        number_rows,
+        summary_rows,
+    )
     from idim_iv_ros.report.write import write_servo_report
     from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
     from idim_iv_ros.servo.identify import identify_servos
@@ -73,13 +81,14 @@ def servo_command(
         picture=None,
         force=force,
     )
+    columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
+    title = "Servos (± half of the 95 % interval)"
+    print_table(output.console, title, columns, summary_rows(result))
+    if verbose or not any(joint.absolute for joint in result.joints):
+        for joint in result.joints:
+            rows = number_rows((*joint.numbers, *joint.ratios))
+            print_table(output.console, joint.joint, ("", ">value", ">95 % interval"), rows)
     for joint in result.joints:
-        print_table(
-            output.console,
-            joint.joint,
-            ("", ">value", ">95 % interval"),
-            number_rows((*joint.numbers, *joint.ratios)),
-        )
         if joint.reason:
             output.console.print(f"{joint.joint}: {joint.reason}")
     print_table(

@@ -22,7 +22,7 @@ def servo_html(result: ServoResult) -> str:
         generator=Markup(GENERATOR),
         robot=result.robot,
         subject="servos, without torques",
-        subtitle=f"{len(result.recordings)} recordings, {count} joint{'s' if count != 1 else ''}",
+        subtitle=f"{_count(len(result.recordings), 'recording')}, {_count(count, 'joint')}",
         links=[("servos", "Servos")],
         sections=[Markup(section)],
         **page_parts(),
@@ -37,10 +37,10 @@ def shown(result: ServoResult) -> dict[str, Any]:
     ]
     return {
         "headline": headline(result),
-        "joints": [
-            (joint.joint, joint.reason, number_rows((*joint.numbers, *joint.ratios)))
-            for joint in result.joints
-        ],
+        "columns": ["", *([name, "num"] for name in SUMMARY_COLUMNS[1:])],
+        "summary": summary_rows(result),
+        "reasons": [f"{j.joint}: {j.reason}" for j in result.joints if j.reason],
+        "joints": [(j.joint, number_rows((*j.numbers, *j.ratios))) for j in result.joints],
         "errors": error_rows(result),
         "gains": gain_rows(result),
         "model_error": f"{100.0 * result.model_error:.3g} %",
@@ -54,6 +54,45 @@ def shown(result: ServoResult) -> dict[str, Any]:
         "layout": "one" if len(plots) <= _FEW else "two",
         "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
     }
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
+
+
+_SUMMARY = {
+    "stiffness": ("stiffness, N m/rad", 1.0),
+    "armature": ("armature, kg m²", 1.0),
+    "damping": ("damping, N m s/rad", 1.0),
+    "dry friction": ("dry friction, N m", 1.0),
+    "friction by load": ("friction by load", 1.0),
+    "torque limit": ("torque limit, N m", 1.0),
+    "delay": ("delay, ms", 1e3),
+}
+SUMMARY_COLUMNS = ("joint", *(heading for heading, _ in _SUMMARY.values()))
+
+
+def summary_rows(result: ServoResult) -> list[tuple[str, ...]]:
+    """Numbers of every joint with half of their 95 % interval; a bound where one is not shown."""
+    rows = []
+    for joint in result.joints:
+        cells = [joint.joint]
+        for name, (_, scale) in _SUMMARY.items():
+            number = joint.number(name)
+            if number is None or not np.isfinite(number.value) or number.high == 0.0:
+                cells.append("–")
+            elif number.shown:
+                half = _short(0.5 * scale * (number.high - number.low))
+                cells.append(f"{scale * number.value:.3g} ± {half}")
+            else:
+                cells.append(f"< {_short(scale * number.high)}")
+        rows.append(tuple(cells))
+    return rows
+
+
+def _short(value: float) -> str:
+    """One digit, without an exponent."""
+    return f"{float(f'{value:.1g}'):g}"
 
 
 def headline(result: ServoResult) -> str:
@@ -80,11 +119,14 @@ def number_rows(numbers: tuple[ServoNumber, ...]) -> list[tuple[str, str, str]]:
     """Name, value with unit, and interval of numbers; what is not shown says so."""
     rows = []
     for number in numbers:
+        unit = number.unit.removeprefix("1")
         if number.shown:
-            value = f"{number.value:.4g} {number.unit}"
+            value = f"{number.value:.4g} {unit}".strip()
             interval = f"{number.low:.4g} to {number.high:.4g}"
+        elif number.low == number.high == 0.0:
+            value, interval = "no evidence", "–"
         elif np.isfinite(number.value):
-            value, interval = "not shown", f"{number.low:.2g} to {number.high:.2g} {number.unit}"
+            value, interval = "not shown", f"{number.low:.2g} to {number.high:.2g} {unit}".strip()
         else:
             value, interval = "not reached", "–"
         rows.append((number.name, value, interval))

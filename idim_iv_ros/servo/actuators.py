@@ -69,6 +69,8 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
     for servo in absolute:
         joint = spec.joint(servo.joint)
         joint.armature = rounded(servo, "armature")
+        # The recording says what the torque is limited to, not the data sheet.
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
         _set_first(joint, "damping", rounded(servo, "damping"))
         joint.frictionloss = rounded(servo, "dry friction")
         joint.solref_friction = [_STIFF * step, 1.0]
