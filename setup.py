@@ -21,7 +21,7 @@ for name in ("pyproject.toml", "README.md"):
         Path(name).symlink_to(source / name)
 
 setup(
-    version="0.1.0",
+    version="0.3.0",
     python_requires=">=3.10",
     license="Apache-2.0",
     data_files=[

@@ -22,6 +22,8 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 _SPLINE_SAMPLES = 8
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3
+# Share of a sample by which a held value may come late and still belong to it.
+_EARLY = 0.25
 # A rounded rate may drift by this share of a sample over the recording.
 _DRIFT = 0.25
 
@@ -78,13 +80,20 @@ def make_grid(time: IntArray, first: int, last: int) -> Grid:
 
 
 def on_grid(
-    grid: Grid, time: IntArray, values: FloatArray, origin: str, *, smooth: bool = False
+    grid: Grid,
+    time: IntArray,
+    values: FloatArray,
+    origin: str,
+    *,
+    smooth: bool = False,
+    held: bool = False,
 ) -> Signal:
     """Values (n, n_joints) at stamps `time` (n,) ns, by cubic splines between stamps.
 
     Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
     around it are further apart than a gap, or where its value is not finite; `smooth` ones have no
-    corners there (see `bridged`).
+    corners there (see `bridged`). What is `held` keeps its value until the next stamp, however long
+    that takes, and nothing of it is invented but what comes before the first.
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
@@ -96,6 +105,8 @@ def on_grid(
             if not invented.any():
                 return Signal(read_only(direct), read_only(invented), origin)
     target = grid.time
+    if held:
+        return _held(target + _EARLY / grid.rate, seconds, values, origin)
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
     for joint in range(values.shape[1]):
@@ -109,6 +120,19 @@ def on_grid(
         invented[:, joint] = _unsupported(target, known, gap)
         if smooth:
             bridged(out[:, joint], invented[:, joint], grid.rate)
+    return Signal(read_only(out), read_only(invented), origin)
+
+
+def _held(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
+    """The last finite value (n_samples, n_joints) at `seconds` (n,) not after each time, s."""
+    out = np.zeros((len(target), values.shape[1]))
+    invented = np.ones(out.shape, dtype=bool)
+    for joint in range(values.shape[1]):
+        finite = np.isfinite(values[:, joint])
+        last = np.searchsorted(seconds[finite], target, side="right") - 1
+        there = last >= 0
+        out[there, joint] = values[finite, joint][last[there]]
+        invented[there, joint] = False
     return Signal(read_only(out), read_only(invented), origin)
 
 

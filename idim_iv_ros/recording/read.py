@@ -268,7 +268,9 @@ def _assemble(
         position=joined(grid, parts, joint_states, "position"),
         effort=torque,
         velocity=_optional(grid, parts, joint_states, "velocity"),
-        position_reference=joined(grid, parts, reference, "position") if reference else None,
+        position_reference=(
+            joined(grid, parts, reference, "position", held=effort is None) if reference else None
+        ),
         velocity_reference=_optional(grid, parts, reference, "velocity") if reference else None,
         link_position=(
             joined(grid, parts, request.link_states, "position") if request.link_states else None

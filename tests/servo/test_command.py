@@ -10,7 +10,7 @@ import pytest
 from benchmarks.servos import LIMIT, TRUTH
 from idim_iv_ros import diagnose, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import read_recordings
+from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
 from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
 from idim_iv_ros.servo.identify import identify_servos
 from idim_iv_ros.signals.joint_side import joint_side
@@ -106,3 +106,22 @@ def test_files_of_somebody_else_stay(tmp_path):
     (tmp_path / "servo.xml").write_text("mine")
     with pytest.raises(UsageError, match="not of an earlier"):
         require_servo_files(tmp_path, force=False)
+
+
+def test_commands_of_another_rate_are_held(servo_folder, tmp_path, motion):
+    """Commands at 25 Hz, positions at 100 Hz: a spline between commands would swing beyond them."""
+    time = np.arange(len(motion.position)) / motion.rate
+    coarse = motion.command[::4]
+    write_bag(
+        tmp_path / "run.mcap",
+        [
+            JointTopic("joint_states", ["j"], time, motion.position),
+            JointTopic("command", ["j"], time[::4] + 0.001, coarse),
+        ],
+    )
+    (recording,) = read_recordings(
+        tmp_path / "run.mcap", joints=["j"], effort="none", reference="command"
+    )
+    np.testing.assert_array_equal(
+        recording.position_reference.values[:400, 0], np.repeat(coarse[:100, 0], 4)
+    )
