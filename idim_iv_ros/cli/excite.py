@@ -13,7 +13,7 @@ from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.errors import UsageError
 
 _fourier = partial(typer.Option, rich_help_panel="For identification")
-_LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0}
+_LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0, "servo": 100.0}
 # Between points controllers fit quintics; so many for each period of the fastest content.
 _POINTS_PER_PERIOD = 5.0
 
@@ -24,8 +24,12 @@ def excite_command(
         Path, typer.Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")
     ],
     purpose: Annotated[
-        Literal["identification", "diagnosis"],
-        typer.Option("--for", help="Estimate parameters, or separate the causes of a gap."),
+        Literal["identification", "diagnosis", "servo"],
+        typer.Option(
+            "--for",
+            help="Estimate parameters, separate the causes of a gap, or identify servos "
+            "without torques (20 s).",
+        ),
     ] = "identification",
     floor: Annotated[
         float | None, typer.Option(help="Height all moving frames stay above, m in the base frame.")
@@ -116,6 +120,11 @@ def excite_command(
             trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency
             document = motions.diagnosis_document(model.robot.name, limits, diagnosis, seed)
             tables = {"segments.csv": motions.segment_table(diagnosis.segments)}
+        elif purpose == "servo":
+            trajectory, fastest, document = motions.servo_motion(
+                configuration, limits, rate=rate, seed=seed
+            )
+            tables = {}
         else:
             settings = motions.DesignSettings(
                 period, repeats, rate, harmonics, seed, time_limit, posture, criterion
@@ -134,7 +143,7 @@ def excite_command(
     output.document(document)
     if purpose == "diagnosis":
         print_segments(output.console, model, limits, diagnosis)
-    else:
+    elif purpose == "identification":
         print_excitation(output.console, model, limits, excitation, whole=verbose)
     output.line("Written: " + " ".join(map(str, paths)))
     output.line(

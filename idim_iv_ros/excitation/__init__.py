@@ -6,7 +6,13 @@ from idim_iv_ros.excitation.criterion import (
 )
 from idim_iv_ros.excitation.design import design_excitation
 from idim_iv_ros.excitation.diagnosis import Diagnosis, design_diagnosis
-from idim_iv_ros.excitation.excite import Excitation, excite, load_model, random_motion
+from idim_iv_ros.excitation.excite import (
+    Excitation,
+    excite,
+    load_model,
+    random_motion,
+    servo_motion,
+)
 from idim_iv_ros.excitation.files import (
     diagnosis_document,
     require_message_rate,
@@ -51,6 +57,7 @@ __all__ = [
     "require_place",
     "require_sampling",
     "segment_table",
+    "servo_motion",
     "slowed",
     "stop",
     "write_csv",

@@ -21,6 +21,7 @@ from idim_iv_ros.progress import Progress
 _LEAST_NOISE = 1e-6  # of the torque limit: no effort is measured more finely
 
 _HIGHEST_FREQUENCY = 2.0  # Hz
+_SERVO_SECONDS = 20.0
 _LONGEST = 1000.0  # s; the work grows with the square of the duration
 _SHRINK = 0.8
 _ATTEMPTS = 20
@@ -187,3 +188,33 @@ def random_motion(
         "no random motion keeps the torque limits: design one with idim-iv excite, or look at "
         "the effort limits of the URDF"
     )
+
+
+def servo_motion(
+    configuration: Configuration, limits: MotionLimits, *, rate: float, seed: int
+) -> tuple[Trajectory, float, dict[str, object]]:
+    """Return 20 s that show servos: a random motion as fast as its limits let it be.
+
+    Reversals show dry friction and dead zone, accelerations armature and delay, and postures away
+    from the middle the load that makes torques absolute.
+
+    Returns
+    -------
+    trajectory, highest frequency in Hz, document
+    """
+    trajectory = random_motion(
+        configuration, duration=_SERVO_SECONDS, rate=rate, seed=seed, limits=limits
+    )
+    robot = load_model(configuration).robot
+    use = limit_use(robot, limits, moving_frames(robot), trajectory)
+    document: dict[str, object] = {
+        "format": FORMAT,
+        "purpose": "servo",
+        "robot": robot.name,
+        "joints": list(trajectory.joints),
+        "settings": {"rate": rate, "seed": seed},
+        "duration": trajectory.duration,
+        "limits": limits_document(limits),
+        "use": use_document(use),
+    }
+    return trajectory, _HIGHEST_FREQUENCY, document
