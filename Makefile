@@ -81,7 +81,7 @@ $(VENV)/bin/python:
 		apt-get update -q && apt-get install -q -y python3-venv && $(PYTHON) -m venv $(VENV); }
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --upgrade pip
 
-$(VENV)/ready: $(VENV)/bin/python pyproject.toml setup.py
+$(VENV)/ready: $(VENV)/bin/python pyproject.toml
 	@echo "== installing idim-iv-ros and its dependencies from PyPI"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
 	@touch $@

@@ -37,8 +37,8 @@ SEED = 20260117
 CELLS = 60
 # What only these read changes what is shown beside the causes, and neither verdict nor cause.
 _SHOWN = ("assembly.py", "tracking.py", "where.py")
-_REFIT = ("refit/", "structural/likelihood.py")
-_SEARCH = ("identifiability.py", "structural/", "comparison/", "answer/explained.py")
+_REFIT = ("refit/", "likelihood.py")
+_SEARCH = ("identifiability.py", "comparison/", "answer/explained.py")
 
 Answer = dict[str, object]
 

@@ -8,6 +8,7 @@ from typer import rich_utils
 
 from idim_iv_ros.cli import nodes
 from idim_iv_ros.cli.check import check_command
+from idim_iv_ros.cli.compare import compare_command
 from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.export import export_command
@@ -31,6 +32,7 @@ application = typer.Typer(
 application.command("init")(init_command)
 application.command("check")(check_command)
 application.command("identify")(identify_command)
+application.command("compare")(compare_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
 application.command("servo")(servo_command)
 application.command("export")(export_command)

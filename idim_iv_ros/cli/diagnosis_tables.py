@@ -15,10 +15,12 @@ from idim_iv_ros.diagnosis.result import (
     GapResult,
     Indistinguishable,
 )
+from idim_iv_ros.report.advice import diagnosis_headline
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
     effect_at,
     effect_words,
+    lacking_row,
     small_unit,
     stage_words,
     torque_unit,
@@ -33,6 +35,8 @@ _CAUSES = (
     *("effect, joint", "parameters (± 95 %)", "torque gap, shrinkage", "probable"),
     "indistinguishable from",
 )
+_LACKING = ("effect", ">torque gap there, rms", ">removed (95 %)", ">probable", "or else")
+_WRONG = ("number", "by (± 95 %)", ">probable", "or else")
 _CHANGES = (
     *("what changed", "second set less reference (± 95 %)", "torque that it makes"),
     "indistinguishable from",
@@ -46,45 +50,37 @@ _STAGES = ("joint", "model", ">torque", ">simulation")
 _UNTESTABLE = ("effect", "joint", "why", "record this next")
 
 _MOST_NAMES = 4  # of hints, without --verbose
-_MOST_NUMBERS = 4  # of one cause
 
 
 def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) -> None:
     """Print verdict, causes, stages and what could not be tested.
 
-    Not `whole`: the answer alone, with one line a joint and how much more there is.
+    Not `whole`: what the first screen of the report says, one line a cause and a joint.
     """
     if result.contrast is not None:
         _print_contrast(console, result, result.contrast)
     tone, _, words = VERDICTS[result.verdict]
     words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(Text(f"Verdict: {words}.", style=f"bold {_STYLES[tone]}"))
-    findings = (f"  {finding}" for finding in result.findings) if whole else ()
-    for text in (result.own_summary, *findings):
-        console.print(Text(text))
-    if result.causes:
-        rows = [_cause_row(result, cause, whole) for cause in result.causes]
-        print_table(console, "Causes, strongest first", _CAUSES, rows)
-    if result.stages and whole:
-        _print_stages(console, result)
-    elif result.stages:
+    if whole:
+        _print_whole(console, result)
+    else:
+        _print_first_screen(console, result)
+
+
+def _print_first_screen(console: Console, result: GapResult) -> None:
+    console.print(Text(" ".join(diagnosis_headline(result))))
+    causes = [(lacking_row(result, cause), cause) for cause in result.causes]
+    lacking = [row for row, cause in causes if cause.kind == "structural"]
+    if lacking:
+        print_table(console, "What the simulator cannot do", _LACKING, lacking)
+    wrong = [(row[0], _parameters(cause.parameters, 2), row[3], row[4])
+             for row, cause in causes if cause.kind == "parametric"]  # fmt: skip
+    if wrong:
+        print_table(console, "Numbers of the model that are wrong", _WRONG, wrong)
+    if result.stages:
         _print_gaps(console, result)
     names = [effect_at(hint.effect, hint.joint, hint.other_joint) for hint in result.hints]
-    groups = untestable(result)
-    if whole and names:
-        reasons = [(hint.chosen_in_folds or "–", hint.reason) for hint in result.hints]
-        rows = [(name, *reason) for name, reason in zip(names, reasons, strict=True)]
-        print_table(console, "Hints, no causes", _HINTS, rows)
-    if whole and groups:
-        rows = [
-            (effect_words(group.effect), group.joints or "all", group.reason,
-             group.excitation_needed)
-            for group in groups
-        ]  # fmt: skip
-        print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
-    if whole:
-        print_marked(console, "Note", result.notes)
-        return
     if names:
         more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
         console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))
@@ -92,13 +88,41 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
         f"{len(items)} {words if len(items) > 1 else words[:-1]}"
         for items, words in (
             (result.findings, "findings"),
-            (groups, "untestable effects"),
+            (untestable(result), "untestable effects"),
             (result.notes, "notes"),
         )
         if items
     ]
-    if names or left:
-        console.print(Text(f"--verbose adds {', '.join([*['why'] * bool(names), *left])}"))
+    console.print(Text(f"--verbose adds {', '.join(['all numbers', *left])}"))
+
+
+def _print_whole(console: Console, result: GapResult) -> None:
+    for text in (result.own_summary, *(f"  {finding}" for finding in result.findings)):
+        console.print(Text(text))
+    if result.causes:
+        rows = [_cause_row(result, cause) for cause in result.causes]
+        print_table(console, "Causes, strongest first", _CAUSES, rows)
+    if result.stages:
+        _print_stages(console, result)
+    if result.hints:
+        rows = [
+            (
+                effect_at(hint.effect, hint.joint, hint.other_joint),
+                hint.chosen_in_folds or "–",
+                hint.reason,
+            )
+            for hint in result.hints
+        ]
+        print_table(console, "Hints, no causes", _HINTS, rows)
+    groups = untestable(result)
+    if groups:
+        rows = [
+            (effect_words(group.effect), group.joints or "all", group.reason,
+             group.excitation_needed)
+            for group in groups
+        ]  # fmt: skip
+        print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
+    print_marked(console, "Note", result.notes)
 
 
 def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
@@ -130,37 +154,29 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
     print_marked(console, "Note", contrast.notes)
 
 
-def _cause_row(result: GapResult, cause: Cause, whole: bool) -> tuple[str, ...]:
+def _cause_row(result: GapResult, cause: Cause) -> tuple[str, ...]:
     """Return the cells of a cause; its gap is that of its joint and of others that it changes."""
     joints = ", ".join(filter(None, (cause.joint, cause.other_joint))) or "all joints"
-    gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
-    shrinkage = "shrinkage unknown"
-    if gap.shrinkage is not None:
-        ends = [f"{100.0 * end:.0f}" for end in gap.ci95 or ()]
-        interval = f" ({' to '.join(ends)} %)" if ends else ""
-        shrinkage = f"{100.0 * gap.shrinkage:.0f} %{interval} less"
-    lines = [f"{gap.before:.3g} → {gap.after:.3g} {unit}", shrinkage]
-    gaps = sorted(cause.joint_gaps, key=lambda other: -other.share_of_torque)
-    for other in gaps if whole else gaps[:1]:
+    _, sizes, share, probable, _ = lacking_row(result, cause)
+    lines = [sizes, f"{share} less" if cause.torque_gap.shrinkage is not None else "share unknown"]
+    for other in sorted(cause.joint_gaps, key=lambda other: -other.share_of_torque):
         if other.joint != cause.joint:
             unit = torque_unit(result, other.joint)
             lines.append(f"{other.joint}: {other.before:.3g} → {other.after:.3g} {unit}")
         lines.append(f"{100.0 * other.share_of_torque:.3g} % of its torque")
-    if not whole and len(gaps) > 1:
-        lines.append(f"and {len(gaps) - 1} joints more")
     return (
         f"{effect_words(cause.effect)}\n{joints}",
         _parameters(cause.parameters),
         "\n".join(lines),
-        "–" if cause.probability is None else f"{100.0 * cause.probability:.0f} %",
+        probable,
         _alternatives(cause.indistinguishable_from, cause.joint),
     )
 
 
-def _parameters(parameters: dict[str, EffectParameter]) -> str:
+def _parameters(parameters: dict[str, EffectParameter], most: int = 4) -> str:
     """Return the best determined numbers under their names in gap.json, and how many are left."""
     lines = []
-    for name, parameter in surest(parameters, _MOST_NUMBERS).items():
+    for name, parameter in surest(parameters, most).items():
         number = filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
         lines.append(f"{name.replace('_', ' ')} = {' '.join(number)}")
     left = len(parameters) - len(lines)

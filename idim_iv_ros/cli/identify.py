@@ -120,6 +120,11 @@ def print_parameters(
         most=None if whole else LONGEST,
         rest="--verbose prints all, and the report has them",
     )
+    console.print(
+        "Names by joint: M mass, MX … first moments, XX … inertias, Ia drive inertia, Fv and Fc "
+        "friction, off offset; each with what is grouped with it.",
+        style="dim",
+    )
 
 
 def print_remarks(console: Console, result: IdentificationResult) -> None:

@@ -29,6 +29,10 @@ def import_command(
         str | None,
         typer.Option(metavar="a,b,c", help="Names for the columns; of a data set JOINT=COLUMN."),
     ] = None,
+    columns: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.yaml", help="A table and its columns; `idim-iv init TABLE`."),
+    ] = None,
     lerobot: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="A LeRobot data set instead of tables.")
     ] = None,
@@ -50,7 +54,7 @@ def import_command(
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
 ) -> None:
-    """Turn tables (.csv .npy .npz .mat .parquet) or a LeRobot episode into a bag.
+    """Turn tables (.csv .npy .npz .mat .parquet .h5) or a LeRobot episode into a bag.
 
     KEY is a variable (.npz, .mat) or comma-separated columns: their names (.parquet, the first
     line of a .csv), or their numbers, counted from 0 (d.csv:0,1). A few rows of NaN or impossible
@@ -60,7 +64,7 @@ def import_command(
     """
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.model import read_urdf_file
-    from idim_iv_ros.recording import import_table
+    from idim_iv_ros.recording import import_mapped, import_table
     from idim_iv_ros.recording.lerobot import import_lerobot
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -68,6 +72,10 @@ def import_command(
     if not all(names) or len(set(names)) != len(names):
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
     described = None if urdf is None else read_urdf_file(urdf)
+    if columns is not None:
+        mapped = import_mapped(out, columns, robot_description=described, force=force)
+        _print_summary(output, out, mapped, described is not None)
+        return
     if lerobot is not None:
         summary = import_lerobot(
             out,
@@ -81,7 +89,7 @@ def import_command(
         _print_summary(output, out, summary, described is not None)
         return
     if position is None or not names:
-        raise UsageError("give --position and --joints, or --lerobot FOLDER")
+        raise UsageError("give --columns MAP.yaml, --position and --joints, or --lerobot FOLDER")
     summary = import_table(
         out,
         joints=names,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+
+if TYPE_CHECKING:
+    from idim_iv_ros.cli.output import Output
 
 
 def init_command(
@@ -25,23 +28,32 @@ def init_command(
             "YAML file with the same keys."
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="The configuration to write.")] = Path("my_arm.yaml"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The configuration to write; my_arm.yaml, of a table map.yaml."),
+    ] = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
 ) -> None:
     """Write a first configuration from what a bag holds, every key with a comment.
 
-    Joints, topics, the unit of the efforts and the control law are proposed, with the reasons.
+    Joints, topics, the unit of the efforts and the control law are proposed, with the reasons. Of
+    a table (.csv .h5 .parquet .npz .mat) it writes a map of the columns for `idim-iv import`.
 
     Example: idim-iv init run1.mcap --urdf ur5.urdf --out ur5.yaml
     """
     from idim_iv_ros.cli.output import Output, next_command, print_marked
     from idim_iv_ros.cli.table import print_table
     from idim_iv_ros.files import INIT_FORMAT, require_file_place
+    from idim_iv_ros.recording.table_map import SUFFIXES as TABLES
     from idim_iv_ros.signal_source import NO_EFFORT
 
     output = Output(quiet=quiet, as_json=as_json)
+    if bags[0].suffix.lower() in TABLES:
+        _propose_map(output, bags[0], out or Path("map.yaml"), force=force)
+        return
+    out = out or Path("my_arm.yaml")
     require_file_place([out], force=force)
     with output.progress() as progress:
         from idim_iv_ros.first_configuration import propose_configuration, write_configuration
@@ -75,3 +87,20 @@ def init_command(
     servo = values["signals"].get("effort") == NO_EFFORT
     following = ("servo", "--out", "servos") if servo else ("check",)
     output.line(f"Next: {next_command(following[0], bags, out, *following[1:])}")
+
+
+def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
+    """Write the map of a table, and say what comes next."""
+    from idim_iv_ros.encoding import shell_command
+    from idim_iv_ros.files import require_file_place, write_together
+    from idim_iv_ros.recording.propose_map import proposed_map
+
+    require_file_place([out], force=force)
+    text = proposed_map(table)
+    if table.parent.resolve() != out.parent.resolve():
+        text = text.replace(f"file: '{table.name}'", f"file: '{table.resolve()}'", 1)
+    write_together({out: text})
+    output.line(text.rstrip())
+    output.line(f"Written: {out}: correct it where it is wrong")
+    bag = shell_command(f"{table.stem}.mcap")
+    output.line(f"Next: idim-iv import {bag} --columns {shell_command(str(out))}")

@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import Explained
-from idim_iv_ros.diagnosis.answer.named_model import NamedModel
+from idim_iv_ros.diagnosis.answer.named_model import NamedModel, matters
 from idim_iv_ros.diagnosis.answer.parameter_errors import (
     NumberErrors,
     parameter_errors,
@@ -36,7 +36,6 @@ from idim_iv_ros.diagnosis.tracking import Tracking, tracking_series, with_track
 from idim_iv_ros.diagnosis.transmission.causes import described, measured_behind
 from idim_iv_ros.diagnosis.transmission.measure import Measured
 from idim_iv_ros.diagnosis.unexplained import (
-    small_nonparametric,
     unexplained,
     unexplained_residual,
 )
@@ -46,6 +45,7 @@ from idim_iv_ros.identification.consistency import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
+from idim_iv_ros.types import FloatArray
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
@@ -81,8 +81,8 @@ def _taken(cause: Cause, data: Baseline) -> float:
     """Energy of the torque gap that a cause takes, as a share of the torque's, over its joints."""
     if cause.joint_gaps:
         return sum(
-            float(np.sign(each.share_of_torque)) * each.share_of_torque**2
-            for each in cause.joint_gaps
+            float(np.sign(joint_gap.share_of_torque)) * joint_gap.share_of_torque**2
+            for joint_gap in cause.joint_gaps
         )
     taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
     joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
@@ -170,7 +170,7 @@ def assembled(found: Diagnosis) -> GapResult:
     data, law = refit.data, found.law
     left_out = data.left_out
     causes = strongest_first(found.causes, data)
-    outside = unexplained(data, model)
+    outside = unexplained(data, model, found.explained.floors)
     session = data.prepared.session.parts
     physical, why_not = _consistent(refit, model)
     errors = parameter_errors(data, found.errors)
@@ -182,7 +182,7 @@ def assembled(found: Diagnosis) -> GapResult:
     verdict = verdict_of(
         causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
     )
-    differing = [each for each in found.recordings if not each.agrees]
+    differing = [recording for recording in found.recordings if not recording.agrees]
     gaps = [gap for gap in found.where.joints if data.joints.index(gap.joint) not in left_out]
     summary = [
         sentences.disagreement(differing),
@@ -220,7 +220,7 @@ def assembled(found: Diagnosis) -> GapResult:
         hints=found.hints,
         unexplained=outside,
         where=found.where,
-        findings=tuple(sentences.finding(each, session) for each in found.findings),
+        findings=tuple(sentences.finding(finding, session) for finding in found.findings),
         not_testable=tuple(
             each for each in found.not_testable if (each.effect, each.joint) not in named
         ),
@@ -242,8 +242,12 @@ def assembled(found: Diagnosis) -> GapResult:
             if lead > LEAST_LEAD
         },
         recordings=found.recordings,
-        transmissions=tuple(each.result for each in found.transmissions),
-        twists=tuple(each.series for each in found.transmissions if each.series is not None),
+        transmissions=tuple(transmission.result for transmission in found.transmissions),
+        twists=tuple(
+            transmission.series
+            for transmission in found.transmissions
+            if transmission.series is not None
+        ),
     )
 
 
@@ -261,7 +265,7 @@ def _with_weightless(refit: Refit, stages: tuple[Stage, ...]) -> tuple[Stage, ..
 def _series(refit: Refit, model: NamedModel) -> tuple[GapSeries, ...]:
     """Measured torque and that of three models for the figures, one series for each joint."""
     data, regression = refit.data, refit.regression
-    residuals = nominal_residuals(data, regression)
+    residuals, given = nominal_residuals(data, regression), data.prepared.given
     made = []
     for joint, name in enumerate(data.joints):
         torque = regression.joints[joint].torque
@@ -274,6 +278,9 @@ def _series(refit: Refit, model: NamedModel) -> tuple[GapSeries, ...]:
                 given=None if residuals is None else torque - residuals[joint],
                 refit=torque - model.fits[0].residuals[joint],
                 extended=torque - model.fit.residuals[joint],
+                friction=_friction(refit, joint, model.fit.values)
+                + _friction_of_effects(model, joint),
+                given_friction=None if given is None else _friction(refit, joint, given),
                 position=motion.position,
                 speed=motion.velocity,
                 load=motion.load,
@@ -282,6 +289,25 @@ def _series(refit: Refit, model: NamedModel) -> tuple[GapSeries, ...]:
             )
         )
     return tuple(made)
+
+
+def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
+    """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
+    rows, names = refit.regression.joints[joint], refit.data.prepared.model.base.names
+    own = {f"{kind}{joint + 1}" for kind in ("Fv", "Fc", "off")}
+    chosen = [place for place, column in enumerate(rows.columns) if names[column] in own]
+    return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
+
+
+def _friction_of_effects(model: NamedModel, joint: int) -> FloatArray:
+    """Friction (r,) of one joint that effects of the extended model add, N m (N)."""
+    friction, start = np.zeros(len(model.fit.residuals[joint])), 0
+    for term in model.effects:
+        coefficients = model.fit.coefficients[start : start + term.width]
+        start += term.width
+        if term.effect.part == "friction" and joint in term.columns:
+            friction += term.columns[joint] @ coefficients
+    return friction
 
 
 def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
@@ -293,7 +319,7 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         *(ripple.sentence(data.joints) for ripple in found.refit.ripples),
         softened and softened.sentence(data.joints),
         law_speed and f"the speed in the control law: {law_speed}",
-        *(described(each.result) for each in found.transmissions),
+        *(described(transmission.result) for transmission in found.transmissions),
         *found.excluded,
         tested.note and f"held-out gaps: {tested.note}",
         *(floor.note and f"noise floor: {floor.note}" for floor in found.explained.floors),
@@ -308,9 +334,9 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
     notes += [
         *found.law.beyond,
         *(
-            f"{data.joints[each.joint]} is left out: {each.sentence}"
-            for each in prepared.joint_findings
-            if each.left_out
+            f"{data.joints[joint_finding.joint]} is left out: {joint_finding.sentence}"
+            for joint_finding in prepared.joint_findings
+            if joint_finding.left_out
         ),
         ARMATURE_MISSING * prepared.armature_missing,
         prepared.why_no_given,
@@ -322,7 +348,8 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         *prepared.reasons,
         *(
             sentences.small_nonparametric(data, each)
-            for each in small_nonparametric(data, found.explained.model)
+            for each in found.explained.model.outside
+            if not matters(each)
         ),
     ]
     return tuple(dict.fromkeys(note for note in notes if note))
@@ -338,7 +365,7 @@ def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | N
     sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
     covariance = fit.covariance[:parameters, :parameters]
     # Effects of friction share their joint's Fv and Fc: only the sum is friction.
-    friction = [each for each in model.effects if each.effect.part == "friction"]
+    friction = [effect for effect in model.effects if effect.effect.part == "friction"]
     joints = {joint for each in friction for joint in each.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
     return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)

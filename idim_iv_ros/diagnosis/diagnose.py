@@ -143,7 +143,7 @@ def concluded(
     tracked = tracked_stages(data, model, data.prepared.given)
     simulated = simulation_gaps(model, tracked)
 
-    agreed = agreement(data, regression, [each.term for each in found.effects], without)
+    agreed = agreement(data, regression, [effect.term for effect in found.effects], without)
     errors = number_errors(found)
     numbers = parametric_causes(data, found, errors)
     law = check_law(data, without, shift=refit.shift.shift)

@@ -53,9 +53,9 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
         gap = GapResult.from_json(text, name)
         joints, settings, effects = gap.joints, gap.configuration, gap.causes
         left_out = tuple(
-            f"{each.effect.replace('_', ' ')} at {each.joint or 'all joints'}"
-            for each in effects
-            if each.kind == "structural"
+            f"{effect.effect.replace('_', ' ')} at {effect.joint or 'all joints'}"
+            for effect in effects
+            if effect.kind == "structural"
         )
         found = NominalModel(name, gap.robot, left_out, dict(gap.extended_parameters))
         expressions = _expressions(gap.configuration)
@@ -63,11 +63,11 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
         result = IdentificationResult.from_json(text, name)
         joints, settings = result.joints, result.configuration
         parameters = {
-            each.name: EffectParameter(each.value, each.std, each.unit)
-            for each in result.parameters
+            parameter.name: EffectParameter(parameter.value, parameter.std, parameter.unit)
+            for parameter in result.parameters
         }
         found = NominalModel(name, result.robot, (), parameters)
-        expressions = {each.name: each.expression for each in result.parameters}
+        expressions = {parameter.name: parameter.expression for parameter in result.parameters}
     wanted = tuple(configuration.robot.joints)
     if tuple(joints) != wanted:
         raise UsageError(
@@ -195,8 +195,8 @@ def _with_given(model: InverseModel, values: FloatArray) -> InverseModel:
     layout, base = model.regressor.layout, model.base
     given = layout.vector(model.robot.given)
     sizes = np.abs(given)
-    for kind in {each.kind for each in layout.parameters}:
-        of_kind = np.array([each.kind == kind for each in layout.parameters])
+    for kind in {parameter.kind for parameter in layout.parameters}:
+        of_kind = np.array([parameter.kind == kind for parameter in layout.parameters])
         present = sizes[of_kind & (sizes > 0.0)]
         sizes[of_kind] = np.maximum(
             sizes[of_kind], float(np.median(present)) if len(present) else 1.0
@@ -204,7 +204,7 @@ def _with_given(model: InverseModel, values: FloatArray) -> InverseModel:
     missing = values - base.from_standard(given)
     change = sizes * np.linalg.lstsq(base.grouping * sizes, missing, rcond=None)[0]
     changed = layout.dynamic_parameters(given + change)
-    kinds = {each.kind for each in layout.parameters}
+    kinds = {parameter.kind for parameter in layout.parameters}
     if "Ia" not in kinds:
         changed = replace(changed, drive_inertia=model.robot.given.drive_inertia)
     return replace(model, robot=replace(model.robot, given=changed, doubts=()))

@@ -18,8 +18,12 @@ def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, Ef
     A mass is first, and always among them: it is what a payload is known by. All where no number
     is fitted.
     """
-    ratios = {name: abs(each.value) / each.std for name, each in parameters.items() if each.std}
+    ratios = {
+        name: abs(parameter.value) / parameter.std
+        for name, parameter in parameters.items()
+        if parameter.std
+    }
     ordered = sorted(ratios, key=lambda name: (name != "mass", -ratios[name]))
     chosen = ordered[:most] or list(parameters)
-    shown = {name: each for name, each in parameters.items() if name in chosen}
+    shown = {name: parameter for name, parameter in parameters.items() if name in chosen}
     return {name: shown[name] for name in sorted(shown, key=lambda name: name != "mass")}

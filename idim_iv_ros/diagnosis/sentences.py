@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_event import LawEvent
@@ -18,8 +20,6 @@ from idim_iv_ros.diagnosis.result import (
     RecordingAgreement,
     Unexplained,
 )
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
@@ -30,7 +30,7 @@ MOST_EVENTS = 5  # that are listed
 
 def structural_cause(
     data: Baseline,
-    effect: Candidate,
+    effect: Term,
     numbers: dict[str, EffectParameter],
     others: Sequence[Indistinguishable],
     gap: Gap,
@@ -180,9 +180,9 @@ def beyond_the_law(
         names = [recording.path.name for recording in data.prepared.recordings]
         unit = data.unit_at(joint, "N m")
         shown = [
-            f"{each.size:+.3g} {unit} from {each.begin:.2f} to {each.end:.2f} s of "
-            f"{names[each.recording]}"
-            for each in events[:most]
+            f"{event.size:+.3g} {unit} from {event.begin:.2f} to {event.end:.2f} s of "
+            f"{names[event.recording]}"
+            for event in events[:most]
         ]
         more = len(events) - len(shown)
         text += f", most of it {', '.join(shown)}" + (f" and {more} more times" if more else "")
@@ -223,25 +223,24 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
     )
 
 
-def nonparametric(data: Baseline, candidate: Candidate) -> str:
+def nonparametric(data: Baseline, term: Term) -> str:
     """What a function that is no effect of the catalogue describes, and where."""
-    joint = candidate.place.joint
-    effect = candidate.effect
+    joint, effect = term.place.joint, term.effect
     if not isinstance(effect, Nonparametric):
         name = spaced(effect.name)
         return f"{data.joints[joint]}: a torque like that of {name}, which it cannot be (see hints)"
     text = f"{data.joints[joint]}: a torque that {effect.words}"
-    shape = candidate.shape
+    shape = term.shape
     if isinstance(shape, StopShape):
         side = "above" if shape.side > 0 else "below"
         text += f", {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
     return text
 
 
-def small_nonparametric(data: Baseline, candidate: Candidate) -> str:
-    """The same where it is too small to matter."""
-    share = 100.0 * candidate.share_of_torque(data.torque_sizes)
-    return f"{nonparametric(data, candidate)}: {share:.3g} % of its torque, too small to matter"
+def small_nonparametric(data: Baseline, term: Term) -> str:
+    """What such a function describes where it is too small to matter."""
+    share = 100.0 * float(term.visible[term.place.joint])
+    return f"{nonparametric(data, term)}: {share:.3g} % of its torque, too small to matter"
 
 
 def events(
@@ -337,7 +336,9 @@ def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
 
 def left_out(data: Baseline) -> str:
     """Joints that say nothing, and why the first of them does not."""
-    out = [each for each in data.prepared.joint_findings if each.left_out]
+    out = [
+        joint_finding for joint_finding in data.prepared.joint_findings if joint_finding.left_out
+    ]
     if not out:
         return ""
     names = ", ".join(data.joints[each.joint] for each in out)
@@ -354,9 +355,9 @@ def further_causes(causes: Sequence[Cause]) -> str:
     """Causes after the first in a few words each."""
     most = settings.MOST_CAUSES_IN_SUMMARY
     listed = [
-        f"{spaced(each.effect)}{f' at {each.joint}' if each.joint else ''} "
-        f"({listed_numbers(each.effect, each.parameters, 1)}; {likely(each.probability)})"
-        for each in causes[:most]
+        f"{spaced(cause.effect)}{f' at {cause.joint}' if cause.joint else ''} "
+        f"({listed_numbers(cause.effect, cause.parameters, 1)}; {likely(cause.probability)})"
+        for cause in causes[:most]
     ]
     more = len(causes) - len(listed)
     if more > 0:
@@ -386,7 +387,7 @@ def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str
         )
     if not causes:
         return ""
-    if any(each.indistinguishable_from for each in causes):
+    if any(cause.indistinguishable_from for cause in causes):
         return (
             "next: put the causes into the simulator (idim-iv export), or record the motion that "
             "the report names, which tells them apart"
@@ -402,9 +403,9 @@ def capitalised(text: str) -> str:
 def or_else(others: Sequence[Indistinguishable]) -> str:
     """What a cause may be as well, with the weight of each in the set."""
     listed = ", ".join(
-        f"{spaced(each.effect)}{f' of {each.joint}' if each.joint else ''} "
-        f"({100.0 * each.weight:.0f} %)"
-        for each in others
+        f"{spaced(other.effect)}{f' of {other.joint}' if other.joint else ''} "
+        f"({100.0 * other.weight:.0f} %)"
+        for other in others
     )
     return listed and f"; this recording cannot exclude {listed}"
 

@@ -190,6 +190,8 @@ EVENT_KURTOSIS = Setting(4.0, "excess kurtosis",
 EVENT_SAMPLES = Setting(0.01, "samples", "the largest samples, which are taken for events", CHOSEN)
 EVENT_ENERGY = Setting(0.12, "energy of the whitened residual",
     "energy of those samples, at least", CHOSEN)
+STRUCTURE_OVER_NOISE = Setting(1.2, "energy of the noise floor",
+    "energy of a refit's residual from which on something is left in it that is not noise", CHOSEN)
 UNEXPLAINED_OVER_NOISE = Setting(3.0, "noise floor",
     "gap of the last model from which on it may be called unexplained", CHOSEN)
 UNEXPLAINED_OF_TORQUE = Setting(0.1, "torque of the joint (rms)",
@@ -242,9 +244,10 @@ def table() -> Iterator[str]:
     files = readers()
     yield "| name | value | unit | decides | origin | read in `idim_iv_ros/diagnosis/` |"
     yield "|---|---|---|---|---|---|"
-    for name, each in all_settings().items():
+    for name, setting in all_settings().items():
         read = ", ".join(files[name])
-        yield f"| `{name}` | {each:g} | {each.unit} | {each.decides} | {each.origin} | {read} |"
+        cells = (f"`{name}`", f"{setting:g}", setting.unit, setting.decides, setting.origin, read)
+        yield f"| {' | '.join(cells)} |"
 
 
 if __name__ == "__main__":

@@ -208,9 +208,9 @@ def tracked_stages(data: Baseline, model: NamedModel, given: FloatArray | None) 
     effects: list[tuple[str, Place, dict[str, EffectParameter]]] = []
     for number, fit in enumerate(model.fits):
         if number > 0:
-            candidate = model.effects[number - 1]
+            term = model.effects[number - 1]
             parameters = effect_parameters(model, number - 1)
-            effects.append((candidate.effect.name, candidate.place, parameters))
+            effects.append((term.effect.name, term.place, parameters))
         simulated = simulated_effects(data, effects)
         tracked.append(simulated_tracking(data, fit.values, simulated))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
@@ -227,6 +227,6 @@ def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking]) -> list[Simu
     """Gap of the simulated motion at the joint of each effect, before and after it."""
     refit = len(tracked) - len(model.fits)
     return [
-        simulation_gap(tracked[refit + number], tracked[refit + number + 1], candidate.place.joint)
-        for number, candidate in enumerate(model.effects)
+        simulation_gap(tracked[refit + number], tracked[refit + number + 1], term.place.joint)
+        for number, term in enumerate(model.effects)
     ]

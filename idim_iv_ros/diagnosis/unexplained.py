@@ -5,43 +5,40 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.answer.named_model import NamedModel
+from idim_iv_ros.diagnosis.answer.named_model import NamedModel, matters
+from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_event import events_in
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
+from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 
 
-def unexplained(data: Baseline, model: NamedModel) -> Unexplained | None:
-    """Describe the largest residual outside the catalogue; None where there is none."""
-    sizes = data.torque_sizes
-    large = [
-        each
-        for each in model.outside
-        if each.share_of_torque(sizes) >= settings.LEAST_NONPARAMETRIC
+def unexplained(
+    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]
+) -> Unexplained | None:
+    """Describe the largest residual outside the catalogue; None where there is none.
+
+    Where a joint's gap is its noise nothing is unexplained, whatever the shape of the noise.
+    """
+    loud = [
+        joint
+        for joint, floor in enumerate(floors)
+        if joint not in data.left_out and above_noise(model.fit.residuals[joint], floor)
     ]
-    if large:
-        largest = max(large, key=lambda each: each.gain)
+    outside = [term for term in model.outside if matters(term) and term.place.joint in loud]
+    largest = max(outside, key=lambda term: term.evidence, default=None)
+    if largest is not None:
         joint = largest.place.joint
         # A function that leaves the events takes what follows from them: the law answers.
         both = _events(data, model.whole, joint) and _events(data, model.fit, joint)
-        return both or _described(data, largest)
-    joints = sorted(set(range(len(data.joints))) - data.left_out)
-    present = [each for joint in joints if (each := _events(data, model.whole, joint)) is not None]
-    return max(present, key=lambda each: each.share, default=None)
-
-
-def small_nonparametric(data: Baseline, model: NamedModel) -> list[Candidate]:
-    """Functions outside the catalogue that are too small to matter."""
-    sizes = data.torque_sizes
-    return [
-        each for each in model.outside if each.share_of_torque(sizes) < settings.LEAST_NONPARAMETRIC
-    ]
+        return both or _described(data, model, largest)
+    events = [event for joint in loud if (event := _events(data, model.whole, joint)) is not None]
+    return max(events, key=lambda event: event.share, default=None)
 
 
 def unexplained_residual(
@@ -69,14 +66,19 @@ def unexplained_residual(
     return sorted(found, key=lambda each: -each[2])
 
 
-def _described(data: Baseline, candidate: Candidate) -> Unexplained:
-    joint = candidate.place.joint
-    share = 1.0 - float(np.exp(-2.0 * candidate.gain / len(data.rows[joint].torque)))
+def _described(data: Baseline, model: NamedModel, term: Term) -> Unexplained:
+    """A term outside the catalogue, with its share of the energy of the whitened residual."""
+    joint = term.place.joint
+    noise, segments = model.whole.noise_models[joint], data.rows[joint].segments
+    before, after = (
+        float(np.sum(noise.standardized(fit.residuals[joint], segments) ** 2))
+        for fit in (model.fit, model.whole)
+    )
     return Unexplained(
         joint=data.joints[joint],
-        family=candidate.effect.family,
-        share=share,
-        where=sentences.nonparametric(data, candidate),
+        family=term.effect.family,
+        share=max(1.0 - after / max(before, 1e-300), 0.0),
+        where=sentences.nonparametric(data, term),
     )
 
 
@@ -96,7 +98,7 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     if size < settings.LEAST_NONPARAMETRIC * data.torque_sizes[joint]:
         return None
     largest, recording = int(np.argmax(energy)), data.recordings[joint]
-    time = data.counting(joint, [each.elapsed[each.decimation.kept] for each in data.motions])
+    time = data.counting(joint, [motion.elapsed[motion.decimation.kept] for motion in data.motions])
     first = (int(recording[largest]), float(time[largest]))
     more = [(each.recording, each.begin) for each in events_in(white, recording, time)]
     return Unexplained(

@@ -20,7 +20,6 @@ _LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
 _LEAST_ENERGY = 0.2  # of the gap, the same
 _NOMINAL_FINDINGS = 3  # at most, about the nominal model
 _REFIT_FINDINGS = 2  # at most, about the refit
-_REFIT_STRUCTURE = 1.2  # energies of the noise floor from which on the refit's residual is said
 _UNITS = {
     "speed": "rad/s",
     "direction": "",
@@ -84,18 +83,18 @@ def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
     slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
 
     def at_rows(values: Sequence[FloatArray]) -> FloatArray:
-        kept = [part[each.decimation.kept] for part, each in zip(values, motions, strict=True)]
+        kept = [part[motion.decimation.kept] for part, motion in zip(values, motions, strict=True)]
         return data.counting(joint, kept)
 
     return MotionAtRows(
-        time=at_rows([each.time for each in motions]),
-        position=at_rows([each.position[:, joint] for each in motions]),
-        velocity=at_rows([each.velocity[:, joint] for each in motions]),
-        load=at_rows([each.load[:, joint] for each in motions]),
+        time=at_rows([motion.time for motion in motions]),
+        position=at_rows([motion.position[:, joint] for motion in motions]),
+        velocity=at_rows([motion.velocity[:, joint] for motion in motions]),
+        load=at_rows([motion.load[:, joint] for motion in motions]),
         since_reversal=at_rows(
             [
-                since_reversal(each.position[:, joint], each.velocity[:, joint], slowest)
-                for each in motions
+                since_reversal(motion.position[:, joint], motion.velocity[:, joint], slowest)
+                for motion in motions
             ]
         ),
     )
@@ -394,12 +393,18 @@ def where(
         structured = {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if name not in left_out
-            and (floor.sigma is None or np.mean(residual**2) > _REFIT_STRUCTURE * floor.sigma**2)
+            if name not in left_out and above_noise(residual, floor)
         }
         found = [each for each in found if each.regime.joint in structured]
         findings += found[:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
+
+
+def above_noise(residual: FloatArray, floor: NoiseFloor) -> bool:
+    """Whether a joint's residual (r,) holds more than noise; so does one whose noise is unknown."""
+    if floor.sigma is None:
+        return True
+    return float(np.mean(residual**2)) > settings.STRUCTURE_OVER_NOISE * floor.sigma**2
 
 
 def _regimes(

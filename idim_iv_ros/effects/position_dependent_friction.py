@@ -119,7 +119,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
         """The same of many waves."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = np.ascontiguousarray(motion.slip[:, place.joint])
-        waves = iter(wave_columns(q, [each for each in shapes if isinstance(each, Waves)]))
+        waves = iter(wave_columns(q, [shape for shape in shapes if isinstance(shape, Waves)]))
         made = []
         for shape in shapes:
             if isinstance(shape, Waves):

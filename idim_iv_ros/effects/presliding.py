@@ -111,7 +111,7 @@ class Presliding(StructuralEffect[BristleShape]):
         crossed = 0.5 * acceleration * (_LEAST_ROWS / covered.row_rate) ** 2
         least = max(1e-4 * float(covered.lever[place.joint]), crossed)
         spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
-        return [BristleShape((float(each),)) for each in spans]
+        return [BristleShape((float(span),)) for span in spans]
 
     def longer(
         self, shape: BristleShape, place: Place, covered: OperatingRange

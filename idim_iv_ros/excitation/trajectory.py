@@ -67,7 +67,7 @@ class Trajectory:
             )
         columns = [self.joints.index(joint) for joint in joints]
         signals = (self.position, self.velocity, self.acceleration)
-        return Trajectory(tuple(joints), self.rate, *(each[:, columns] for each in signals))
+        return Trajectory(tuple(joints), self.rate, *(signal[:, columns] for signal in signals))
 
 
 def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -136,7 +136,7 @@ def propose_configuration(
         "signals": {**sources, "effort_unit": unit.unit},
     }
     warnings = joints.warnings + tuple(
-        f"{joints.joints[each.joint]}: {each.sentence}" for each in findings
+        f"{joints.joints[finding.joint]}: {finding.sentence}" for finding in findings
     )
     if preset is not None:
         warnings += _merge(preset, values, reasons, named, missing)

@@ -62,7 +62,7 @@ def _from_limits(
     statistics: Sequence[EffortStatistics | None], limits: JointLimits, names: list[str]
 ) -> EffortUnit:
     """Compare the size of what friction leaves: a simulator's damping knows no limit."""
-    peaks = np.array([0.0 if each is None else each.peak for each in statistics])
+    peaks = np.array([0.0 if statistic is None else statistic.peak for statistic in statistics])
     known = np.isfinite(limits.effort) & (limits.effort > 0.0)
     if not known.any():
         return EffortUnit(

@@ -74,11 +74,11 @@ class TopicContents:
 
     def with_position(self) -> set[str]:
         """Joints of which there are positions."""
-        return {name for name, each in self.joints.items() if each.lowest is not None}
+        return {name for name, joint in self.joints.items() if joint.lowest is not None}
 
     def with_effort(self) -> set[str]:
         """Joints of which some effort is not zero."""
-        return {name for name, each in self.joints.items() if each.largest_effort}
+        return {name for name, joint in self.joints.items() if joint.largest_effort}
 
 
 @dataclass(frozen=True)
@@ -164,11 +164,11 @@ def _joints(
 ) -> dict[tuple[str, bool], dict[str, JointContents]]:
     """Contents of each topic: what was measured and, of a controller, what it was asked for."""
     readers: dict[tuple[str, bool], JointMessageReader] = {}
-    for topic, each in names.items():
+    for topic, name in names.items():
         controller = bag.topics[topic] in (CONTROLLER_STATE, MANY_STATES)
         for asked in (False, True) if controller else (False,):
             kind = _kind(bag, topic, asked=asked)
-            readers[topic, asked] = JointMessageReader(topic, kind, each, ["position", "effort"])
+            readers[topic, asked] = JointMessageReader(topic, kind, name, ["position", "effort"])
     for topic, batch in Bag(bag.path).batches(set(names)):
         for asked in (False, True):
             if (topic, asked) in readers:
@@ -240,7 +240,7 @@ def choose_states(
             f"{first.path}: no sensor_msgs/msg/JointState with positions; "
             f"it holds {held or 'nothing else'}; record /joint_states"
         )
-    chosen = max([each for each in states if each.name == wanted] or states, key=_likeness)
+    chosen = max([state for state in states if state.name == wanted] or states, key=_likeness)
     if chosen.with_effort():
         return chosen, None
     others = [topic for topic in first.topics if topic.name != chosen.name and not topic.asked]
@@ -250,7 +250,7 @@ def choose_states(
     if not efforts and any(topic.with_position() & chosen.with_position() for topic in asked):
         return chosen, None
     if not efforts:
-        zero = any(each.largest_effort is not None for each in chosen.joints.values())
+        zero = any(joint.largest_effort is not None for joint in chosen.joints.values())
         how = "is zero throughout" if zero else "is empty"
         raise DataError(
             f"{first.path}: effort on {chosen.name} {how} and no other topic holds any: nothing "

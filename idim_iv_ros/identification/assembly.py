@@ -234,16 +234,16 @@ def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimat
     std = np.sqrt(np.diag(refined.covariance))
     estimates = tuple(
         RefinedEstimate(
-            name=each.name,
-            expression=each.expression,
-            unit=each.unit,
+            name=parameter.name,
+            expression=parameter.expression,
+            unit=parameter.unit,
             value=float(value),
             std=float(deviation),
-            essential=each.essential,
-            ls_value=each.ls_value,
-            given_value=each.given_value,
+            essential=parameter.essential,
+            ls_value=parameter.ls_value,
+            given_value=parameter.given_value,
         )
-        for each, value, deviation in zip(parameters, refined.values, std, strict=True)
+        for parameter, value, deviation in zip(parameters, refined.values, std, strict=True)
     )
     return Refined(
         tuple(model.order for model in refined.models), estimates, _moved(parameters, estimates)
@@ -255,10 +255,10 @@ def _moved(
 ) -> tuple[str, ...]:
     """Essential parameters that whitening moves further than noise does (a specification test)."""
     return tuple(
-        each.name
-        for each, other in zip(parameters, refined, strict=True)
-        if each.essential
-        and abs(in_deviations(each.value, each.std, other.value, other.std)) > _FAR_APART
+        parameter.name
+        for parameter, other in zip(parameters, refined, strict=True)
+        if parameter.essential
+        and abs(in_deviations(parameter.value, parameter.std, other.value, other.std)) > _FAR_APART
     )
 
 

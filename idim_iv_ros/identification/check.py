@@ -125,9 +125,9 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
         if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
         findings += [
-            Finding(name, each.level, each.sentence)
-            for each in prepared.joint_findings
-            if each.joint == joint
+            Finding(name, joint_finding.level, joint_finding.sentence)
+            for joint_finding in prepared.joint_findings
+            if joint_finding.joint == joint
         ]
     findings += _link_findings(prepared)
     parameters, condition = _visibility(prepared, rows)
@@ -181,7 +181,7 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
         )
         where = ", ".join(missing)
         sentences = (sentence, *prepared.advice)
-        return [Finding(where, "limited", each) for each in sentences]
+        return [Finding(where, "limited", sentence) for sentence in sentences]
     findings = [
         _reference_source(recording, motion.signals.name)
         for recording, motion in zip(prepared.recordings, prepared.motions, strict=True)
@@ -226,7 +226,7 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         _MOVING * float(np.abs(speed).max()),
         _TIMES_NOISE * _speed_noise(prepared, joint),
     )
-    reversals = sum(count_reversals(each, threshold) for each in speeds)
+    reversals = sum(count_reversals(speed, threshold) for speed in speeds)
     findings = [
         Finding(
             name,

@@ -242,7 +242,7 @@ def _share(column: FloatArray, others: _Span, effort: FloatArray) -> Share | Non
         return None
     value = float(alone @ rest) / energy
     scores = np.array_split(alone * (rest - value * alone), _BATCHES)
-    deviation = float(np.sqrt(sum(float(each.sum()) ** 2 for each in scores))) / energy
+    deviation = float(np.sqrt(sum(float(score.sum()) ** 2 for score in scores))) / energy
     explained = value**2 * energy
     centred = effort - effort.mean()
     return Share(

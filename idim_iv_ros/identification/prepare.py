@@ -111,7 +111,8 @@ class PreparedRegression:
         """Doubts and what is wrong with the signals, a sentence each."""
         joints = self.configuration.robot.joints
         return self.doubts + tuple(
-            f"{joints[each.joint]}: {each.sentence}" for each in self.joint_findings
+            f"{joints[joint_finding.joint]}: {joint_finding.sentence}"
+            for joint_finding in self.joint_findings
         )
 
 

@@ -239,17 +239,17 @@ class _Signals:
 
     @property
     def _position(self) -> FloatArray:
-        return np.concatenate([each.position[each.span, self.joint] for each in self.motions])
+        return np.concatenate([motion.position[motion.span, self.joint] for motion in self.motions])
 
     @property
     def _speed(self) -> FloatArray:
         return np.concatenate(
             [
-                np.gradient(each.position[each.span, self.joint], 1.0 / each.signals.rate)
-                for each in self.motions
+                np.gradient(motion.position[motion.span, self.joint], 1.0 / motion.signals.rate)
+                for motion in self.motions
             ]
         )
 
     @property
     def _effort(self) -> FloatArray:
-        return np.concatenate([each.signals.torque[:, self.joint] for each in self.motions])
+        return np.concatenate([motion.signals.torque[:, self.joint] for motion in self.motions])

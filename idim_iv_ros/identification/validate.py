@@ -108,7 +108,9 @@ def validate(
     return Validation(
         tests=_together(tests),
         exogeneity=_together(exogeneity),
-        specification=tuple(tuple(islice(specification, len(each))) for each in candidates),
+        specification=tuple(
+            tuple(islice(specification, len(candidate))) for candidate in candidates
+        ),
         residuals=residuals,
         models=tuple(residual.autoregression for residual in residuals),
         note=note,

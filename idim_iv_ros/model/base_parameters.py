@@ -149,7 +149,7 @@ def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, 
     squares, largest = np.zeros(parameters), np.zeros((joints, parameters))
     for start in range(0, len(rows), _BLOCK):
         block = slice(start, start + _BLOCK)
-        matrix = regressor(*(each[block] for each in states))
+        matrix = regressor(*(state[block] for state in states))
         rows[block] = np.einsum("sj,sjp->sp", mixture[block], matrix)
         squares += np.einsum("sjp,sjp->p", matrix, matrix)
         np.maximum(largest, np.abs(matrix).max(axis=0), out=largest)

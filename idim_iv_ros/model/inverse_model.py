@@ -111,7 +111,8 @@ def configured_robot(configuration: Configuration, urdf: str, source: str) -> Ro
 def _couplings(configuration: Configuration) -> list[tuple[int, int]]:
     place = configuration.robot.joints.index
     return [
-        (place(each.joints[0]), place(each.joints[1])) for each in configuration.robot.couplings
+        (place(coupling.joints[0]), place(coupling.joints[1]))
+        for coupling in configuration.robot.couplings
     ]
 
 

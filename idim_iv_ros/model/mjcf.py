@@ -95,8 +95,8 @@ def _without_drawings(mujoco: Any, spec: Any) -> None:
     for mesh in list(spec.meshes):
         if mesh.name not in needed:
             spec.delete(mesh)
-    for each in (*spec.sites, *spec.tendons):
-        each.material = ""
+    for site in (*spec.sites, *spec.tendons):
+        site.material = ""
     drawings = (spec.materials, spec.textures, spec.hfields, spec.skins, spec.sensors, spec.pairs)
     for kind in drawings:
         for each in list(kind):

@@ -80,7 +80,7 @@ def _acts(mujoco: Any, model: Any, tendon: int) -> bool:
         model.actuator_trnid[:, 0] == tendon
     )
     return bool(
-        any(float(each[tendon]) != 0.0 for each in (*numbers, armature))
+        any(float(number[tendon]) != 0.0 for number in (*numbers, armature))
         or model.tendon_limited[tendon]
         or np.any(driven)
     )

@@ -125,7 +125,7 @@ def load_robot(
 
 def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
     if joint not in urdf.joints:
-        movable = [quoted(name) for name, each in urdf.joints.items() if each.type in MOVABLE]
+        movable = [quoted(name) for name, joint in urdf.joints.items() if joint.type in MOVABLE]
         known = f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
         raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {known}")
     tied, beyond = urdf.joints[joint].tied, urdf.joints[joint].beyond

@@ -83,7 +83,7 @@ def _posture(robot: RobotModel) -> FloatArray:
     known = np.isfinite(lower) & np.isfinite(upper)
     middle = np.where(known, 0.5 * (np.where(known, lower, 0.0) + np.where(known, upper, 0.0)), 0.0)
     half = np.where(known, 0.5 * (np.where(known, upper, 0.0) - np.where(known, lower, 0.0)), np.pi)
-    revolute = np.array([each == "revolute" for each in robot.joint_types])
+    revolute = np.array([joint_kind == "revolute" for joint_kind in robot.joint_types])
     sign = np.where(np.arange(len(middle)) % 2 == 0, 1.0, -1.0)
     position = middle + sign * np.where(revolute, np.minimum(_BEND * half, _MOST_BEND), 0.0)
     return np.asarray(position[robot.order])

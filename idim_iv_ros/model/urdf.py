@@ -217,7 +217,7 @@ def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[s
         joint = urdf.joints.get(name)
         if joint is not None and joint.type in MOVABLE:
             impossible += [f"joint {quoted(name)}: {each}" for each in _wrong_joint(joint)]
-            doubts += [f"joint {quoted(name)}: {each}" for each in _strange_limits(joint)]
+            doubts += [f"joint {quoted(name)}: {limit}" for limit in _strange_limits(joint)]
     return impossible, doubts
 
 

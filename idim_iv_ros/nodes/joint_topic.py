@@ -116,7 +116,9 @@ class JointTopic:
         messages = reader.finish()
         self.damaged += messages.damaged
         time = np.where(messages.stamps != 0, messages.stamps, messages.arrival)
-        whole = np.any([np.isfinite(each).any(axis=1) for each in messages.values.values()], axis=0)
+        whole = np.any(
+            [np.isfinite(value).any(axis=1) for value in messages.values.values()], axis=0
+        )
         self._met = self._met or bool(whole.any())
         # Between two messages of these joints there may be any number of another part's.
         if (len(time) and not whole.any()) or (messages.passed and not self._met):

@@ -52,7 +52,8 @@ class Coordinates:
         masses = robot.given.inertial[:, 0]
         mass = float(np.mean(masses[masses > 0.0])) if np.any(masses > 0.0) else 1.0
         distances = [
-            float(np.linalg.norm(each.translation)) for each in robot.pinocchio.jointPlacements[1:]
+            float(np.linalg.norm(placement.translation))
+            for placement in robot.pinocchio.jointPlacements[1:]
         ]
         length = max(float(np.mean(distances)), 0.05)
         bodies = [standard[place] for place in of_joints] + [body for _, body in loads]

@@ -120,7 +120,7 @@ def nearest_physical(
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
     sources = _sources(base, shown)
     zero = _at_zero(base, coordinates, standard, bounded)
-    active = (*(each.joint for each in links if each.active), *zero)
+    active = (*(link.joint for link in links if link.active), *zero)
     distance = float(np.sum((root @ (consistent - values)[shown]) ** 2))
     test = HypothesisTest(
         null="a rigid robot with friction that only takes energy has made the recording",
@@ -140,14 +140,14 @@ def nearest_physical(
         sentence=_sentence(test, active, _below_zero(base, standard, shared)),
         parameters=tuple(
             StandardValue(
-                each.name,
-                each.unit,
+                parameter.name,
+                parameter.unit,
                 float(standard[k]),
                 float(deviations[k]) if sources[k] == "recording" else None,
                 float(given[k]),
                 sources[k],
             )
-            for k, each in enumerate(base.layout.parameters)
+            for k, parameter in enumerate(base.layout.parameters)
         ),
         links=links,
         base=tuple(
@@ -261,7 +261,7 @@ def _links(
                 smallest[0],
                 smallest[1],
                 LEAST_OF_NOMINAL,
-                tuple(float(each) for each in link.eigenvalues(after[place])),
+                tuple(float(eigenvalue) for eigenvalue in link.eigenvalues(after[place])),
                 smallest[1] < _ACTIVE * LEAST_OF_NOMINAL,
             )
         )

@@ -235,7 +235,7 @@ def _prior(
     ]
     drives = [parameters[k] for k in coordinates.drives]
     size = np.abs(standard[coordinates.drives])
-    kinds = np.array([each.kind.removesuffix("m") for each in drives])
+    kinds = np.array([drive.kind.removesuffix("m") for drive in drives])
     for kind in ("Ia", "Fv", "Fc"):
         values = size[kinds == kind]
         if np.any(values):
@@ -248,11 +248,11 @@ def _prior(
         groups=np.concatenate(
             [
                 np.repeat(np.minimum(np.arange(bodies), joints - 1), 10),
-                joints + np.array([each.joint for each in drives], dtype=np.int64),
+                joints + np.array([drive.joint for drive in drives], dtype=np.int64),
             ]
         ),
         units=np.concatenate([np.tile(triangle, bodies), size**2]),
-        free=np.concatenate([np.repeat(loose, 10), [each.name in named for each in drives]]),
+        free=np.concatenate([np.repeat(loose, 10), [drive.name in named for drive in drives]]),
     )
 
 

@@ -134,4 +134,4 @@ class PhysicalParameters:
     @property
     def values(self) -> dict[str, float]:
         """Standard parameters by name."""
-        return {each.name: each.value for each in self.parameters}
+        return {parameter.name: parameter.value for parameter in self.parameters}

@@ -66,12 +66,12 @@ class IdentifiedModel:
     def units(self) -> tuple[str, ...]:
         """Unit of each joint's effort."""
         types, unit = self.result.joint_types, self.result.effort_unit
-        return tuple(unit_at("N m", each, unit) for each in types)
+        return tuple(unit_at("N m", kind, unit) for kind in types)
 
     @cached_property
     def noise_floor(self) -> FloatArray:
         """RMS of the residual that the identification left, (n_joints,) N m (N)."""
-        return np.array([each.rms for each in self.result.residuals])
+        return np.array([residual.rms for residual in self.result.residuals])
 
     @cached_property
     def minimum_speed(self) -> FloatArray:
@@ -82,7 +82,7 @@ class IdentifiedModel:
     def turning(self) -> tuple[bool, ...]:
         """Which recorded positions may wrap after one turn: those of joints that turn."""
         plain = np.array_equal(self.transform.to_joint, np.eye(len(self.joints)))
-        return tuple(plain and each == "revolute" for each in self.result.joint_types)
+        return tuple(plain and joint_kind == "revolute" for joint_kind in self.result.joint_types)
 
     def variance(self, matrix: FloatArray) -> FloatArray:
         """Variance of predicted efforts by that of the parameters, (n_samples, n_joints) (N m)².
@@ -127,12 +127,12 @@ def identified_model(
             f"{path}: its robot is another than {source}: joints are placed or turned differently; "
             "run `idim-iv identify` again with this URDF"
         )
-    names = tuple(each.name for each in result.parameters)
+    names = tuple(parameter.name for parameter in result.parameters)
     if names != model.base.names:
         raise UsageError(
             f"{path}: its base parameters are not those of {source}; run `idim-iv identify` again"
         )
-    values = np.array([each.value for each in result.parameters])
+    values = np.array([parameter.value for parameter in result.parameters])
     if not np.isfinite(values).all():
         raise UsageError(f"{path}: a parameter has no value; run `idim-iv identify` again")
     return IdentifiedModel(

@@ -198,7 +198,7 @@ def _other_rate(identified: IdentifiedModel, rate: float) -> str:
     rates = {bag.rate for bag in identified.result.bags}
     if not rates or any(1.0 / _SAME_RATE < rate / each < _SAME_RATE for each in rates):
         return ""
-    listed = ", ".join(f"{each:.4g}" for each in sorted(rates))
+    listed = ", ".join(f"{rate:.4g}" for rate in sorted(rates))
     return (
         f"samples come at {rate:.4g} Hz and those of the identification at {listed} Hz, whose "
         "noise floor is another one"

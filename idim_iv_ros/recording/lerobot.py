@@ -62,7 +62,7 @@ def import_lerobot(
     require_file_place([out], force=force)
     information = _information(folder)
     names = _names(folder, information)
-    pairs = [(each.partition("=")[0], each.rpartition("=")[2]) for each in joints or names]
+    pairs = [(joint.partition("=")[0], joint.rpartition("=")[2]) for joint in joints or names]
     for _, column in pairs:
         if column not in names:
             raise UsageError(

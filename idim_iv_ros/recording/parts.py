@@ -82,7 +82,7 @@ def _of_joints(messages: JointMessages, joints: IntArray) -> JointMessages:
     chosen = messages if kept.all() else messages.taken(np.flatnonzero(kept))
     if whole:
         return chosen
-    values = {name: each[:, joints] for name, each in chosen.values.items()}
+    values = {name: value[:, joints] for name, value in chosen.values.items()}
     return replace(chosen, values=values, named=messages.named[:, joints])
 
 

@@ -232,7 +232,7 @@ def _assemble(
     paused = pauses_of(parts[0].stamped[joint_states])
     if paused is not None:
         notes.append(paused[1])
-        parts = [replace(each, stamped=without_pauses(each.stamped, paused[0])) for each in parts]
+        parts = [replace(part, stamped=without_pauses(part.stamped, paused[0])) for part in parts]
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
     parts = [_unwrapped(part, request, prismatic) for part in parts]
     grid = _common_grid(path, request, parts)

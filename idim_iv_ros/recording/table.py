@@ -11,11 +11,13 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, require_file_place
 from idim_iv_ros.recording.plausible import impossible, wrong_rows
 from idim_iv_ros.recording.table_file import read_table
+from idim_iv_ros.recording.table_map import mapped_columns, read_map
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.types import FloatArray
 
 # Stamps of ROS messages count seconds in 32 bits.
 _LAST_STAMP = float(2**31 - 1)
+_KINDS = {"reference": "position", "link": "position", "velocity_reference": "velocity"}
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,6 @@ def import_table(
         Lengths that do not fit, stamps that do not increase, or more than a few rows that hold no
         possible value.
     """
-    out = Path(out)
     joints = [joints] if isinstance(joints, str) else list(joints)
     position = os.fspath(position)
     time, effort, velocity, reference, velocity_reference, reference_time = (
@@ -98,10 +99,7 @@ def import_table(
         raise UsageError("give either --rate or --time")
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: a positive number of samples per second is needed")
-    if out.suffix.lower() != ".mcap":
-        raise UsageError(f"{out}: the name of the bag must end in .mcap")
-    require_file_place([out], force=force)
-    _require_text(joints)
+    out = _require_bag(out, joints, force=force)
     measured = {"position": position}
     if effort is not None:
         measured["effort"] = effort
@@ -128,11 +126,88 @@ def import_table(
         _require_length(behind, stamps, os.fspath(link), position)
         topics.append(JointTopic("/link_states", joints, stamps, position=behind))
     write_bag(out, topics, robot_description=robot_description, force=force)
-    duration = float(stamps[-1] - stamps[0])
     signals = tuple(measured) + (() if reference is None else ("reference",))
     signals += () if link is None else ("link",)
-    mean_rate = (len(stamps) - 1) / duration
-    return ImportSummary(len(stamps), mean_rate, duration, signals, tuple(warnings))
+    return _summary(stamps, signals, warnings)
+
+
+def import_mapped(
+    out: FilePath,
+    columns: FilePath,
+    *,
+    robot_description: str | None = None,
+    force: bool = False,
+) -> ImportSummary:
+    """Write the table of a map (`table_map.TableMap`) as an MCAP bag with the same topics.
+
+    Parameters
+    ----------
+    out
+        The bag.
+    columns
+        The map, YAML.
+    robot_description
+        Text of the URDF, for /robot_description.
+    force
+        Replace a file that this program did not write.
+
+    Raises
+    ------
+    UsageError
+        No such file or column, a library that is not installed, or `out` cannot be written.
+    DataError
+        As `import_table`.
+    """
+    described, table = read_map(columns)
+    joints = list(described.joints)
+    out = _require_bag(out, joints, force=force)
+    time, signals = mapped_columns(described, table)
+    warnings: list[str] = []
+    source = str(table)
+    possible = {
+        name: _possible(_KINDS.get(name, name), values, source, joints, warnings)
+        for name, values in signals.items()
+    }
+    position = possible["position"]
+    if time is None:
+        assert described.rate is not None
+        stamps = _stamps(None, described.rate, position, source)
+    else:
+        stamps = _checked_stamps(time, source, position, source)
+    measured = {n: possible[n] for n in ("position", "velocity", "effort") if n in possible}
+    topics = [JointTopic("/joint_states", joints, stamps, **measured)]
+    if "reference" in possible:
+        topics.append(
+            JointTopic(
+                "/joint_reference",
+                joints,
+                stamps,
+                position=possible["reference"],
+                velocity=possible.get("velocity_reference"),
+            )
+        )
+    if "link" in possible:
+        topics.append(JointTopic("/link_states", joints, stamps, position=possible["link"]))
+    write_bag(out, topics, robot_description=robot_description, force=force)
+    return _summary(stamps, tuple(possible), warnings)
+
+
+def _require_bag(out: FilePath, joints: Sequence[str], *, force: bool) -> Path:
+    """Refuse a bag that cannot be written, and names that no message can hold."""
+    out = Path(out)
+    if out.suffix.lower() != ".mcap":
+        raise UsageError(f"{out}: the name of the bag must end in .mcap")
+    require_file_place([out], force=force)
+    _require_text(joints)
+    return out
+
+
+def _summary(
+    stamps: FloatArray, signals: tuple[str, ...], warnings: Sequence[str]
+) -> ImportSummary:
+    duration = float(stamps[-1] - stamps[0])
+    rate = (len(stamps) - 1) / duration
+    return ImportSummary(len(stamps), rate, duration, signals, tuple(warnings))
 
 
 def _require_text(joints: Sequence[str]) -> None:
@@ -179,7 +254,11 @@ def _stamps(time: str | None, rate: float | None, position: FloatArray, source: 
     stamps = read_table(time)
     if stamps.shape[1] != 1:
         raise UsageError(f"{time}: one column of time stamps is needed, not {stamps.shape[1]}")
-    stamps = stamps[:, 0]
+    return _checked_stamps(stamps[:, 0], time, position, source)
+
+
+def _checked_stamps(stamps: FloatArray, time: str, position: FloatArray, source: str) -> FloatArray:
+    """Refuse stamps (n,) that no recording has; `time`, `source`: where both come from."""
     if len(stamps) != len(position):
         raise DataError(f"{time}: {len(stamps)} stamps for {len(position)} samples of {source}")
     if not np.isfinite(stamps).all():
@@ -225,6 +304,13 @@ def _joint_columns(name: str, spec: str, joints: Sequence[str], warnings: list[s
     values = read_table(spec)
     if values.shape[1] != len(joints):
         raise UsageError(f"{spec}: {values.shape[1]} columns for {len(joints)} joints")
+    return _possible(name, values, spec, joints, warnings)
+
+
+def _possible(
+    name: str, values: FloatArray, spec: str, joints: Sequence[str], warnings: list[str]
+) -> FloatArray:
+    """Values with NaN, and a warning, where a few rows hold no possible `name`."""
     wrong = wrong_rows(name, values, joints, missing=True)
     if wrong is None:
         return values

@@ -3,6 +3,7 @@
 import warnings
 import zipfile
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -90,7 +91,7 @@ def _load(path: Path, key: str | None) -> Any:
             return array
         return array[:, _different(path, [_column(path, part) for part in key.split(",")])]
     if suffix == ".npz":
-        return _npz(path, key)
+        return npz_variables(path, key)
     if suffix == ".parquet":
         return parquet_columns([path], key)
     from scipy.io import loadmat, whosmat  # here, because a recorder starts faster without it
@@ -116,12 +117,7 @@ def parquet_columns(paths: Sequence[Path], key: str | None, **options: Any) -> F
     UsageError
         pyarrow is not installed, or there is no such column.
     """
-    try:
-        from pyarrow import parquet
-    except ImportError as error:
-        raise UsageError(
-            f'{paths[0]}: parquet needs pyarrow: pip install "idim-iv-ros[tables]"'
-        ) from error
+    parquet = needs_tables(paths[0], "pyarrow.parquet")
     wanted = _variables(paths[0], parquet.read_schema(paths[0]).names, key)
     tables = [parquet.read_table(path, columns=wanted, **options) for path in paths]
     parts = []
@@ -131,7 +127,23 @@ def parquet_columns(paths: Sequence[Path], key: str | None, **options: Any) -> F
     return np.column_stack(parts)
 
 
-def _npz(path: Path, key: str | None) -> Any:
+def needs_tables(path: Path, module: str) -> Any:
+    """Return a module that only some tables need.
+
+    Raises
+    ------
+    UsageError
+        It is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        name = module.partition(".")[0]
+        raise UsageError(f'{path}: needs {name}: pip install "idim-iv-ros[tables]"') from error
+
+
+def npz_variables(path: Path, key: str | None) -> Any:
+    """Variables of a .npz, side by side where there are several; no larger than they claim."""
     with zipfile.ZipFile(path) as archive:
         sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
     with np.load(path, allow_pickle=False) as variables:

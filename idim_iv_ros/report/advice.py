@@ -1,6 +1,6 @@
 """The first screen in words: the verdict in two short sentences, and what to do next."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -9,10 +9,9 @@ from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
-from idim_iv_ros.report.changes import RECORDING, ChangedValue, changed_values
 from idim_iv_ros.report.gap_words import effect_at, effect_words
-from idim_iv_ros.report.numerals import known, measured, percent, round_number
-from idim_iv_ros.report.section import R, Report
+from idim_iv_ros.report.numerals import known, measured, percent
+from idim_iv_ros.report.section import Report
 from idim_iv_ros.statistics.verdict import Verdict
 
 # Badge of each verdict on an identification: class, sign; in the order of `Verdict`.
@@ -54,7 +53,7 @@ def verdict_badge(verdict: str) -> tuple[str, str, str]:
 
 def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     """Return how large the gap is and what causes it: two sentences, 30 words together."""
-    apart = [each for each in result.recordings if each.differences]
+    apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
     worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
@@ -109,7 +108,11 @@ def _corrected(result: GapResult, joint: str) -> str:
 def identification_headline(result: IdentificationResult) -> tuple[str, str]:
     """Return whether to believe the parameters and how well they fit: 30 words together."""
     colour = verdict_badge(result.verdict.verdict)[0]
-    wrong = [each.joint for each in result.residuals if verdict_badge(each.verdict)[0] == "bad"]
+    wrong = [
+        residual.joint
+        for residual in result.residuals
+        if verdict_badge(residual.verdict)[0] == "bad"
+    ]
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
@@ -150,7 +153,8 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
         command = _command("excite", "--config", config, "--out", "motion")
         steps.append(Step("Record a motion that shows all parameters:", command))
     if colour in ("good", "fair"):
-        steps += _value_steps(report, changed_values(result, report.nominal))
+        command = _command("export", "result.json", "--config", config, "--out", "simulator")
+        steps.append(Step("Put the new values into your simulator:", command))
         command = _command("diagnose", *bags, "--config", config, "--out", "why")
         steps.append(Step("See what the nominal model lacks, and why:", command))
     if len(steps) == 1:
@@ -160,34 +164,42 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
 
 
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
-    """Return what to do after a diagnosis: at most two corrections, then what to record."""
-    result = report.result
-    apart = [each.bag for each in result.recordings if each.differences]
+    """Return what to do after a diagnosis: one command, then what to record."""
+    result, config = report.result, report.config
+    apart = [recording.bag for recording in result.recordings if recording.differences]
     if apart:
-        return _steps_of_disagreement(result, apart, report.config)
-    values = changed_values(result, report.nominal)
-    steps: list[Step] = []
-    structural = [each for each in result.causes if each.kind == "structural"]
-    seen: set[str] = set()
-    for cause in result.causes:
-        group = "structural" if _simulated(cause) else cause.effect
-        if group in seen:
-            continue
-        seen.add(group)
-        if group == "structural":
-            steps.append(_structural_step([e for e in structural if _simulated(e)], report.config))
-        else:
-            steps += _parametric_step(cause.effect, report, values)
-    if not result.causes and result.verdict == "parametric":
-        steps += _value_steps(report, values)
-    recording = _recording_step(result, report.config)
-    if steps:
-        return [*steps[: _MOST_STEPS - 1], recording]
-    if result.verdict == "none":
-        command = _command("identify", *result.bags, "--config", report.config, "--out", "results")
-        return [Step("See how well each parameter is known:", command), recording]
-    command = _command("check", *result.bags, "--config", report.config)
-    return [Step("Look for gaps and clipped efforts in the recordings:", command), recording]
+        return _steps_of_disagreement(result, apart, config)
+    laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
+    recording = _recording_step(result, config)
+    if len(laws) < len(result.causes):
+        command = _command("export", "gap.json", "--config", config, "--out", "simulator")
+        steps = [Step("Put the causes into your simulator, or into ours:", command)]
+    elif laws:
+        steps = []
+    elif result.verdict == "parametric":
+        words = "Put the numbers that the recording asks for into your simulator:"
+        command = _command(
+            "export", "gap.json", "--config", config, "--remainder", "--out", "simulator"
+        )
+        steps = [Step(words, command)]
+    elif result.verdict == "none":
+        command = _command("identify", *result.bags, "--config", config, "--out", "results")
+        steps = [Step("See how well each parameter is known:", command)]
+    else:
+        command = _command("check", *result.bags, "--config", config)
+        steps = [Step("Look for gaps and clipped efforts in the recordings:", command)]
+    if laws:
+        steps.append(Step(f"Correct the control law in {config}:", "\n".join(map(_law, laws))))
+    return [*steps, recording]
+
+
+def _law(cause: Cause) -> str:
+    """The numbers of the law that one joint has."""
+    numbers = ", ".join(
+        f"{name.replace('_', ' ')} = {_value(parameter.value, parameter.std, parameter.unit)}"
+        for name, parameter in cause.parameters.items()
+    )
+    return f"{cause.joint}: {numbers}"
 
 
 def _steps_of_disagreement(result: GapResult, apart: Sequence[str], config: str) -> list[Step]:
@@ -201,113 +213,9 @@ def _steps_of_disagreement(result: GapResult, apart: Sequence[str], config: str)
     ]
 
 
-def _simulated(cause: Cause) -> bool:
-    """Whether it is an effect to add to the simulator."""
-    return cause.kind == "structural" and part_of(cause.effect) != "gains"
-
-
-def _structural_step(causes: Sequence[Cause], config: str) -> Step:
-    names = _listed([effect_at(each.effect, each.joint, each.other_joint) for each in causes])
-    words = f"Add {names} to your simulator; this simulates the robot with the values found:"
-    command = _command("simulate", "--config", config, "--effects", "gap.json", "--out", "new.mcap")
-    return Step(words, command)
-
-
-def _parametric_step(
-    effect: str, report: Report[GapResult], values: Sequence[ChangedValue]
-) -> list[Step]:
-    """What to write where for all causes of one effect."""
-    result, config, urdf = report.result, report.config, report.nominal.urdf
-    causes = [each for each in result.causes if each.effect == effect]
-    sources = {f"cause: {effect_at(effect, each.joint)}" for each in causes}
-    rows = [row for row in values if row.source in sources and row.key]
-    places = _listed([each.joint for each in causes if each.joint] or ["all joints"])
-    part = part_of(effect)
-    if part in ("drive", "friction") and rows and report.nominal.is_mjcf:
-        words = f"Set the {effect_words(effect)} of {places} in {urdf}, joint by joint:"
-        return [Step(words, _assignments(rows))]
-    if part == "drive" and rows:
-        return [Step(f"Set the drive inertia of {places} in {config}:", _armature(result, rows))]
-    if part == "offset":
-        numbers = "\n".join(
-            f"{each.joint}: {_value(p.value, p.std, p.unit)}"
-            for each in causes
-            for p in each.parameters.values()
-        )
-        return [Step(f"Subtract the constant torque of {places} in your simulator:", numbers)]
-    if part == "friction" and rows:
-        return [Step(f"Set the friction of {places} in {urdf}:", _dynamics(rows))]
-    if part == "load" and rows:
-        code = _assignments(rows)
-        return [Step(f"Add a link for the payload at {places} to {urdf}:", code)]
-    files = {row.file for row in rows}
-    if not rows:
-        numbers = "\n".join(
-            f"{name.replace('_', ' ')} = {_value(each.value, each.std, each.unit)}"
-            for name, each in list(causes[0].parameters.items())[:_FEW_VALUES]
-        )
-        words = f"Correct the {effect_words(effect)} of {places} in the nominal model:"
-        return [Step(words, numbers)]
-    place = config if files == {"configuration"} else urdf
-    return [Step(f"Correct the {effect_words(effect)} of {places} in {place}:", _assignments(rows))]
-
-
-def _value_steps(report: Report[R], values: Sequence[ChangedValue]) -> list[Step]:
-    """Significant changes of single elements and keys, as one step."""
-    rows = [row for row in values if row.key and row.source == RECORDING and row.significant]
-    if not rows:
-        return []
-    first = sorted(rows, key=lambda row: -abs(row.distance or 0.0))
-    places = " and ".join(dict.fromkeys((report.config, report.nominal.urdf)))
-    words = f"Write the new values into {places}, those farthest off first:"
-    return [Step(words, _assignments(first))]
-
-
-def _assignments(rows: Sequence[ChangedValue]) -> str:
-    lines = [
-        f"{row.key or row.words} = {_value(row.new, row.std, row.unit)}{_was(row)}"
-        for row in rows[:_FEW_VALUES]
-    ]
-    more = len(rows) - _FEW_VALUES
-    return "\n".join([*lines, *([f"… and {more} more below"] if more > 0 else [])])
-
-
-def _was(row: ChangedValue) -> str:
-    return "" if row.given is None else f"   (given: {round_number(row.given)})"
-
-
 def _value(value: float, std: float | None, unit: str) -> str:
     text, half = measured(value, std)
     return " ".join(filter(None, (text, half, unit)))
-
-
-def _armature(result: GapResult, rows: Sequence[ChangedValue]) -> str:
-    """The whole list as it is written into the configuration, and the uncertain digits."""
-    simulator = result.configuration.get("simulator")
-    listed = simulator.get("armature") if isinstance(simulator, Mapping) else None
-    values = [f"{each:.6g}" for each in listed] if listed else ["0.0"] * len(result.joints)
-    for row in rows:
-        joint = int(row.key.partition("[")[2].rstrip("]"))
-        values[joint] = f"{row.new:.3g}"
-    shown = ", ".join(
-        f"{row.words.rpartition(' of ')[2]} {_value(row.new, row.std, row.unit)}"
-        for row in rows[:_FEW_VALUES]
-    )
-    return f"simulator: {{armature: [{', '.join(values)}]}}   # {shown}"
-
-
-def _dynamics(rows: Sequence[ChangedValue]) -> str:
-    """The `<dynamics>` of each joint, with what it was."""
-    by_joint: dict[str, list[ChangedValue]] = {}
-    for row in rows:
-        by_joint.setdefault(row.key.rpartition("/dynamics@")[0], []).append(row)
-    lines = []
-    for joint, values in list(by_joint.items())[:_FEW_VALUES]:
-        new = " ".join(f'{row.key.rpartition("@")[2]}="{row.new:.3g}"' for row in values)
-        was = ", ".join(round_number(row.given) for row in values if row.given is not None)
-        lines.append(f"{joint}: <dynamics {new}/>{f'   (given: {was})' if was else ''}")
-    more = len(by_joint) - _FEW_VALUES
-    return "\n".join([*lines, *([f"… and {more} more below"] if more > 0 else [])])
 
 
 def _recording_step(result: GapResult, config: str) -> Step:

@@ -64,6 +64,14 @@ class ChangedValue:
         return (self.new - self.given) / self.std
 
     @property
+    def forest(self) -> tuple[float, float, float] | None:
+        """New value and its 95 % interval over the given one, less 1; None if that is zero."""
+        if not self.given or self.std is None or not math.isfinite(self.std):
+            return None
+        change, half = self.new / self.given - 1.0, INTERVAL * self.std / abs(self.given)
+        return change, change - half, change + half
+
+    @property
     def significant(self) -> bool | None:
         """Whether the 95 % interval leaves the given value out; None where it is not known."""
         return None if self.distance is None else abs(self.distance) > INTERVAL
@@ -85,7 +93,7 @@ def changed_values(
         ]
         attributed = []
     keys = {each.key for each in attributed if each.key}
-    rows = [*attributed, *(each for each in values if not each.key or each.key not in keys)]
+    rows = [*attributed, *(value for value in values if not value.key or value.key not in keys)]
     return sorted(rows, key=lambda row: row.source == SUM)
 
 
@@ -97,15 +105,15 @@ def _estimates_of_diagnosis(result: GapResult, nominal: Nominal) -> Iterator[Cha
         expressions = dict(zip(base.names, base.expressions, strict=True))
         if any(stage.name == "given" for stage in result.stages):
             given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
-    for name, each in result.extended_parameters.items():
+    for name, parameter in result.extended_parameters.items():
         yield _row(
             result.joints,
             name,
             expressions.get(name, ""),
             given.get(name),
-            each.value,
-            each.std,
-            each.unit,
+            parameter.value,
+            parameter.std,
+            parameter.unit,
             nominal,
         )
 
@@ -191,7 +199,7 @@ def _changed(
 def _drives(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
     """Friction and drive inertia of a joint, or of all joints by their names."""
     given = None if nominal.model is None else nominal.model.robot.given.of_drives
-    for name, each in cause.parameters.items():
+    for name, parameter in cause.parameters.items():
         place = cause.joint or name
         kind = BY_NAME[cause.effect].standard_kind(name) if cause.joint else "Ia"
         if not kind or place not in result.joints:
@@ -199,7 +207,7 @@ def _drives(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[Chang
         joint = result.joints.index(place)
         key, file = _key(kind, joint, place, nominal)
         was = None if given is None else float(given[kind][joint])
-        yield _changed(key, file, f"{_DRIVES[kind]} of {place}", was, each)
+        yield _changed(key, file, f"{_DRIVES[kind]} of {place}", was, parameter)
 
 
 def _payload(
@@ -231,7 +239,7 @@ def _link_inertia(
     parameters: Mapping[str, EffectParameter], joint: int, nominal: Nominal
 ) -> Iterator[ChangedValue]:
     link = _link(joint, nominal)
-    for name, each in parameters.items():
+    for name, parameter in parameters.items():
         parts = re.fullmatch(r"change_of_([A-Z]+)(\d+)", name)
         if parts is None or parts[1] not in INERTIAL:
             continue
@@ -241,13 +249,15 @@ def _link_inertia(
             given = float(nominal.model.robot.given.inertial[joint, column])
         key = f"{link}/inertial/mass" if parts[1] == "M" else f"{link}/inertial"
         words = f"{parts[1]}{parts[2]} about the joint's frame"
-        yield _changed(key if parts[1] == "M" else f"{key} ({parts[1]})", _URDF, words, given, each)
+        yield _changed(
+            key if parts[1] == "M" else f"{key} ({parts[1]})", _URDF, words, given, parameter
+        )
 
 
 def _gravity(cause: Cause) -> Iterator[ChangedValue]:
-    for name, each in cause.parameters.items():
+    for name, parameter in cause.parameters.items():
         words = f"{name.replace('_', ' ')} of the base"
-        yield _changed(f"robot.gravity ({name[-1]})", _CONFIGURATION, words, 0.0, each)
+        yield _changed(f"robot.gravity ({name[-1]})", _CONFIGURATION, words, 0.0, parameter)
 
 
 def _scale(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterator[ChangedValue]:

@@ -24,6 +24,7 @@ _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, 
 
 # Levels of a packed number, and the one that stands for none.
 _LEVELS, BREAK = 65534, 65535
+_DOTS = 200  # of one cloud
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,28 @@ def line(
         "line": {"color": colour, "width": width},
         "hovertemplate": f"{hover}<extra></extra>",
         **options,
+    }
+
+
+def dots(
+    x: NDArray[np.floating[Any]],
+    y: NDArray[np.floating[Any]],
+    colour: str,
+    size: float = 2.6,
+) -> dict[str, Any]:
+    """Return a trace of single samples, of many some drawn at random.
+
+    Every n-th sample of a periodic motion would always be the same place.
+    """
+    count = min(_DOTS, len(x))
+    chosen = np.sort(np.random.default_rng(0).choice(len(x), count, replace=False))
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": typed(x[chosen]),
+        "y": typed(y[chosen]),
+        "marker": {"color": colour, "size": size, "opacity": 0.28, "line": {"width": 0}},
+        "hoverinfo": "skip",
     }
 
 

@@ -156,7 +156,9 @@ def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
         "href": reports.get(robot.robot, ""),
         "type": robot.type,
         "badge": _BADGES[robot.attention],
-        "reasons": [sentence(each, (robot.robot, *_quantities(robot))) for each in robot.reasons],
+        "reasons": [
+            sentence(reason, (robot.robot, *_quantities(robot))) for reason in robot.reasons
+        ],
         "bags": f"{robot.bags} of {robot.bags + robot.not_used}",
         "first": robot.first[:10] if robot.first else MISSING,
         "last": robot.last[:10] if robot.last else "",
@@ -167,21 +169,23 @@ def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
 
 def _quantities(robot: FleetRobot) -> tuple[str, ...]:
     """Names of parameters that begin a sentence as they are written."""
-    return tuple(each.name for each in robot.quantities if not each.name.startswith("residual"))
+    return tuple(
+        quantity.name for quantity in robot.quantities if not quantity.name.startswith("residual")
+    )
 
 
 def _types(result: FleetResult) -> dict[str, Any]:
     return {
         "types": [
             {
-                "type": each.type,
-                "robots": _plural(each.robots, "robot"),
-                "bags": _plural(each.bags, "bag"),
-                "notes": [sentence(note) for note in each.notes],
-                "rows": [_quantity_row(quantity) for quantity in each.quantities],
-                "figure": distribution_figure(each, _of_type(result, each), place),
+                "type": kind.type,
+                "robots": _plural(kind.robots, "robot"),
+                "bags": _plural(kind.bags, "bag"),
+                "notes": [sentence(note) for note in kind.notes],
+                "rows": [_quantity_row(quantity) for quantity in kind.quantities],
+                "figure": distribution_figure(kind, _of_type(result, kind), place),
             }
-            for place, each in enumerate(result.types)
+            for place, kind in enumerate(result.types)
         ],
         "legend": [
             Mark("sign diamond", BLUE, "a robot"),
@@ -252,7 +256,7 @@ def _changes(result: FleetResult) -> dict[str, Any]:
 def _diagnoses(result: FleetResult) -> dict[str, Any]:
     return {
         "sentences": [
-            sentence(words, _robots(result)) for each in result.types for words in each.sentences
+            sentence(words, _robots(result)) for kind in result.types for words in kind.sentences
         ],
         "rows": [
             [each.robot, each.type, "represents its type" if each.why == "typical" else each.reason]
@@ -263,7 +267,7 @@ def _diagnoses(result: FleetResult) -> dict[str, Any]:
 
 def _robots(result: FleetResult) -> tuple[str, ...]:
     """Names that begin a sentence as they are written."""
-    return (*(robot.robot for robot in result.robots), *(each.type for each in result.types))
+    return (*(robot.robot for robot in result.robots), *(kind.type for kind in result.types))
 
 
 def _bags(result: FleetResult) -> dict[str, Any]:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
+from idim_iv_ros.diagnosis.result import Cause, GapResult, GapSeries, NotTestable, Regime
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.recording import SessionPart, in_recordings
-from idim_iv_ros.report.numerals import known, number, round_number
+from idim_iv_ros.report.numerals import MISSING, known, measured, number, percent, round_number
 
 Result = IdentificationResult | GapResult
 
@@ -123,8 +124,8 @@ def drawable(result: GapResult) -> list[GapSeries]:
 
 def held_out_words(result: GapResult, joint: str) -> str:
     """Return the gap at a joint of the nominal model, the refit and the extended model."""
-    stages = [each for each in result.stages if known(each.torque_rms.get(joint))]
-    named = [each for each in stages if each.name in _STAGES]
+    stages = [stage for stage in result.stages if known(stage.torque_rms.get(joint))]
+    named = [stage for stage in stages if stage.name in _STAGES]
     if stages and stages[-1] not in named:
         named.append(stages[-1])
     unit = torque_unit(result, joint)
@@ -165,3 +166,70 @@ def _smallest(group: list[NotTestable]) -> str:
     if len(sizes) == 1:
         return group[0].smallest
     return ", ".join(f"{each.joint}: {each.smallest or 'at no size'}" for each in group)
+
+
+def worth_seeing(result: Result, most: int = 2) -> set[str]:
+    """Return joints that are shown unfolded: those with causes, or else the worst, a few at most.
+
+    Of an identification those whose residual is the largest share of their torque.
+    """
+    if isinstance(result, IdentificationResult):
+        sizes = {residual.joint: residual.relative_percent or 0.0 for residual in result.residuals}
+        named: list[str] = []
+    else:
+        sizes = {joint_gap.joint: joint_gap.share for joint_gap in result.joint_gaps}
+        places = [cause.joint for cause in result.causes if cause.kind == "structural"]
+        if result.unexplained is not None:
+            places.append(result.unexplained.joint)
+        named = [joint for joint in places if joint is not None]
+    worst = sorted(result.joints, key=lambda joint: -sizes.get(joint, 0.0))
+    return set(list(dict.fromkeys([*named, *worst]))[:most])
+
+
+def probability_words(cause: Cause) -> str:
+    """Return the probability of a cause; a dash where nothing was calibrated for it."""
+    return "–" if cause.probability is None else percent(min(100.0 * cause.probability, 99.0))
+
+
+def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, str]:
+    """What the simulator lacks: effect and joint, gap on held-out data, share, probability, rivals.
+
+    The share is that of the gap above the noise, with its 95 % interval.
+    """
+    gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
+    share = MISSING
+    if gap.shrinkage is not None and known(gap.shrinkage):
+        share = percent(100.0 * min(gap.shrinkage, 1.0))
+        if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
+            low, high = (round(100.0 * min(max(end, 0.0), 1.0)) for end in gap.ci95)
+            share += f" ({low} to {high})"
+    rivals = ", ".join(
+        f"{effect_at(each.effect, None if each.joint == cause.joint else each.joint)} "
+        f"({percent(100.0 * each.weight)})"
+        for each in cause.indistinguishable_from
+    )
+    return (
+        effect_at(cause.effect, cause.joint, cause.other_joint),
+        f"{number(gap.before)} → {number(gap.after)} {unit}",
+        share,
+        probability_words(cause),
+        rivals or MISSING,
+    )
+
+
+def wrong_numbers(result: GapResult) -> str:
+    """Parameter errors in one line, with their count; empty where there are none."""
+    wrong = [cause for cause in result.causes if cause.kind == "parametric"]
+    if not wrong:
+        return ""
+    listed = []
+    for cause in wrong:
+        words = effect_at(cause.effect, cause.joint)
+        first = surest(cause.parameters, 1)
+        for name, each in first.items() if cause.joint is not None else ():
+            size = " ".join(filter(None, (*measured(each.value, each.std), each.unit)))
+            words += f", {parameter_words(cause.effect, name)} {size}"
+        if cause.probability is not None:
+            words += f" ({probability_words(cause)})"
+        listed.append(words)
+    return f"{len(wrong)} {'error' if len(wrong) == 1 else 'errors'}: {'; '.join(listed)}"

@@ -19,6 +19,7 @@ from idim_iv_ros.report.section import CONFIGURATION, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES
 from idim_iv_ros.report.sections.changes import CHANGES
 from idim_iv_ros.report.sections.contrast import CONTRAST
+from idim_iv_ros.report.sections.friction import FRICTION
 from idim_iv_ros.report.sections.glossary import GLOSSARY
 from idim_iv_ros.report.sections.instruments import INSTRUMENTS
 from idim_iv_ros.report.sections.limits import LIMITS
@@ -38,10 +39,10 @@ from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
 
 IDENTIFICATION: tuple[Section[Any], ...] = (
     VERDICT,
+    TORQUE,
     CHANGES,
     PARAMETERS,
     PHYSICAL,
-    TORQUE,
     RESIDUALS,
     INSTRUMENTS,
     PROCESSING,
@@ -51,13 +52,14 @@ IDENTIFICATION: tuple[Section[Any], ...] = (
 DIAGNOSIS: tuple[Section[Any], ...] = (
     CONTRAST,
     GAP_VERDICT,
-    STAGES,
+    FRICTION,
+    TORQUE,
     CAUSES,
     CHANGES,
-    REGIMES,
+    STAGES,
     RESIDUAL_CURVES,
+    REGIMES,
     ORDERS,
-    TORQUE,
     TRACKING,
     TRANSMISSIONS,
     PHYSICAL,

@@ -8,7 +8,7 @@ from markupsafe import Markup
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
-from idim_iv_ros.report.numerals import number, with_unit
+from idim_iv_ros.report.numerals import number, round_number, with_unit
 from idim_iv_ros.report.page import environment, page_parts
 from idim_iv_ros.report.sections.stages import Bar, bar
 from idim_iv_ros.report.time_axis import peaks
@@ -59,6 +59,7 @@ def shown(result: ReplayResult) -> dict[str, Any]:
         for index, each in enumerate(result.series)
     ]
     return {
+        "badge": badge(result),
         "headline": headline(result),
         "shrinkage": shrinkage(result),
         "stages": [(stage.name, stage.model, stage.note) for stage in result.stages],
@@ -126,6 +127,26 @@ def headline(result: ReplayResult) -> str:
     )
 
 
+def badge(result: ReplayResult) -> tuple[str, str, str]:
+    """Whether the best stage follows the robot better than the nominal one, beyond its interval."""
+    rows = result.stages[0].tracking, result.best.tracking
+    if rows[1] is None:
+        return "bad", "✕", "not simulated"
+    if rows[0] is None:
+        return "good", "✓", f"only {result.best.name} follows"
+    before, after = result.stages[0], result.best
+    if after is before:
+        return "open", "?", "nothing to compare with"
+    pairs = [(rows[0][name], rows[1][name]) for name in result.joints]
+    if before.tool is not None and after.tool is not None:
+        pairs = [(before.tool, after.tool)]
+    if all(two.high < one.rms for one, two in pairs):
+        return "good", "✓", "the corrected simulator is closer to the robot"
+    if any(two.low > one.rms for one, two in pairs):
+        return "bad", "✕", "the corrected simulator is farther from the robot"
+    return "open", "≈", "no clear difference"
+
+
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
     """Rows of a table: joint, each stage, noise; `kind`: tracking or torque."""
     rows = []
@@ -141,14 +162,16 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
         rows.append([*cells, f"{number(scale * noise[joint])} {unit}"])
     if kind == "tracking":
         tools = [stage.tool for stage in result.stages if stage.tool is not None]
-        rows.append([_TOOL, *(error_words(each, 1e3, "mm") for each in tools), "–"])
+        rows.append([_TOOL, *(error_words(tool, 1e3, "mm") for tool in tools), "–"])
     return rows
 
 
 def error_words(error: ReplayError, scale: float, unit: str) -> str:
     """Value with half of its interval, and how many times the noise it is."""
     half = 0.5 * scale * (error.high - error.low)
-    times = f" ({error.over_noise:.2g} × noise)" if np.isfinite(error.over_noise) else ""
+    times = (
+        f" ({round_number(error.over_noise, 2)} × noise)" if np.isfinite(error.over_noise) else ""
+    )
     return f"{scale * error.rms:.3g} ± {half:.1g} {unit}{times}"
 
 

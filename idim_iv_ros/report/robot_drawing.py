@@ -42,7 +42,7 @@ class ShadedRobot:
     @property
     def largest(self) -> float:
         """End of the colour bar, percent."""
-        return max([each for each in self.values if each is not None and known(each)] + [1e-3])
+        return max([value for value in self.values if value is not None and known(value)] + [1e-3])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -68,7 +68,7 @@ def robot_figure(robot: ShadedRobot, height: int = 380) -> Figure:
     axes = _with_breaks([robot.axis_of(joint) for joint in range(len(robot.joints))])
     origins = robot.skeleton.origins
     scale = [[place, f"rgb{colour}"] for place, colour in _COLOURS]
-    names = [each.replace("&", "&amp;").replace("<", "&lt;") for each in robot.joints]
+    names = [joint.replace("&", "&amp;").replace("<", "&lt;") for joint in robot.joints]
     data: list[dict[str, Any]] = [
         _scatter(lines, mode="lines", line={"color": GREY, "width": 9}, hoverinfo="skip"),
         _scatter(axes, mode="lines", line={"color": INK, "width": 3}, hoverinfo="skip"),
@@ -84,10 +84,10 @@ def robot_figure(robot: ShadedRobot, height: int = 380) -> Figure:
             text=[f"{_SPACE * 4}{name}" for name in names],
             textposition="middle right",
             textfont={"size": 12, "color": INK},
-            customdata=[percent(each) for each in robot.values],
+            customdata=[percent(value) for value in robot.values],
             marker={
                 "size": 13,
-                "color": [each if known(each) else None for each in robot.values],
+                "color": [value if known(value) else None for value in robot.values],
                 "colorscale": scale,
                 "cmin": 0.0,
                 "cmax": robot.largest,
@@ -173,7 +173,7 @@ def flat_robot(robot: ShadedRobot, width: float, height: float) -> FlatRobot:
     joints: list[FlatJoint] = []
     for joint, (start, end) in enumerate(axes):
         x, y = place(_flat(robot.skeleton.origins[joint]))
-        taken = any(each.side > 0 and abs(each.y - y) < _LABEL for each in joints)
+        taken = any(joint.side > 0 and abs(joint.y - y) < _LABEL for joint in joints)
         colour = _colour((robot.values[joint] or 0.0) / robot.largest)
         ends = (*place(start), *place(end))
         joints.append(FlatJoint(x, y, ends, colour, robot.label(joint), -1 if taken else 1))

@@ -68,12 +68,16 @@ class Section(Generic[R]):
         File under ``templates/``.
     context : callable
         Returns what the template shows; None where the section does not apply to a result.
+    about : str
+        What is in it, of a section that is folded until the reader wants it; empty where it is
+        always open.
     """
 
     title: str
     anchor: str
     template: str
     context: Callable[[Report[R]], Mapping[str, Any] | None]
+    about: str = ""
 
     def render(self, report: Report[R], templates: Environment) -> Markup | None:
         """Return the section, or its place with one line where it cannot be drawn.
@@ -96,4 +100,9 @@ class Section(Generic[R]):
             text = templates.get_template("failed.html.j2").render(
                 anchor=self.anchor, title=self.title, reason=reason, numbers=report.numbers
             )
-        return Markup(text)
+        if not self.about:
+            return Markup(text)
+        summary = Markup("<b>{}</b> <small>{}</small>").format(self.title, self.about)
+        return Markup('<details class="fold"><summary>{}</summary>\n{}\n</details>').format(
+            summary, Markup(text)
+        )

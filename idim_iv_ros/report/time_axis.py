@@ -190,7 +190,7 @@ def curves(
     breaks = np.searchsorted(chosen, ends) + 1
     return Curves(
         np.insert(place[chosen].astype(float), breaks, np.nan),
-        tuple(np.insert(each[chosen].astype(float), breaks, np.nan) for each in values),
+        tuple(np.insert(value[chosen].astype(float), breaks, np.nan) for value in values),
         np.column_stack([place[inside], place[inside + 1]]),
     )
 

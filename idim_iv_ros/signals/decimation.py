@@ -167,7 +167,7 @@ def common_factors(
     for factor in range(decimation_factor(slowest, cutoff, edge), 0, -1):
         row_rate = slowest / factor
         factors = tuple(max(1, round(rate / row_rate)) for rate in rates)
-        reached = [rate / each for rate, each in zip(rates, factors, strict=True)]
+        reached = [rate / factor for rate, factor in zip(rates, factors, strict=True)]
         if min(reached) >= (1.0 - _SAME_RATE - 1e-9) * max(reached):
             return factors, row_rate
     return None

@@ -218,7 +218,7 @@ def _why_still(
     """Say of the joint that moves most why that is no motion: a jump, noise, or rest."""
     names = ", ".join(record.name for record in signals)
     ranges = [np.ptp(record.position, axis=0) for record in signals]
-    most = int(np.argmax([each.max() for each in ranges]))
+    most = int(np.argmax([span.max() for span in ranges]))
     joint = int(np.argmax(ranges[most]))
     record, moved = signals[most], ranges[most][joint]
     position = record.position[:, joint]

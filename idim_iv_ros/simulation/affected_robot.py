@@ -58,9 +58,9 @@ def contributions_of(
     """What effects add to a robot with these parameters."""
     return JointContributions(
         tuple(
-            (one.joint, one.other_joint, each)
+            (one.joint, one.other_joint, contribution)
             for one in effects
-            for each in one.contributions(float(parameters.coulomb[one.joint]))
+            for contribution in one.contributions(float(parameters.coulomb[one.joint]))
         )
     )
 

@@ -113,7 +113,7 @@ def _completed(
     for key, number in given.items():
         spec = cause.spec(key)
         if spec is None or key.endswith("_k"):
-            known = ", ".join(each.name for each in cause.specs)
+            known = ", ".join(spec.name for spec in cause.specs)
             raise UsageError(f"{name}: unknown parameter {key}; they are {known}")
         spec.check(float(number), f"{name}: {key}")
         term = re.search(r"_(\d+)$", key) if spec.name.endswith("_k") else None

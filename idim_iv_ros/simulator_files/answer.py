@@ -98,7 +98,7 @@ class Answer:
     @cached_property
     def values(self) -> dict[str, float]:
         """Standard parameters by name."""
-        return {each.name: each.value for each in self.parameters}
+        return {parameter.name: parameter.value for parameter in self.parameters}
 
     def value(self, kind: str, joint: int, otherwise: float) -> float:
         """One standard parameter; `otherwise` where the model does not have it."""
@@ -210,14 +210,14 @@ def read_answer(
 
 def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tuple[str, ...]:
     """Links whose mass is farther from the nominal one than nominal links usually are."""
-    masses = [each for each in parameters if each.name.rstrip("0123456789") == "M"]
+    masses = [parameter for parameter in parameters if parameter.name.rstrip("0123456789") == "M"]
     return tuple(
-        f"the link of {joint} weighs {each.value:.3g} kg, {each.given:.3g} in the nominal model: "
+        f"the link of {joint} weighs {mass.value:.3g} kg, {mass.given:.3g} in the nominal model: "
         f"more than three times the usual error of {100.0 * USUAL_ERROR:.0f} %, so that an effect "
         "that was not found may be in it"
-        for joint, each in zip(joints, masses, strict=True)
-        if each.source == "recording and nominal model"
-        and abs(each.value - each.given) > 3.0 * USUAL_ERROR * each.given
+        for joint, mass in zip(joints, masses, strict=True)
+        if mass.source == "recording and nominal model"
+        and abs(mass.value - mass.given) > 3.0 * USUAL_ERROR * mass.given
     )
 
 
@@ -249,25 +249,25 @@ def _require_same_nominal(
                 f"{path}: physical.parameters: {name} is missing; run "
                 f"`idim-iv {result.written_by}` again"
             )
-    for each in physical.parameters:
-        kind = each.name.rstrip("0123456789")
+    for parameter in physical.parameters:
+        kind = parameter.name.rstrip("0123456789")
         bounded = kind in NON_NEGATIVE and kind not in INERTIAL  # links are judged as bodies
-        bounded &= each.name not in physical.shared
-        if not abs(each.value) <= LARGEST or (bounded and each.value < 0.0):
+        bounded &= parameter.name not in physical.shared
+        if not abs(parameter.value) <= LARGEST or (bounded and parameter.value < 0.0):
             raise UsageError(
-                f"{path}: physical.parameters: {each.name} is {each.value:g} {each.unit}, which no "
-                "robot has"
+                f"{path}: physical.parameters: {parameter.name} is {parameter.value:g} "
+                f"{parameter.unit}, which no robot has"
             )
     sizes: dict[str, float] = {}
-    for each in physical.parameters:
-        sizes[each.unit] = max(sizes.get(each.unit, 0.0), abs(each.given))
-    for each in physical.parameters:
-        value = now.get(each.name, each.given)
-        if abs(value - each.given) > _SAME * max(sizes[each.unit], 1e-12):
+    for parameter in physical.parameters:
+        sizes[parameter.unit] = max(sizes.get(parameter.unit, 0.0), abs(parameter.given))
+    for parameter in physical.parameters:
+        value = now.get(parameter.name, parameter.given)
+        if abs(value - parameter.given) > _SAME * max(sizes[parameter.unit], 1e-12):
             raise UsageError(
-                f"{path}: the nominal model changed since: {each.name} was {each.given:.6g} "
-                f"{each.unit}, and is {value:.6g} in {source} and its configuration; run "
-                f"`idim-iv {result.written_by}` again"
+                f"{path}: the nominal model changed since: {parameter.name} was "
+                f"{parameter.given:.6g} {parameter.unit}, and is {value:.6g} in {source} and its "
+                f"configuration; run `idim-iv {result.written_by}` again"
             )
 
 
@@ -287,7 +287,7 @@ def _effects(
     path: Path, causes: Sequence[Cause], joints: Sequence[str]
 ) -> tuple[tuple[PlantedEffect, ...], tuple[str, ...]]:
     """Structural effects to simulate, and notes."""
-    structural = [each for each in causes if BY_NAME[each.effect].kind == "structural"]
+    structural = [cause for cause in causes if BY_NAME[cause.effect].kind == "structural"]
     effects = tuple(
         PlantedEffect(
             each.effect,
@@ -307,9 +307,13 @@ def _effects(
     joint_effects(
         [
             SimulatedEffect(
-                each.effect, each.joint, each.parameters, each.other_joint, f"{path}: causes"
+                effect.effect,
+                effect.joint,
+                effect.parameters,
+                effect.other_joint,
+                f"{path}: causes",
             )
-            for each in effects
+            for effect in effects
         ],
         joints,
     )

@@ -47,9 +47,9 @@ def changes_text(
         "| parameter | given | new | ± | z | unit | source |",
         "|---|---|---|---|---|---|---|",
         *(
-            _row(each, answer.robot.joints, file)
-            for each in answer.parameters
-            if answer.refit or each.source != "nominal model"
+            _row(parameter, answer.robot.joints, file)
+            for parameter in answer.parameters
+            if answer.refit or parameter.source != "nominal model"
         ),
         "",
         *_remainder(answer),
@@ -60,7 +60,7 @@ def changes_text(
     ]
     remarks = [*answer.notes, *notes]
     if remarks:
-        lines += ["## Notes", "", *(f"- {each}" for each in remarks), ""]
+        lines += ["## Notes", "", *(f"- {remark}" for remark in remarks), ""]
     return "\n".join(lines)
 
 
@@ -80,7 +80,7 @@ def _of_causes(answer: Answer) -> list[str]:
     rest = "what no cause explains" if answer.remainder else "nothing else"
     lines = [f"The nominal model with the causes that the diagnosis names, and {rest}:", ""]
     lines += [f"- {each}" for each in answer.in_parameters]
-    lines += [f"- {each.effect} at {each.joint or 'all joints'}" for each in answer.effects]
+    lines += [f"- {effect.effect} at {effect.joint or 'all joints'}" for effect in answer.effects]
     lines += [f"- left out: {each}" for each in answer.left_out]
     if answer.errors:
         lines += [
@@ -92,8 +92,8 @@ def _of_causes(answer: Answer) -> list[str]:
             "|---|---|---|",
         ]
     return lines + [
-        f"| {each.joint} | {each.remaining:.3g} | {100.0 * each.share_of_torque:.3g} % |"
-        for each in answer.errors
+        f"| {error.joint} | {error.remaining:.3g} | {100.0 * error.share_of_torque:.3g} % |"
+        for error in answer.errors
     ]
 
 
@@ -101,7 +101,9 @@ def _remainder(answer: Answer) -> list[str]:
     """How far the recording asks for other links and drives than the causes make."""
     if answer.remainder is None:
         return []
-    masses = [each for each in answer.parameters if each.name.rstrip("0123456789") == "M"]
+    masses = [
+        parameter for parameter in answer.parameters if parameter.name.rstrip("0123456789") == "M"
+    ]
     sizes = zip(
         answer.robot.joints, masses, answer.remainder.links, answer.remainder.drives, strict=True
     )
@@ -171,9 +173,9 @@ def _effect_lines(answer: Answer, effects: Sequence[PlantedEffect]) -> list[str]
     if not effects:
         return [*lines, "There are none.", ""]
     lines += ["| effect | joint | parameters | where |", "|---|---|---|---|"]
-    for each in effects:
-        numbers = ", ".join(f"{name} {value:.6g}" for name, value in each.parameters.items())
-        joint = " and ".join(name for name in (each.joint, each.other_joint) if name) or "all"
-        where = "elements of the MJCF" if each.native else "effects.json: `Effects` applies it"
-        lines.append(f"| {each.effect} | {joint} | {numbers} | {where} |")
+    for effect in effects:
+        numbers = ", ".join(f"{name} {value:.6g}" for name, value in effect.parameters.items())
+        joint = " and ".join(name for name in (effect.joint, effect.other_joint) if name) or "all"
+        where = "elements of the MJCF" if effect.native else "effects.json: `Effects` applies it"
+        lines.append(f"| {effect.effect} | {joint} | {numbers} | {where} |")
     return [*lines, ""]

@@ -148,9 +148,9 @@ def export(
         texts |= {file: text.encode() for file, text in zip(made.ranges, code, strict=True)}
     _write(texts, out)
     missing = tuple(
-        f"{each.effect} at {each.joint}" if each.joint else each.effect
-        for each in effects
-        if not each.native
+        f"{effect.effect} at {effect.joint}" if effect.joint else effect.effect
+        for effect in effects
+        if not effect.native
     )
     return replace(made, not_native=missing, notes=(*answer.notes, *notes))
 
@@ -277,9 +277,9 @@ def _joint_values(answer: Answer, bodies: Mapping[str, FloatArray]) -> JointValu
 
 def _base_of_couplings(answer: Answer) -> dict[str, float]:
     return {
-        each.name: each.value
-        for each in answer.parameters
-        if each.name.startswith(("Fvm", "Fcm")) and each.value != each.given
+        parameter.name: parameter.value
+        for parameter in answer.parameters
+        if parameter.name.startswith(("Fvm", "Fcm")) and parameter.value != parameter.given
     }
 
 
@@ -292,7 +292,7 @@ def _comments(origin: str, law: DriveLaw, effects: tuple[PlantedEffect, ...]) ->
         )
     else:
         lines.append(f"Actuators are motors, ctrl is the torque of the law: {law.words}.")
-    missing = [each for each in effects if not each.native]
+    missing = [effect for effect in effects if not effect.native]
     if missing:
         names = ", ".join(f"{each.effect} at {each.joint}" for each in missing)
         lines.append(f"Not in this file, but in effects.json for Effects: {names}.")

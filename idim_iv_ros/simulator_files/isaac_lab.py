@@ -93,7 +93,7 @@ def _actuators(
     steps = [round(float(each) / law.period) if delayed else 0 for each in law.delay]
     lines = []
     for number in sorted(set(steps)):
-        own = [joint for joint, each in enumerate(steps) if each == number]
+        own = [joint for joint, step in enumerate(steps) if step == number]
         name = "joints" if len(set(steps)) == 1 else f"delayed_{number}"
         lines += [
             f'        "{name}": {kind}(',
@@ -145,9 +145,10 @@ def _inexpressible(
         )
         found.append(f"constant torques that the motors must overcome, N m: {offsets}")
     found += [
-        f"transmission between {robot.joints[each.first]} and {robot.joints[each.second]}: common "
-        f"inertia {each.inertia:.6g}, damping {each.damping:.6g}, friction {each.friction:.6g}"
-        for each in values.couplings
+        f"transmission between {robot.joints[coupling.first]} and "
+        f"{robot.joints[coupling.second]}: common inertia {coupling.inertia:.6g}, damping "
+        f"{coupling.damping:.6g}, friction {coupling.friction:.6g}"
+        for coupling in values.couplings
     ]
     for effect in effects:
         part = part_of(effect.effect)

@@ -78,16 +78,16 @@ def link_bodies(
     for joint, target in joints.items():
         main = urdf.joints[joint].child
         parts = carried[joint]
-        others = [each for each in parts if each.link != main and each.parameters is not None]
-        own = next(each for each in parts if each.link == main)
-        rest = target - sum((_known(each) for each in others), np.zeros(10))
+        others = [part for part in parts if part.link != main and part.parameters is not None]
+        own = next(part for part in parts if part.link == main)
+        rest = target - sum((_known(other) for other in others), np.zeros(10))
         reference = rest if own.parameters is None else own.parameters
         if own.parameters is not None and _same(rest, reference):
             continue
         if is_possible(rest, reference):
             found[main] = LinkBody.of(rest)
             continue
-        names = ", ".join(each.link for each in others)
+        names = ", ".join(other.link for other in others)
         if not others:
             raise UsageError(f"{source}: link {main}: no body is left for it")
         spread = _spread(parts, target)
@@ -150,7 +150,7 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
 
 def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | None:
     """Map all parts alike; None where the nominal whole is no body."""
-    known = [each for each in parts if each.parameters is not None]
+    known = [part for part in parts if part.parameters is not None]
     nominal = sum((_known(each) for each in known), np.zeros(10))
     try:
         root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(

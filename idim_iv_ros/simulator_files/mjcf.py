@@ -121,8 +121,8 @@ def _native_names(custom: Element, robot: RobotModel, native: NativeEffects) -> 
             SubElement(listed, "element", objtype="joint", objname=robot.joints[joint])
     if native.couplings:
         listed = SubElement(custom, "tuple", name=COUPLING)
-        for each in native.couplings:
-            name = _tendon_name(robot, each)
+        for coupling in native.couplings:
+            name = _tendon_name(robot, coupling)
             SubElement(listed, "element", objtype="tendon", objname=name)
 
 
@@ -141,10 +141,10 @@ def _law_numbers(custom: Element, robot: RobotModel, law: DriveLaw) -> None:
 def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
     """Take out of the joints what the tendons of coupled drives add to them."""
     armature, damping = values.armature.copy(), values.damping.copy()
-    for each in values.couplings:
-        for joint in (each.first, each.second):
-            armature[joint] -= each.inertia
-            damping[joint] -= each.damping
+    for coupling in values.couplings:
+        for joint in (coupling.first, coupling.second):
+            armature[joint] -= coupling.inertia
+            damping[joint] -= coupling.damping
             # What is left of two numbers that are equal is rounding.
             armature[joint] = 0.0 if abs(armature[joint]) < 1e-12 else armature[joint]
             if armature[joint] < 0.0 or damping[joint] < 0.0:
@@ -255,18 +255,18 @@ def _drawn(body: Element, robot: RobotModel, tree: int, own: LinkBody) -> None:
 
 
 def _tendons(element: Element, robot: RobotModel, couplings: Sequence[Coupled]) -> None:
-    for each in couplings:
-        first, second = robot.joints[each.first], robot.joints[each.second]
+    for coupling in couplings:
+        first, second = robot.joints[coupling.first], robot.joints[coupling.second]
         tendon = SubElement(
             element,
             "fixed",
-            name=_tendon_name(robot, each),
-            armature=_number(each.inertia),
-            damping=_number(each.damping),
-            frictionloss=_number(each.friction),
+            name=_tendon_name(robot, coupling),
+            armature=_number(coupling.inertia),
+            damping=_number(coupling.damping),
+            frictionloss=_number(coupling.friction),
         )
         SubElement(tendon, "joint", joint=first, coef="1")
-        SubElement(tendon, "joint", joint=second, coef=_number(each.direction))
+        SubElement(tendon, "joint", joint=second, coef=_number(coupling.direction))
 
 
 def _actuators(element: Element, robot: RobotModel, law: DriveLaw) -> None:

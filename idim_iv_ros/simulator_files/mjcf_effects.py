@@ -67,7 +67,7 @@ def native_effects(
 ) -> tuple[NativeEffects, tuple[PlantedEffect, ...]]:
     """Return what the model has natively, and all effects, marked where they are in it."""
     found = NativeEffects()
-    marked = tuple(replace(each, native=_taken(each, robot, law, found)) for each in effects)
+    marked = tuple(replace(effect, native=_taken(effect, robot, law, found)) for effect in effects)
     return found, marked
 
 

@@ -85,22 +85,25 @@ def kept_causes(
         A name that is none of them.
     """
     for name in without:
-        if not any(name in (each.effect, cause_name(each)) for each in causes):
-            names = ", ".join(cause_name(each) for each in causes) or "none"
+        if not any(name in (cause.effect, cause_name(cause)) for cause in causes):
+            names = ", ".join(cause_name(cause) for cause in causes) or "none"
             raise UsageError(
                 f"{source}: names no cause {name} that could be left out; its causes: {names}"
             )
-    kept = [each for each in causes if not {each.effect, cause_name(each)} & set(without)]
-    return kept, [each for each in causes if each not in kept]
+    kept = [cause for cause in causes if not {cause.effect, cause_name(cause)} & set(without)]
+    return kept, [cause for cause in causes if cause not in kept]
 
 
 def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
     """Values with the half-widths of their 95 % intervals."""
     return ", ".join(
-        f"{name.replace('_', ' ')} {_rounded(each):.6g} ± {1.96 * each.std:.2g} {each.unit}".strip()
-        if each.std
-        else f"{name.replace('_', ' ')} {each.value:.4g} {each.unit}".strip()
-        for name, each in parameters.items()
+        (
+            f"{name.replace('_', ' ')} {_rounded(parameter):.6g} ± {1.96 * parameter.std:.2g} "
+            f"{parameter.unit}"
+        ).strip()
+        if parameter.std
+        else f"{name.replace('_', ' ')} {parameter.value:.4g} {parameter.unit}".strip()
+        for name, parameter in parameters.items()
     )
 
 
@@ -139,7 +142,7 @@ def mended_model(
     for cause in causes:
         part = part_of(cause.effect)
         if part == "torque scale":
-            numbers = {name: _rounded(each) for name, each in cause.parameters.items()}
+            numbers = {name: _rounded(parameter) for name, parameter in cause.parameters.items()}
             effects.append(PlantedEffect(cause.effect, cause.joint, None, numbers))
         elif part == "gravity":
             turn = [
@@ -167,18 +170,18 @@ def mended_model(
         places = [robot.joints.index(each) + 1 for each in (cause.joint, cause.other_joint) if each]
         for name in (f"{kind}{place}" for place in places for kind in ("Fv", "Fc")):
             if cause.kind == "structural" and name in physical.shared:
-                gone = sum(each[name].value for each in others if name in each)
+                gone = sum(other[name].value for other in others if name in other)
                 found[name] = (refit[name] - gone, None)
     return Mended(
         tuple(
             StandardValue(
-                each.name,
-                each.unit,
-                *found.get(each.name, (given[each.name], None)),
-                given[each.name],
-                "recording" if each.name in found else "nominal model",
+                parameter.name,
+                parameter.unit,
+                *found.get(parameter.name, (given[parameter.name], None)),
+                given[parameter.name],
+                "recording" if parameter.name in found else "nominal model",
             )
-            for each in layout.parameters
+            for parameter in layout.parameters
         ),
         tuple(loads),
         tuple(effects),
@@ -224,9 +227,9 @@ def with_remainder(
             model.base,
             np.array([each.estimate for each in physical.base]),
             physical.covariance,
-            np.array([each.value for each in whole.parameters]),
-            [(joints.index(each.joint), each.parameters) for each in whole.loads],
-            {each.name for each in whole.parameters if each.source == "recording"},
+            np.array([parameter.value for parameter in whole.parameters]),
+            [(joints.index(load.joint), load.parameters) for load in whole.loads],
+            {parameter.name for parameter in whole.parameters if parameter.source == "recording"},
             physical.shared,
         )
     except ImportError as error:
@@ -234,10 +237,10 @@ def with_remainder(
     except DataError as error:
         raise UsageError(f"{source}: what remains cannot be spread ({error})") from error
     parameters = tuple(
-        each
-        if each.value != other.value or value == each.value
-        else replace(each, value=value, std=None, source="recording and nominal model")
-        for each, other, value in zip(
+        parameter
+        if parameter.value != other.value or value == parameter.value
+        else replace(parameter, value=value, std=None, source="recording and nominal model")
+        for parameter, other, value in zip(
             kept.parameters, whole.parameters, map(float, found.standard), strict=True
         )
     )
@@ -260,22 +263,22 @@ def _number(cause: Cause, joints: Sequence[str]) -> int:
 def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
     """Changes of standard parameters by name, those that the recording determines."""
     number, changes = _number(cause, joints), {}
-    for name, each in cause.parameters.items():
+    for name, parameter in cause.parameters.items():
         link = re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name)
-        if not each.std:
+        if not parameter.std:
             continue
         if link is not None:
-            changes[link[1]] = each
+            changes[link[1]] = parameter
         elif number and (kind := BY_NAME[cause.effect].standard_kind(name)):
-            changes[f"{kind}{number}"] = each
+            changes[f"{kind}{number}"] = parameter
         elif name in joints:  # of all drives at once
-            changes[f"Ia{joints.index(name) + 1}"] = each
+            changes[f"Ia{joints.index(name) + 1}"] = parameter
     return changes
 
 
 def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:
     """A payload with a mass, at the joint that carries it."""
-    numbers = {name.rstrip("0123456789"): each for name, each in changes.items()}
+    numbers = {name.rstrip("0123456789"): change for name, change in changes.items()}
     mass = numbers["M"].value
     none = EffectParameter(0.0, None, "kg m")
     first = np.array([numbers.get(kind, none).value for kind in ("MX", "MY", "MZ")])
@@ -300,7 +303,7 @@ def _link(
 ) -> dict[str, tuple[float, float | None]]:
     """The parameters of one link."""
     number = re.sub(r"\D", "", next(iter(changes)))
-    numbers = {name.rstrip("0123456789"): each for name, each in changes.items()}
+    numbers = {name.rstrip("0123456789"): change for name, change in changes.items()}
     nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
     body = _nearest(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
     return {
@@ -318,10 +321,10 @@ def _nearest(
     """XX … M (10,) of the body nearest to `start` with changes by kind."""
     places = [INERTIAL.index(kind) for kind in changes]
     wanted = start.copy()
-    wanted[places] += [_rounded(each) for each in changes.values()]
+    wanted[places] += [_rounded(change) for change in changes.values()]
     if len(places) == len(INERTIAL) and is_possible(wanted, reference):
         return wanted
-    std = np.array([each.std for each in changes.values()])
+    std = np.array([change.std for change in changes.values()])
     link = ReferenceLink.of(reference, 1.0, 0.3)
     try:
         return nearest_body(link, places, wanted[places], std)

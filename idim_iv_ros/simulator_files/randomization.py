@@ -219,7 +219,7 @@ class Randomization:
                 *bodies,
                 "]",
                 "JOINTS = [",
-                *(f'    ("{each.field}", "{each.joint}"),' for each in self.joints),
+                *(f'    ("{joint.field}", "{joint.joint}"),' for joint in self.joints),
                 "]",
                 f"LEAST = {LEAST_OF_NOMINAL:g}  # eigenvalue of 1 + S",
                 "# Root of the covariance of the triangles of all S, and then of the joints.",
@@ -269,12 +269,12 @@ class Randomization:
             lines += _term(
                 f"centre_{number + 1}", "randomize_rigid_body_com", asset, com_range=f"{{{shift}}}"
             )
-        for name in dict.fromkeys(each.joint for each in self.joints):
+        for name in dict.fromkeys(joint.joint for joint in self.joints):
             ranges = {}
-            for each in self.joints:
-                if each.joint == name and each.field != "dof_damping" and each.value > 0.0:
-                    half = _NORMAL * each.std / each.value
-                    key = "armature" if each.field == "dof_armature" else "friction"
+            for joint in self.joints:
+                if joint.joint == name and joint.field != "dof_damping" and joint.value > 0.0:
+                    half = _NORMAL * joint.std / joint.value
+                    key = "armature" if joint.field == "dof_armature" else "friction"
                     ranges[f"{key}_distribution_params"] = (
                         f"({max(1.0 - half, 0.0):.4g}, {1.0 + half:.4g})"
                     )
@@ -305,9 +305,9 @@ class Randomization:
         ]
         for body in self.bodies:
             numbers = {
-                each.field: f"{each.value:.4g} ± {_NORMAL * each.std:.2g}"
-                for each in self.joints
-                if each.joint == body.name and not body.payload
+                joint.field: f"{joint.value:.4g} ± {_NORMAL * joint.std:.2g}"
+                for joint in self.joints
+                if joint.joint == body.name and not body.payload
             }
             shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in body.centre_std)
             lines.append(

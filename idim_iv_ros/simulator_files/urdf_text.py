@@ -125,7 +125,7 @@ class _UrdfEdits(Edits):
             f"  <child link={quoteattr(name)}/>",
             "</joint>",
         ]
-        self.insert(robot.end, b"".join(b"  " + each.encode() + self.newline for each in lines))
+        self.insert(robot.end, b"".join(b"  " + line.encode() + self.newline for line in lines))
 
     def inertial(self, link: Element, body: LinkBody) -> None:
         """Mass, centre and moments of a link."""

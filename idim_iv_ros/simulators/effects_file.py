@@ -82,14 +82,14 @@ def read_effects(path: Path) -> ExtendedModel:
         planted = EffectsFile.from_json(text, str(path))
         effects = tuple(
             SimulatedEffect(
-                each.effect,
-                each.joint,
-                each.parameters,
-                each.other_joint,
+                effect.effect,
+                effect.joint,
+                effect.parameters,
+                effect.other_joint,
                 f"{path}: effects.{k}",
-                each.native,
+                effect.native,
             )
-            for k, each in enumerate(planted.effects)
+            for k, effect in enumerate(planted.effects)
         )
         key, recordings = "base_parameters", planted.recordings
         return ExtendedModel(planted.base_parameters, effects, key, recordings)
@@ -98,11 +98,11 @@ def read_effects(path: Path) -> ExtendedModel:
         SimulatedEffect(
             effect=cause.effect,
             joint=cause.joint,
-            parameters={name: each.value for name, each in cause.parameters.items()},
+            parameters={name: parameter.value for name, parameter in cause.parameters.items()},
             other_joint=cause.other_joint,
             source=f"{path}: causes.{k}",
         )
         for k, cause in enumerate(gap.causes)
     )
-    parameters = {name: each.value for name, each in gap.extended_parameters.items()}
+    parameters = {name: parameter.value for name, parameter in gap.extended_parameters.items()}
     return ExtendedModel(parameters, causes, "extended_parameters", gap.bags)

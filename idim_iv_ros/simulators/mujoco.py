@@ -87,10 +87,10 @@ class Effects:
         self._mujoco = load_mujoco("Effects")
         if isinstance(effects, str | PathLike):
             effects = read_effects(Path(effects)).effects
-        given = tuple(each for each in effects if not each.native)
+        given = tuple(effect for effect in effects if not effect.native)
         names = _joint_names(self._mujoco, model)
         parts = joint_effects(given, names)
-        affected = {j for each in parts for j in (each.joint, each.other_joint) if j >= 0}
+        affected = {j for part in parts for j in (part.joint, part.other_joint) if j >= 0}
         used = sorted(
             {*affected, *(names.index(e.joint) for e in _offsets(given, names) if e.joint)}
         )
@@ -99,8 +99,8 @@ class Effects:
         # Contributions are numbered as `names`; here only joints with effects count.
         number = {joint: k for k, joint in enumerate(used)} | {-1: -1}
         parts = tuple(
-            replace(each, joint=number[each.joint], other_joint=number[each.other_joint])
-            for each in parts
+            replace(part, joint=number[part.joint], other_joint=number[part.other_joint])
+            for part in parts
         )
         self._start_time = start_time
         self._find(model)
@@ -288,7 +288,7 @@ def _joint_names(mujoco: Any, model: Any) -> list[str]:
         name, kind = model.joint(joint).name, model.jnt_type[joint]
         if name and (kind == types.mjJNT_HINGE or kind == types.mjJNT_SLIDE):
             names.append(name)
-    return [each for each in names if not each.endswith(SHAFT)]
+    return [name for name in names if not name.endswith(SHAFT)]
 
 
 def _offsets(effects: Sequence[SimulatedEffect], names: Sequence[str]) -> list[SimulatedEffect]:

@@ -43,10 +43,13 @@ def model_with_effects(model: FilePath, effects: FilePath) -> Any:
 def add_parts(spec: Any, effects: Sequence[SimulatedEffect]) -> None:
     """Add shafts and couplings to a specification that is not compiled yet."""
     joints = [joint.name for joint in spec.joints if joint.name]
-    ours = [each for each in effects if not each.native]
+    ours = [effect for effect in effects if not effect.native]
     for one in joint_effects(ours, joints):
         parts = JointContributions(
-            tuple((one.joint, one.other_joint, each) for each in one.contributions(0.0))
+            tuple(
+                (one.joint, one.other_joint, contribution)
+                for contribution in one.contributions(0.0)
+            )
         )
         for joint, _ in parts.of(ShaftPart):
             _add_shaft(spec, joints[joint])

@@ -111,7 +111,9 @@ def replay_bags(
         known = _stages(mujoco, prepared, model, extended, effects)
         models = [stage for stage in known if stage.name in stages]
         fitted = () if extended is None else extended.recordings
-        runs, notes = _runs(prepared, fitted, [each for stage in known for each in stage.effects])
+        runs, notes = _runs(
+            prepared, fitted, [effect for stage in known for effect in stage.effects]
+        )
         compared = []
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
@@ -142,7 +144,7 @@ def _runs(
     ]
     held_out = [run for run, part in zip(runs, parts, strict=True) if part.bag not in fitted]
     runs = held_out or runs
-    if any(BY_NAME[each.effect].part == "gains" for each in effects):
+    if any(BY_NAME[effect.effect].part == "gains" for effect in effects):
         return runs, ()
     beyond = [_beyond_gains(run) for run in runs]
     sizes = [
@@ -238,7 +240,7 @@ def _stages(
                 )
             values[names.index(name)] = value
         stages.append(plant_stage(mujoco, prepared.model, values, CORRECTED))
-    beyond = [each for each in effects if not BY_NAME[each.effect].in_base_parameters]
+    beyond = [effect for effect in effects if not BY_NAME[effect.effect].in_base_parameters]
     if beyond:
         stages.append(stages[-1].with_effects(WITH_EFFECTS, beyond))
     return stages

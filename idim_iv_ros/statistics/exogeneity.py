@@ -47,7 +47,7 @@ def exogeneity_test(
     """
     if not_simulated is not None:
         scopes = ("all", *(rows.name for rows in joints))
-        return tuple(HypothesisTest.not_run(NULL, each, not_simulated, alpha) for each in scopes)
+        return tuple(HypothesisTest.not_run(NULL, scope, not_simulated, alpha) for scope in scopes)
     width = len(parameters)
     factors, places, tests, n_rows = [], [], [], 0
     for rows in joints:

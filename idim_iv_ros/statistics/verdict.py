@@ -230,7 +230,7 @@ def judge_all(
         The Wald test of Π = I over all rows, scope "all"; it sees what no joint shows alone.
     """
     wrong, inconclusive, autocorrelated = (
-        [each.joint for each in joints if each.verdict == kind]
+        [joint.joint for joint in joints if joint.verdict == kind]
         for kind in ("misspecified", "inconclusive", "autocorrelated")
     )
     largest = sorted(joints, key=_beyond_noise_first)
@@ -286,9 +286,9 @@ def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest | None) 
     """Whether all rows reject the instruments, no joint alone does, and it is not too little."""
     if instruments is None or instruments.accepted is not False:
         return False
-    sizes = [instruments.torque_deviation_percent, *(each.torque_percent for each in joints)]
+    sizes = [instruments.torque_deviation_percent, *(joint.torque_percent for joint in joints)]
     little = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
-    return not little and not any(each.rejected for each in joints)
+    return not little and not any(joint.rejected for joint in joints)
 
 
 def _small(largest: Sequence[JointVerdict]) -> str:

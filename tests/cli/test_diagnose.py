@@ -32,7 +32,7 @@ def test_verdict_causes_stages_and_limits_are_printed(diagnose, tmp_path: Path, 
     result = sample_gap(2, "both")
     assert printed.index("Verdict: parametric and structural") < printed.index("Causes")
     assert " ".join(result.summary.split()) in printed
-    for words in ("payload", "stribeck", "0.62 → 0.225 N m", "96 % (90 to 100 %)", "presliding"):
+    for words in ("payload", "stribeck", "0.620 → 0.225 N m", "96 % (90 to 100)", "presliding"):
         assert words in printed
     for words in ("nominal model", "+ stribeck at joint_2", "noise floor", "torque saturation"):
         assert words in printed

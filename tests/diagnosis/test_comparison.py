@@ -19,8 +19,8 @@ from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, 
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.effect_rows import operating_range
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.structural.candidate import operating_range
 from idim_iv_ros.diagnosis.unexplained import unexplained
 from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import Place
@@ -144,14 +144,15 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
     found = explained(data, regression, selected(data, regression))
     assert (found.effects, found.numbers) == ((), ())
-    rest = unexplained(data, found.model)
+    rest = unexplained(data, found.model, found.floors)
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
     assert len(listed) == sentences.MOST_EVENTS
     assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
     quiet = world(data, 4)
-    assert unexplained(data, explained(data, quiet, selected(data, quiet)).model) is None
+    found = explained(data, quiet, selected(data, quiet))
+    assert unexplained(data, found.model, found.floors) is None
 
 
 def test_a_wave_of_time_is_not_named(data: Baseline) -> None:

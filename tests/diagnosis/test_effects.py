@@ -10,8 +10,8 @@ import pytest
 from numba import njit
 
 from idim_iv_ros import effects
+from idim_iv_ros.diagnosis.comparison.curves import Stop, StopShape
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.structural.nonparametric import Stop, StopShape
 from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.cause import Cause, GivenNumbers

@@ -35,3 +35,11 @@ def test_function_of_the_theory_is_in_its_folder(name: str) -> None:
 @pytest.mark.parametrize("path", TESTS)
 def test_test_of_the_theory_is_there(path: str) -> None:
     assert (ROOT / path).exists()
+
+
+def test_the_map_of_the_package_is_that_of_its_folders() -> None:
+    pytest.importorskip("tomllib")  # Python 3.11
+    from docs.package_map import PAGE, with_map
+
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_map(page) == page

@@ -183,6 +183,8 @@ def _series(
         model if given else None,
         refit,
         extended,
+        extended - load,
+        6.0 * v + 8.0 * np.sign(v) if given else None,
         q,
         v,
         load,

@@ -22,6 +22,8 @@ from idim_iv_ros.report.advice import (
     identification_headline,
     identification_steps,
 )
+from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
+from idim_iv_ros.report.numerals import THIN, percent
 from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
 from idim_iv_ros.report.section import Report
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
@@ -100,22 +102,39 @@ def test_an_identification_ends_in_two_or_three_steps(case) -> None:
     assert any("--config tx40.yaml" in step.code for step in steps)
 
 
-def test_wrong_drive_inertia_is_a_list_to_paste_into_the_configuration() -> None:
-    result = _arm6("parametric")
-    cause = replace(
-        result.causes[0],
-        effect="drive_inertia",
-        joint="joint_2",
-        parameters={"change_of_drive_inertia": _number(0.25, 0.01, "kg m²")},
+@pytest.mark.parametrize("case", ["structural", "parametric", "both"])
+def test_causes_go_into_the_simulator_by_one_command(case: Case) -> None:
+    steps = diagnosis_steps(Report(_arm6(case), "arm6.yaml"))
+    assert steps[0].code == "idim-iv export gap.json --config arm6.yaml --out simulator"
+    law = replace(_arm6("structural").causes[0], effect="controller_mismatch")
+    steps = diagnosis_steps(Report(replace(_arm6(case), causes=(law,)), "arm6.yaml"))
+    assert "export" not in steps[0].code
+    assert steps[0].words == "Correct the control law in arm6.yaml:"
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_first_screen_lists_what_the_simulator_lacks_and_counts_wrong_numbers(
+    case: Case,
+) -> None:
+    result = _arm6(case)
+    rows = [lacking_row(result, each) for each in result.causes if each.kind == "structural"]
+    shown = Page(gap_report_html(result)).text
+    for effect, sizes, share, probable, _ in rows:
+        for text in (effect, sizes, share, probable):
+            assert text.replace(THIN, " ") in shown.replace(THIN, " ")
+    wrong = wrong_numbers(result)
+    count = sum(each.kind == "parametric" for each in result.causes)
+    assert wrong.startswith(f"{count} error") if count else wrong == ""
+    assert wrong.replace(THIN, " ") in shown.replace(THIN, " ")
+
+
+def test_a_share_beyond_all_is_said_as_all() -> None:
+    result = _arm6("structural")
+    gap = replace(result.causes[0].torque_gap, shrinkage=1.3, ci95=(0.68, 1.3))
+    assert (
+        lacking_row(result, replace(result.causes[0], torque_gap=gap))[2]
+        == percent(100.0) + " (68 to 100)"
     )
-    step = diagnosis_steps(Report(replace(result, causes=(cause,)), "arm6.yaml"))[0]
-    assert step.words == "Set the drive inertia of joint_2 in arm6.yaml:"
-    # 1.1 as given, and 0.25 more.
-    assert step.code.startswith("simulator: {armature: [0.9, 1.35, 0.55, 0.16, 0.12, 0.06]}")
-
-
-def _number(value: float, std: float, unit: str) -> EffectParameter:
-    return EffectParameter(value, std, unit)
 
 
 def test_the_page_draws_the_robot_with_the_share_of_each_joint() -> None:

@@ -26,7 +26,7 @@ def test_every_diagnosis_becomes_a_well_formed_page(joints: int, case: Case) -> 
         result = _only_first(result)
     page = _page(result)
     assert page.open == []
-    assert len(page.figures) == 4 * joints
+    assert len(page.figures) == 5 * joints
     assert result.summary in page.text
     anchors = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
     assert len(anchors) == len(set(anchors))
@@ -74,10 +74,10 @@ def test_every_link_of_the_page_has_its_target(case: Case) -> None:
     assert all(target is not None and target[1:] in anchors for target in targets)
 
 
-def test_the_verdict_comes_first_then_shrinkage_then_causes() -> None:
+def test_the_verdict_comes_first_then_causes_then_shrinkage() -> None:
     result = sample_gap(2, "both")
     text = _page(result).text
-    places = [text.index(each) for each in (result.summary, "How far the gap", "What causes it")]
+    places = [text.index(each) for each in (result.summary, "What causes it", "How far the gap")]
     assert places == sorted(places)
 
 
@@ -103,11 +103,10 @@ def test_a_given_model_that_is_wrong_is_drawn_only_where_numbers_are_the_cause()
     assert rows("both").endswith("nominal, refit, extended")
 
 
-def test_with_many_joints_only_those_with_causes_are_unfolded() -> None:
+def test_with_many_joints_only_residuals_of_those_with_causes_are_unfolded() -> None:
     page = _page(sample_gap(6, "structural"))
     folds = [attrs for name, attrs in page.elements if name == "details"]
-    shown = [("open" in attrs) for attrs in folds if attrs.get("class") == "plot"]
-    assert shown == [False, True, False, False, False, True]
+    assert sum("open" in attrs for attrs in folds if attrs.get("class") == "plot") == 2
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -75,7 +75,7 @@ def test_colcon_builds_both_packages_and_the_recorder_starts(
     builder = workspace / "builder"
     paths = f"{builder / 'bin'}:{os.environ['PATH']}"
     built = subprocess.run(
-        ["colcon", "build", option, "--base-paths", ROOT, ROOT / "idim_iv_interfaces"],
+        ["colcon", "build", option, "--base-paths", ROOT],
         cwd=tmp_path,
         env={**os.environ, "PATH": paths, "CMAKE_PREFIX_PATH": str(builder)},
         capture_output=True,

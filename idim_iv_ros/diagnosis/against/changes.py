@@ -236,11 +236,13 @@ def agreement(
     structural = {effect.name for effect in STRUCTURAL}
     changes = changes_between(data, regression, (), scopes, {*without, *structural}, beside)
     differences: dict[int, list[tuple[FloatArray, Difference]]] = {}
-    for each in number_changes(changes):
-        shares = rms_of(data, each.terms, each.recordings) / np.array(data.torque_sizes)
-        joint = None if each.joint is None else data.joints[each.joint]
-        difference = Difference(each.effect.name, joint, each.parameters(changes))
-        for number in each.recordings:
+    for number_change in number_changes(changes):
+        shares = rms_of(data, number_change.terms, number_change.recordings) / np.array(
+            data.torque_sizes
+        )
+        joint = None if number_change.joint is None else data.joints[number_change.joint]
+        difference = Difference(number_change.effect.name, joint, number_change.parameters(changes))
+        for number in number_change.recordings:
             differences.setdefault(number, []).append((shares, difference))
     return tuple(
         _entry(data, part.bag, differences.get(number, ()))

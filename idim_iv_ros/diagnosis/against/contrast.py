@@ -108,7 +108,9 @@ class _Assembly:
             *self._delay(),
         ]
         causes.sort(
-            key=lambda cause: -max((each.share_of_torque for each in cause.torques), default=0.0)
+            key=lambda cause: (
+                -max((torque.share_of_torque for torque in cause.torques), default=0.0)
+            )
         )
         unattributed = tuple(
             words.unattributed(data, term, self._scope(term), self._made([term])[0])
@@ -196,7 +198,7 @@ class _Assembly:
             Of the second set; None: all.
         """
         terms = [] if isinstance(evidence, float) else evidence
-        changed, reference, against = [*(dict(each) for each in numbers), {}, {}][:3]
+        changed, reference, against = [*(dict(number) for number in numbers), {}, {}][:3]
         return ContrastCause(
             effect=effect,
             kind="parametric" if parametric else "structural",
@@ -318,7 +320,7 @@ class _Assembly:
         assert change.std is not None
         shifts = (change, self._shift.reference, self._shift.against)
         statistic = (change.value / change.std) ** 2
-        numbers = [{"delay": each} for each in shifts]
+        numbers = [{"delay": shift} for shift in shifts]
         return [
             self._cause(name_of("delay"), None, numbers, statistic, (), words.delay(self._shift))
         ]

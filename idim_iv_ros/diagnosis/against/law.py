@@ -113,8 +113,8 @@ class ShiftDifference:
 
 def shift_difference(sets: TwoSets) -> ShiftDifference:
     """Compare the time from the recorded effort to the torque, common to all joints of each set."""
-    one, other = (EffectParameter(each.shift, each.std, "s") for each in sets.shifts)
-    period = max(each.period for each in sets.shifts)
+    one, other = (EffectParameter(shift.shift, shift.std, "s") for shift in sets.shifts)
+    period = max(shift.period for shift in sets.shifts)
     found = ShiftDifference(one, other, is_delay=False)
     change = found.change
     late = (

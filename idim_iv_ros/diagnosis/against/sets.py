@@ -67,7 +67,7 @@ class TwoSets:
     @property
     def inside(self) -> tuple[BoolArray, ...]:
         """Rows (r_j,) of the second set, for each joint."""
-        return tuple(np.isin(each, list(self.second)) for each in self.data.recordings)
+        return tuple(np.isin(recording, list(self.second)) for recording in self.data.recordings)
 
 
 def two_sets(
@@ -147,7 +147,7 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
 
 def _rows(first: JointRows, second: JointRows) -> JointRows:
     start = len(first)
-    later = tuple(slice(start + each.start, start + each.stop) for each in second.segments)
+    later = tuple(slice(start + segment.start, start + segment.stop) for segment in second.segments)
     return JointRows(
         np.concatenate([first.matrix, second.matrix]),
         np.concatenate([first.torque, second.torque]),

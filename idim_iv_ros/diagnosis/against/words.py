@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.law import ShiftDifference
 from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
@@ -21,7 +22,6 @@ from idim_iv_ros.diagnosis.sentences import (
     spaced,
     with_interval,
 )
-from idim_iv_ros.diagnosis.structural.nonparametric import Nonparametric
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
@@ -200,7 +200,7 @@ def groups(groups: Sequence[Sequence[str]]) -> str:
     """Recordings of the second set that do not agree; empty where all do."""
     if len(groups) < 2:
         return ""
-    listed = "; ".join(", ".join(each) for each in groups)
+    listed = "; ".join(", ".join(group) for group in groups)
     return f"the recordings of the second set do not agree and were compared apart: {listed}"
 
 
@@ -240,8 +240,8 @@ def _torque(data: Baseline, value: float, joint: str) -> str:
 
 def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
     listed = ", ".join(
-        f"{_torque(data, each.rms, each.joint)} at {each.joint} "
-        f"({100.0 * each.share_of_torque:.3g} % of its torque)"
-        for each in torques
+        f"{_torque(data, torque.rms, torque.joint)} at {torque.joint} "
+        f"({100.0 * torque.share_of_torque:.3g} % of its torque)"
+        for torque in torques
     )
     return listed and f"; that is {listed}"

@@ -109,8 +109,8 @@ def _tested(
 ) -> Explained:
     causes = _without_doubtful(selection, [each for each in judged if not each.reason])
     judged = [*causes, *(each for each in judged if each.reason)]
-    causes = [each for each in causes if not each.reason]
-    effects = [each for each in causes if each.term.candidate.kind is Kind.EFFECT]
+    causes = [cause for cause in causes if not cause.reason]
+    effects = [cause for cause in causes if cause.term.candidate.kind is Kind.EFFECT]
     doubtful = [each for each in judged if each.reason]
     outside = [
         each.term for each in doubtful if each.term.candidate.kind is Kind.EFFECT and each.outside
@@ -118,15 +118,14 @@ def _tested(
     others = [term for term in selection.terms if term.candidate.kind in (Kind.NUMBER, Kind.SIGNAL)]
     model = named_model(
         regression,
-        [each.term for each in effects],
+        [effect.term for effect in effects],
         [*selection.curves, *outside],
         others,
-        data.torque_sizes,
     )
     repeats = repeats_of(data)
     floors = noise_floors(data, model.regression, model.fit, repeats)
-    drifts = any(candidate.effect.family == "time" for candidate in model.effects)
-    labels = [label(data, candidate) for candidate in model.effects]
+    drifts = any(term.effect.family == "time" for term in model.effects)
+    labels = [label(data, term) for term in model.effects]
     given = data.prepared.given
     tested = held_out(
         data, model.regression, model.fit, labels, floors, repeats, given, interleaved=drifts
@@ -134,7 +133,7 @@ def _tested(
     return Explained(
         selection=selection,
         effects=tuple(effects),
-        numbers=tuple(each for each in causes if each.term.candidate.kind is Kind.NUMBER),
+        numbers=tuple(cause for cause in causes if cause.term.candidate.kind is Kind.NUMBER),
         doubtful=tuple(doubtful),
         model=model,
         tested=tested,
@@ -145,14 +144,14 @@ def _tested(
 def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:
     """Give causes the numbers that they have where what is doubtful is left out."""
     signals = [term for term in selection.terms if term.candidate.kind is Kind.SIGNAL]
-    terms = together(selection.comparison, [*(each.term for each in causes), *signals])
+    terms = together(selection.comparison, [*(cause.term for cause in causes), *signals])
     catalogue = selection.comparison.catalogue
     made = []
-    for each, term in zip(causes, terms, strict=False):
+    for cause, term in zip(causes, terms, strict=False):
         reason = catalogue.why_impossible(
             term.candidate, term.shape, term.coefficients, term.deviations
         )
-        made.append(replace(each, term=term, reason=reason, outside=bool(reason)))
+        made.append(replace(cause, term=term, reason=reason, outside=bool(reason)))
     return made
 
 

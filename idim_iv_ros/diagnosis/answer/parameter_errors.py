@@ -53,7 +53,7 @@ def number_errors(found: Explained) -> NumberErrors:
     space = found.selection.comparison.catalogue.space
     gap = [left.copy() for left in ledger.gap]
     signals = [term for term in found.selection.terms if term.candidate.kind is Kind.SIGNAL]
-    for term in (*(each.term for each in found.effects), *signals, *found.selection.curves):
+    for term in (*(effect.term for effect in found.effects), *signals, *found.selection.curves):
         _take(gap, term)
     refit = refit_residuals(ledger, gap)
     left = list(found.numbers)
@@ -125,10 +125,10 @@ def remaining(errors: Sequence[ParameterError], least: float | None = None) -> l
     least = float(settings.LEAST_PARAMETER_ERROR) if least is None else least
     return sorted(
         (
-            each
-            for each in errors
-            if each.share_of_torque > least
-            and each.named > settings.PARAMETER_ERROR_OVER_REFIT * each.refit
+            error
+            for error in errors
+            if error.share_of_torque > least
+            and error.named > settings.PARAMETER_ERROR_OVER_REFIT * error.refit
         ),
         key=lambda each: -each.share_of_torque,
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
-from idim_iv_ros.diagnosis.answer.numbers import numbers_of
+from idim_iv_ros.diagnosis.answer.numbers import numbers_of, parameters_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -21,7 +21,6 @@ from idim_iv_ros.diagnosis.result import (
     Indistinguishable,
     SimulationGap,
 )
-from idim_iv_ros.diagnosis.structural.candidate import parameters_of
 
 
 def rivals_of(data: Baseline, judged: JudgedTerm) -> tuple[Indistinguishable, ...]:
@@ -51,18 +50,18 @@ def structural_causes(
     """
     causes, model, tested = [], found.model, found.tested
     for number, (judged, simulation) in enumerate(zip(found.effects, simulations, strict=True)):
-        candidate = model.effects[number]
-        place = candidate.place
+        term = model.effects[number]
+        place = term.place
         stage = tested.refit + number
         gap = tested.gap(stage, stage + 1, place.joint)
         gain, helped, folds = tested.gain(number)
         start = sum(model.regression.widths[:number])
-        numbers = parameters_of(data, model.regression, _beside_nominal(found), candidate, start)
+        numbers = parameters_of(data, model.regression, _beside_nominal(found), term, start)
         numbers = data.in_units_at(place.joint, numbers)
         others = rivals_of(data, judged)
         causes.append(
             Cause(
-                effect=candidate.effect.name,
+                effect=term.effect.name,
                 kind="structural",
                 joint=data.joints[place.joint],
                 other_joint=None if place.other is None else data.joints[place.other],
@@ -80,7 +79,7 @@ def structural_causes(
                 torque_gap=gap,
                 simulation_gap=simulation,
                 sentence=sentences.structural_cause(
-                    data, candidate, numbers, others, gap, judged.probability
+                    data, term, numbers, others, gap, judged.probability
                 ),
                 joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
             )
@@ -91,7 +90,7 @@ def structural_causes(
 def _beside_nominal(found: Explained) -> Fit:
     """The refit with the coefficients that effects have beside the errors of the nominal model."""
     values = found.model.fit.coefficients.copy()
-    values[:] = np.concatenate([each.term.coefficients for each in found.effects])
+    values[:] = np.concatenate([effect.term.coefficients for effect in found.effects])
     return replace(found.model.fit, coefficients=values)
 
 

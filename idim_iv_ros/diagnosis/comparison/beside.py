@@ -13,7 +13,8 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, products_with_model
-from idim_iv_ros.effects.effect import Shape
+from idim_iv_ros.effects.effect import Effect, Place, Shape
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
 
 _ROUNDING = 1e-5  # of a direction's energy before the errors are taken out: single precision
@@ -71,6 +72,19 @@ class Term:
     def key(self) -> Key:
         """Effect and place."""
         return self.candidate.key
+
+    @property
+    def effect(self) -> Effect:
+        """What it is, of a term that is no number of the model."""
+        effect = self.candidate.effect
+        assert not isinstance(effect, ParametricEffect)
+        return effect
+
+    @property
+    def place(self) -> Place:
+        """Where it acts, of a term that belongs to a joint."""
+        assert self.candidate.place is not None
+        return self.candidate.place
 
     @property
     def width(self) -> int:

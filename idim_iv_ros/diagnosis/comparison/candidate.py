@@ -7,12 +7,12 @@ from enum import Enum
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.changes import change_rows, level_axes, still_joints
+from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.structural.candidate import operating_range, rows_of
-from idim_iv_ros.diagnosis.structural.nonparametric import NONPARAMETRIC
+from idim_iv_ros.diagnosis.refit.effect_rows import operating_range, rows_of
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import (
     Change,
@@ -127,16 +127,16 @@ class Catalogue:
         ]
         numbers = [] if data.prepared.why_no_given else self._numbers(regression, without, still)
         common = [
-            each
-            for each in numbers
-            if not number_scopes or not getattr(each.effect, "in_base_parameters", True)
+            number
+            for number in numbers
+            if not number_scopes or not getattr(number.effect, "in_base_parameters", True)
         ]
         self.candidates = (
             *effects,
             *self._effects([CommonShift(), TiltedMoments()], Kind.SIGNAL),
             *common,
-            *(self._scoped(each, scope) for scope in scopes for each in effects),
-            *(self._scoped(each, scope) for scope in number_scopes for each in numbers),
+            *(self._scoped(effect, scope) for scope in scopes for effect in effects),
+            *(self._scoped(number, scope) for scope in number_scopes for number in numbers),
         )
 
     def _scoped(self, candidate: Candidate, scope: Scope) -> Candidate:

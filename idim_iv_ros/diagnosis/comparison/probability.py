@@ -84,8 +84,8 @@ def features(
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
     larger = sum(
-        each.candidate.kind in (Kind.NUMBER, Kind.EFFECT) and float(each.visible.max()) > visible
-        for each in terms
+        term.candidate.kind in (Kind.NUMBER, Kind.EFFECT) and float(term.visible.max()) > visible
+        for term in terms
     )
     return np.array(
         [

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.controller.law_change import (
     CommandRows,
     LawChange,
@@ -21,7 +22,6 @@ from idim_iv_ros.diagnosis.result import (
     Evidence,
     Gap,
 )
-from idim_iv_ros.diagnosis.structural.candidate import Candidate
 from idim_iv_ros.effects.controller_mismatch import GAIN, LAG, ControllerMismatch
 from idim_iv_ros.effects.registry import BY_NAME, ENCODER_LAWS, name_of
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
@@ -147,7 +147,11 @@ def shown_law(data: Baseline) -> ShownLaw:
     period = control_period(section, [motion.signals.rate for motion in motions])
     speed = law_speed(motions, law)
     joints = {}
-    wrong = {each.joint for each in data.prepared.joint_findings if each.level == "unusable"}
+    wrong = {
+        joint_finding.joint
+        for joint_finding in data.prepared.joint_findings
+        if joint_finding.level == "unusable"
+    }
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
@@ -243,10 +247,10 @@ def beside_gains(law: LawCheck, causes: Sequence[Cause]) -> LawCheck:
             return False
         return abs(1.0 / (1.0 + found.gain) - factor.value) < settings.NORMAL_95 * factor.std
 
-    return replace(law, findings=tuple(each for each in law.findings if not same(each)))
+    return replace(law, findings=tuple(finding for finding in law.findings if not same(finding)))
 
 
-def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate]) -> list[Cause]:
+def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Term]) -> list[Cause]:
     """One cause for each joint whose commands are not those of the configured law.
 
     Parameters
@@ -254,8 +258,10 @@ def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Candidate
     effects
         Accepted ones: where an encoder is eccentric the commands follow another position.
     """
-    eccentric = {each.place.joint for each in effects if set(ENCODER_LAWS) & set(each.effect.laws)}
-    found = [(data.joints.index(each.joint), each) for each in law.findings]
+    eccentric = {
+        effect.place.joint for effect in effects if set(ENCODER_LAWS) & set(effect.effect.laws)
+    }
+    found = [(data.joints.index(finding.joint), finding) for finding in law.findings]
     return [_cause(data, joint, each) for joint, each in found if joint not in eccentric]
 
 

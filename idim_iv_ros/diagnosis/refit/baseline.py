@@ -141,10 +141,12 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     `shift`: s by which the effort is taken to be later than recorded.
     """
     configuration = prepared.configuration
-    left_out = {each.joint for each in prepared.joint_findings if each.left_out}
+    left_out = {
+        joint_finding.joint for joint_finding in prepared.joint_findings if joint_finding.left_out
+    }
     rows = tuple(
-        replace(each, left_out=joint in left_out)
-        for joint, each in enumerate(observation_rows(prepared.model, prepared.motions))
+        replace(observation_row, left_out=joint in left_out)
+        for joint, observation_row in enumerate(observation_rows(prepared.model, prepared.motions))
     )
     if shift != 0.0:
         rows = later(rows, prepared.motions, shift)

@@ -135,8 +135,8 @@ class _Score:
         self.white = white[:, 0]
         self.basis, _ = np.linalg.qr(white[:, 1:])
         self.positions = [motion.position[:, joint] for motion in data.motions]
-        self.low = min(float(each.min()) for each in self.positions)
-        self.range = max(float(each.max()) for each in self.positions) - self.low
+        self.low = min(float(position.min()) for position in self.positions)
+        self.range = max(float(position.max()) for position in self.positions) - self.low
         self.resolution = 2.0 * np.pi / max(self.range, 1e-9)
 
     @property

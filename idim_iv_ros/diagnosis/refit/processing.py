@@ -47,7 +47,7 @@ def _proposed(
     """Processing of the set with the narrowest band; reversals count in a simulated loop."""
     options = [widened(part, configuration, simulated=simulated).processing for part in sets]
     narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
-    positions = [each.position_cutoff for each in options if each.position_cutoff is not None]
+    positions = [option.position_cutoff for option in options if option.position_cutoff is not None]
     if positions and configuration.processing.position_cutoff is None:
         position = max(min(positions), narrow.decimation_cutoff or 0.0)
         narrow = narrow.model_copy(update={"position_cutoff": position})

@@ -136,7 +136,7 @@ def _aligned_throughout(data: Baseline, regression: Regression, without: Collect
     early = on_likelier_motion(data, regression)
     if not early.shift.beyond_control:
         return early
-    before = [float(np.std(each)) for each in regression.fit().residuals]
+    before = [float(np.std(residual)) for residual in regression.fit().residuals]
     shift, prepared = early.shift.shift, data.prepared
     of_stamps = refit_of(prepared, shift)
     refit = on_likelier_motion(of_stamps, smooth_regression(of_stamps))
@@ -149,7 +149,7 @@ def _aligned_throughout(data: Baseline, regression: Regression, without: Collect
     found = replace(refit.shift, configured=early.shift.configured)
     if name_of("delay") in without or not found.beyond_control:
         return refit
-    after = [float(np.std(each)) for each in refit.regression.fit().residuals]
+    after = [float(np.std(residual)) for residual in refit.regression.fit().residuals]
     return replace(refit, delays=(found.cause(refit.data, before, after, support),))
 
 

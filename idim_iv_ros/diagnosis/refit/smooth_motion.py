@@ -80,7 +80,7 @@ def corrected_motions(
     further = [_derivatives(states, rate) for states, rate in zip(simulated, rates, strict=True)]
     rows, targets = [], []
     for real, states, decimation, rate in zip(measured, further, decimations, rates, strict=True):
-        columns = [decimation.whole(above(each, rate, cutoff)) for each in states[2:]]
+        columns = [decimation.whole(above(state, rate, cutoff)) for state in states[2:]]
         rows.append(np.stack(columns, axis=2))  # (m, n_joints, derivatives)
         targets.append(decimation.whole(above(real[2] - states[2], rate, cutoff)))
     coefficients = _coefficients(np.concatenate(rows), np.concatenate(targets))

@@ -137,7 +137,7 @@ class _Tried:
             joints[joint] = replace(joints[joint], matrix=matrix)
         changed = replace(self.regression, joints=tuple(joints))
         after = self._energies(changed.fit(self.fit.noise_models, steps=0), changed)
-        rows = np.array([len(each.torque) for each in joints])
+        rows = np.array([len(joint.torque) for joint in joints])
         return np.asarray(0.5 * rows * np.log(self.before / after))
 
     def gain_of_all(self, joints: Sequence[int], each: tuple[float, float]) -> float:

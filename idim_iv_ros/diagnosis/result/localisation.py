@@ -127,6 +127,9 @@ class GapSeries:
         Of the session (`recording.session`): it increases.
     torque, given, refit, extended : N m (N)
         Measured, and of three models; `given` is None without a nominal model.
+    friction, given_friction : N m (N)
+        Friction and offset of the extended and of the nominal model; `given_friction` is None
+        without one.
     position, speed : rad, rad/s
     load : N m
         Torque of the rigid bodies alone.
@@ -142,6 +145,8 @@ class GapSeries:
     given: FloatArray | None
     refit: FloatArray
     extended: FloatArray
+    friction: FloatArray
+    given_friction: FloatArray | None
     position: FloatArray
     speed: FloatArray
     load: FloatArray

@@ -177,7 +177,7 @@ def _resonance(data: Baseline, each: Measured) -> float:
 
 def _excluded(found: Transmission, cause: Cause) -> bool:
     """Whether the measured bounds exclude a shaft or play of that size."""
-    numbers = {name: each.value for name, each in cause.parameters.items()}
+    numbers = {name: parameter.value for name, parameter in cause.parameters.items()}
     if BY_NAME[cause.effect].part == "play":
         most = found.backlash_at_most
         return most is not None and numbers["gap"] > most

@@ -125,9 +125,9 @@ def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
             "with this joint moving"
         )
     types = data.prepared.model.robot.joint_types
-    for each in link_encoders(data.prepared.motions, data.joints, types):
-        if each.joint == data.joints[joint]:
-            return each.problem
+    for link_encoder in link_encoders(data.prepared.motions, data.joints, types):
+        if link_encoder.joint == data.joints[joint]:
+            return link_encoder.problem
     return ""
 
 

@@ -96,7 +96,7 @@ class Collection:
         bag = self._record(passes)
         report = self._check(bag)
         if not report.usable:
-            why = next(each for each in report.findings if each.level == "unusable")
+            why = next(finding for finding in report.findings if finding.level == "unusable")
             raise DataError(f"{bag.name} cannot be identified: {why.where}: {why.sentence}")
         self.result.message = f"{bag.name}: {passes.full.duration:.3g} s recorded, usable"
         if goal.identify:
@@ -188,7 +188,7 @@ class Collection:
         )
         self.result.usable = report.usable
         self.result.findings = [
-            f"{each.level}: {each.where}: {each.sentence}" for each in report.findings
+            f"{finding.level}: {finding.where}: {finding.sentence}" for finding in report.findings
         ]
         return report
 

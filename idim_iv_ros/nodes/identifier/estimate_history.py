@@ -77,7 +77,7 @@ class Comparison:
     @property
     def drifting(self) -> tuple[Drift, ...]:
         """Parameters that differ by more than chance."""
-        return tuple(each for each in self.drifts if each.drifts)
+        return tuple(drift for drift in self.drifts if drift.drifts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,14 +146,14 @@ class EstimateHistory:
         UsageError
             There is none, or the file cannot be written.
         """
-        chosen = next((each for each in self.entries if each.folder == folder), None)
+        chosen = next((entry for entry in self.entries if entry.folder == folder), None)
         if chosen is None:
             what = f"no identification in {folder}" if folder else "no identification"
             raise UsageError(f"{what} is kept; get_history lists those that are")
         self._keep(
             [
-                replace(each, baseline=each is chosen) if each.kind == chosen.kind else each
-                for each in self.entries
+                replace(entry, baseline=entry is chosen) if entry.kind == chosen.kind else entry
+                for entry in self.entries
             ]
         )
         return chosen
@@ -169,12 +169,12 @@ class EstimateHistory:
         list of Comparison
             In the order of the newest identifications.
         """
-        newest = {each.kind: each for each in self.entries}
+        newest = {entry.kind: entry for entry in self.entries}
         ordered = sorted(newest.values(), key=self.entries.index)
         return [self._comparison(each, significance) for each in ordered]
 
     def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
-        same = [each for each in self.entries if each.kind == newest.kind]
+        same = [entry for entry in self.entries if entry.kind == newest.kind]
         able = [each for each in same if _comparable(each, newest)]
         first = next((each for each in able if each.baseline), able[0] if able else None)
         if newest.baseline or first is None:

@@ -35,7 +35,7 @@ def gap_message(result: GapResult, stamp: Time, bags: Sequence[str], folder: str
     folder
         Of the files, relative to the output directory.
     """
-    joints = [each.joint for each in result.joint_gaps]
+    joints = [joint_gap.joint for joint_gap in result.joint_gaps]
     message = _message(
         msg.GapReport,
         result,
@@ -50,7 +50,7 @@ def gap_message(result: GapResult, stamp: Time, bags: Sequence[str], folder: str
         duration=sum(result.timing.values()),
     )
     message.stages = [
-        _message(msg.GapStage, each, **_in_order(each, joints)) for each in result.stages
+        _message(msg.GapStage, stage, **_in_order(stage, joints)) for stage in result.stages
     ]
     message.header.stamp = stamp
     return message
@@ -89,7 +89,8 @@ def result_message(
     message.parameters.header.stamp = stamp
     if result.refined is not None:
         message.refined_estimates = [
-            _message(msg.ParameterEstimate, each, remark="") for each in result.refined.parameters
+            _message(msg.ParameterEstimate, parameter, remark="")
+            for parameter in result.refined.parameters
         ]
     return message
 
@@ -137,7 +138,7 @@ def _hint(hint: Hint) -> dict[str, object]:
 
 
 def _named(parameters: Mapping[str, EffectParameter]) -> list["_Named"]:
-    return [_Named(name, each) for name, each in parameters.items()]
+    return [_Named(name, parameter) for name, parameter in parameters.items()]
 
 
 class _Named:

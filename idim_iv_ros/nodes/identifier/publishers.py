@@ -107,7 +107,9 @@ class ResultPublisher:
             effort_unit=result.effort_unit,
             bags=job.names,
             folder=job.folder.name,
-            values={each.name: (each.value, each.std) for each in result.parameters},
+            values={
+                parameter.name: (parameter.value, parameter.std) for parameter in result.parameters
+            },
             configuration=job.configuration_name,
         )
         self.last = result_message(result, time_message(entry.stamp), entry.bags, entry.folder)

@@ -62,16 +62,18 @@ def joint_diagnoses(name: str, result: IdentificationResult) -> list[DiagnosticS
 
 def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticStatus:
     """Name the parameters that differ from their baseline by more than chance."""
-    drifting = any(each.drifting for each in comparisons)
+    drifting = any(comparison.drifting for comparison in comparisons)
     level = DiagnosticStatus.WARN if drifting else DiagnosticStatus.OK
     values: dict[str, object] = {}
-    compared = [each for each in comparisons if each.drifts]
+    compared = [comparison for comparison in comparisons if comparison.drifts]
     if compared:
         # The kind that was identified last, unless another is the reason of the alarm.
         shown = next((each for each in reversed(compared) if each.drifting), compared[-1])
         values["bags"] = ", ".join(shown.newest.bags)
         values["limit (σ)"] = f"{shown.drifts[0].limit:.3f}"
-        values.update({f"{each.parameter} (σ)": f"{each.statistic:+.2f}" for each in shown.drifts})
+        values.update(
+            {f"{drift.parameter} (σ)": f"{drift.statistic:+.2f}" for drift in shown.drifts}
+        )
     return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)
 
 

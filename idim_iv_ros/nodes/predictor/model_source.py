@@ -138,7 +138,7 @@ class ModelSource:
             entries = EstimateHistory(self._directory).entries
         except IdimError:
             return  # what the identifier cannot read either, it says itself
-        own = [each for each in entries if not each.configuration]
+        own = [entry for entry in entries if not entry.configuration]
         own = [each for each in own if each.estimator == ESTIMATORS[0]] or own
         if own:
             self.announce(f"{own[-1].folder}/{RESULT}", own[-1].stamp)

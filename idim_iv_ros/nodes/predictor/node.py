@@ -219,7 +219,7 @@ class Predictor:
 
     def _apply(self, settings: PredictorSettings, given: set[str]) -> None:
         self._settings = settings
-        if given & {each.name for each in fields(settings)}:
+        if given & {field.name for field in fields(settings)}:
             self._look()
 
 

@@ -179,7 +179,7 @@ class RecordingSession:
         """Take messages of the topics `channels`, in any order."""
         for channel in channels:
             if channel.latched:
-                last = next(each for each in reversed(messages) if each[1] == channel.name)
+                last = next(message for message in reversed(messages) if message[1] == channel.name)
                 self._latched[channel.name] = (channel, last)
         untimed = {message[1]: message for message in messages if not message[0]}
         if untimed:

@@ -82,7 +82,7 @@ def write_snapshot(
     first = messages[0][0]
     present = {message[1] for message in messages}
     before = {name: message for name, message in latched.items() if name not in present}
-    topics = {each.name: each for each in (*latched_channels, *channels)}
+    topics = {channel.name: channel for channel in (*latched_channels, *channels)}
     bag = GrowingBag(
         folder, SplitLimits(), lambda: first, before, list(topics.values()), storage=storage
     )

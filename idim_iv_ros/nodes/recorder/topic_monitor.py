@@ -113,7 +113,9 @@ class JointContent:
     def _met(self, layout: CdrLayout) -> None:
         names = tuple(sorted(layout.names))
         if self._type == JOINT_STATE:
-            self.joint_sets = [each for each in self.joint_sets if each != names] + [names]
+            self.joint_sets = [joint_set for joint_set in self.joint_sets if joint_set != names] + [
+                names
+            ]
 
     def _numbers(self, message: bytes) -> None:
         layout = self._known.get(self._key(message))

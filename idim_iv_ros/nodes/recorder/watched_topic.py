@@ -115,7 +115,7 @@ class WatchedTopic:
         self.publishers = len(found)
         self.problem = ""
         if found and not usable and self._types is not None:
-            plain = " or ".join(each for each in self._types if each not in ROS2_CONTROL)
+            plain = " or ".join(kind for kind in self._types if kind not in ROS2_CONTROL)
             state = ", or a state of control_msgs" if len(self._types) > len(ROS2_CONTROL) else ""
             self.problem = f"it is {found[0].topic_type}; {plain} is needed{state}: not recorded"
         if not usable:
@@ -169,7 +169,7 @@ class WatchedTopic:
     def _subscribe(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Subscribe reliable, and transient local, only where all publishers are (rosbag2)."""
         message_type = publishers[0].topic_type
-        offered = tuple(_offered(each) for each in publishers)
+        offered = tuple(_offered(publisher) for publisher in publishers)
         channel = TopicChannel(self.name, message_type, offered, definition(message_type))
         before, self.channel = self.channel, channel
         kinds = {qos.reliability for qos in offered}, {qos.durability for qos in offered}

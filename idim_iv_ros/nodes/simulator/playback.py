@@ -59,7 +59,7 @@ def commanded(
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
         raise UsageError(f"joint_trajectory: {len(times)} points; at least 2 are needed")
-    if not all(np.isfinite(each).all() for each in numbers):
+    if not all(np.isfinite(number).all() for number in numbers):
         raise UsageError("joint_trajectory: a number is not finite")
     if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
         raise UsageError("joint_trajectory: time_from_start does not increase")

@@ -30,10 +30,12 @@ class Ros1File(BagFile):
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics as ROS 2 serialises them; otherwise as `BagFile`."""
         with self._opened() as reader:
-            connections = [each for each in reader.connections if each.topic in wanted]
+            connections = [
+                connection for connection in reader.connections if connection.topic in wanted
+            ]
             if not connections:
                 return
-            serialise = {each.id: _serialiser(each) for each in connections}
+            serialise = {connection.id: _serialiser(connection) for connection in connections}
             self.missing = Counter()
             for each in connections:
                 self.missing[each.topic] += each.msgcount
@@ -75,9 +77,9 @@ class Ros1File(BagFile):
                 "`rosbag reindex` mends the index of one that was not closed"
             ) from error
         try:
-            for each in reader.connections:
-                note_type(self.topics, each.topic, each.msgtype)
-                self.definitions[each.msgtype] = _definition(each)
+            for connection in reader.connections:
+                note_type(self.topics, connection.topic, connection.msgtype)
+                self.definitions[connection.msgtype] = _definition(connection)
             yield reader
         finally:
             reader.close()
@@ -96,5 +98,5 @@ def _serialiser(connection: Connection) -> Callable[[bytes], bytes]:
     store, standard = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY).fielddefs
     store.register({name: standard[name] for name in _HEADER})
     types = get_types_from_msg(_definition(connection).text, kind)
-    store.register({name: each for name, each in types.items() if name not in _HEADER})
+    store.register({name: kind for name, kind in types.items() if name not in _HEADER})
     return lambda raw: bytes(store.ros1_to_cdr(raw, kind))

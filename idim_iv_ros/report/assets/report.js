@@ -78,9 +78,19 @@ const start = async () => {
 start().catch(error => missing(error.message));
 
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
+// A link to what is folded opens it.
+const reveal = () => {
+  const place = location.hash && document.getElementById(location.hash.slice(1));
+  const fold = place && place.closest('details');
+  if (fold) { fold.open = true; place.scrollIntoView(); }
+};
+addEventListener('hashchange', reveal);
+reveal();
+
 // Paper is white, and narrower than a screen.
 const printing = on => () => {
   root.classList.toggle('print', on);
+  if (on) document.querySelectorAll('details.fold').forEach(fold => { fold.open = true; });
   redraw();
 };
 addEventListener('beforeprint', printing(true));

@@ -20,7 +20,6 @@ from idim_iv_ros.report.numerals import (
     known,
     measured,
     number,
-    p_value,
     percent,
     sentence,
     with_unit,
@@ -93,9 +92,9 @@ def _error(result: GapResult, stage: Stage, joint: str | None) -> float | None:
     if joint is not None:
         error = errors.get(joint)
         return error if known(error) else None
-    if " or " in small_unit(result, None) or not all(known(each) for each in errors.values()):
+    if " or " in small_unit(result, None) or not all(known(error) for error in errors.values()):
         return None
-    return math.sqrt(sum(each**2 for each in errors.values()))
+    return math.sqrt(sum(error**2 for error in errors.values()))
 
 
 def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
@@ -111,13 +110,14 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
         "structural": cause.kind == "structural",
         "sentence": sentence(cause.sentence, result.joints),
         "parameters": {
-            parameter_words(cause.effect, name): each for name, each in cause.parameters.items()
+            parameter_words(cause.effect, name): parameter
+            for name, parameter in cause.parameters.items()
         },
-        "unsure": any(each.std is None for each in cause.parameters.values()),
+        "unsure": any(parameter.std is None for parameter in cause.parameters.values()),
         "facts": _evidence(cause),
         "place": cause.joint or "all joints",
         "gaps": gaps,
-        "changes": [_change(result, cause, each) for each in cause.joint_gaps],
+        "changes": [_change(result, cause, joint_gap) for joint_gap in cause.joint_gaps],
         "untracked": "" if tracking.gap else sentence(f"Tracking error: {tracking.words}"),
         "others": [
             (
@@ -152,11 +152,6 @@ def _evidence(cause: Cause) -> list[tuple[str, str]]:
     if cause.probability is not None:
         facts.append(("Probability", percent(100.0 * cause.probability)))
     facts.append(("Twice the logarithm of the Bayes factor", number(evidence.statistic)))
-    if known(evidence.p_value):
-        facts.append(("p-value of the choice among all candidates", p_value(evidence.p_value)))
-    if evidence.p_value_from:
-        what = "Origin of the p-value" if known(evidence.p_value) else "p-value"
-        facts.append((what, evidence.p_value_from))
     if evidence.held_out_gain is not None:  # parameter errors and control laws need no blocks
         gain = percent(100.0 * evidence.held_out_gain)
         facts.append(("Residual energy that it removes on held-out blocks", gain))
@@ -224,16 +219,16 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     return {
         "without": ", ".join(effect_words(each) for each in result.without),
         "causes": [_card(result, cause) for cause in result.causes],
-        "hints": [_hint(result, each) for each in result.hints],
+        "hints": [_hint(result, hint) for hint in result.hints],
         "unexplained": rest,
         "family": "" if rest is None else FAMILIES[rest.family],
         "errors": [
             (
-                each.joint,
-                with_unit(each.remaining, torque_unit(result, each.joint)),
-                percent(100.0 * each.share_of_torque),
+                parameter_error.joint,
+                with_unit(parameter_error.remaining, torque_unit(result, parameter_error.joint)),
+                percent(100.0 * parameter_error.share_of_torque),
             )
-            for each in result.parameter_errors
+            for parameter_error in result.parameter_errors
         ],
     }
 

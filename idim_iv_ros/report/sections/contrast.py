@@ -31,11 +31,11 @@ def change_card(result: GapResult, cause: ContrastCause) -> ChangeCard:
     """Return a change as it is shown."""
     facts = [
         (
-            f"Torque at {each.joint}, rms",
-            f"{with_unit(each.rms, torque_unit(result, each.joint))} "
-            f"({percent(100.0 * each.share_of_torque)} of its torque)",
+            f"Torque at {torque.joint}, rms",
+            f"{with_unit(torque.rms, torque_unit(result, torque.joint))} "
+            f"({percent(100.0 * torque.share_of_torque)} of its torque)",
         )
-        for each in cause.torques
+        for torque in cause.torques
     ]
     if cause.evidence.chosen_in_folds:
         facts.append(("Chosen again without a part of the time", cause.evidence.chosen_in_folds))
@@ -44,7 +44,10 @@ def change_card(result: GapResult, cause: ContrastCause) -> ChangeCard:
     return ChangeCard(
         effect_at(cause.effect, cause.joint, cause.other_joint),
         sentence(cause.sentence),
-        {parameter_words(cause.effect, name): each for name, each in cause.parameters.items()},
+        {
+            parameter_words(cause.effect, name): parameter
+            for name, parameter in cause.parameters.items()
+        },
         _CHANGES[cause.change],
         tuple(facts),
     )
@@ -72,15 +75,15 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
         "cards": [change_card(result, cause) for cause in contrast.causes],
         "joints": [
             (
-                each.joint,
+                joint.joint,
                 *(
-                    f"{number(value)} {torque_unit(result, each.joint)}"
-                    for value in (each.before, each.after, each.own)
+                    f"{number(value)} {torque_unit(result, joint.joint)}"
+                    for value in (joint.before, joint.after, joint.own)
                 ),
-                percent(100.0 * each.share_of_torque),
-                with_unit(each.unexplained, torque_unit(result, each.joint)),
+                percent(100.0 * joint.share_of_torque),
+                with_unit(joint.unexplained, torque_unit(result, joint.joint)),
             )
-            for each in contrast.joints
+            for joint in contrast.joints
         ],
         "common": contrast.common,
         "notes": contrast.notes,

@@ -10,4 +10,6 @@ def _context(report: Report[Any]) -> dict[str, Any]:
     return {"diagnosis": isinstance(report.result, GapResult)}
 
 
-GLOSSARY: Section[Any] = Section("Glossary", "glossary", "glossary.html.j2", _context)
+GLOSSARY: Section[Any] = Section(
+    "Glossary", "glossary", "glossary.html.j2", _context, "what the words of this page mean"
+)

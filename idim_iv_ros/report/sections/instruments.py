@@ -67,4 +67,10 @@ def _badge(accepted: bool | None, *, neutral: bool) -> tuple[str, str, str]:
     return ("good", "✓", words) if accepted else ("bad", "✕", words)
 
 
-INSTRUMENTS = Section("Tests", "instruments", "instruments.html.j2", _context)
+INSTRUMENTS = Section(
+    "Tests",
+    "instruments",
+    "instruments.html.j2",
+    _context,
+    "Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
+)

@@ -24,4 +24,10 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     }
 
 
-LIMITS = Section("Limits", "limits", "limits.html.j2", _context)
+LIMITS = Section(
+    "Limits",
+    "limits",
+    "limits.html.j2",
+    _context,
+    "what this recording cannot show, and which motion would",
+)

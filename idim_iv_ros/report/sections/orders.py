@@ -96,4 +96,6 @@ def _peak(spectrum: OrderSpectrum, unit: str) -> list[dict[str, Any]]:
     ]
 
 
-ORDERS = Section("Orders", "orders", "orders.html.j2", _context)
+ORDERS = Section(
+    "Orders", "orders", "orders.html.j2", _context, "what repeats with every turn of a joint"
+)

@@ -43,7 +43,9 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     figure = _forest(result)
     return {
         "misspecified": [
-            each.joint for each in result.residuals if verdict_badge(each.verdict)[0] == "bad"
+            residual.joint
+            for residual in result.residuals
+            if verdict_badge(residual.verdict)[0] == "bad"
         ],
         "impossible": impossible,
         "moved": () if result.refined is None else result.refined.moved,

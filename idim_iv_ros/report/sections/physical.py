@@ -26,13 +26,13 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     return {
         "found": found,
         "reason": "",
-        "links": [_link(each) for each in found.links],
+        "links": [_link(link) for link in found.links],
         "moved": [
             (each.name, number(each.estimate), number(each.value), f"{each.deviations:+.2f}")
             for each in sorted(found.base, key=lambda each: -abs(each.deviations))
             if known(each.deviations) and abs(each.deviations) >= _LARGE
         ],
-        "values": [_value(each) for each in found.parameters],
+        "values": [_value(parameter) for parameter in found.parameters],
         "error": _error(found),
         "p_value": p_value(found.test.p_value),
         "distance": number(found.test.statistic),
@@ -73,4 +73,10 @@ def _error(found: PhysicalParameters) -> list[tuple[str, str, str]]:
     return rows
 
 
-PHYSICAL: Section[Any] = Section("Physical", "physical", "physical.html.j2", _context)
+PHYSICAL: Section[Any] = Section(
+    "Physical",
+    "physical",
+    "physical.html.j2",
+    _context,
+    "masses, centres and inertias that a simulator can hold",
+)

@@ -84,4 +84,10 @@ def _seconds(value: float) -> str:
     return with_unit(1e3 * value, "ms") if value < 1.0 else with_unit(value, "s")
 
 
-PROCESSING = Section("Processing", "processing", "processing.html.j2", _context)
+PROCESSING = Section(
+    "Processing",
+    "processing",
+    "processing.html.j2",
+    _context,
+    "filters, rates and clocks, and what was left out",
+)

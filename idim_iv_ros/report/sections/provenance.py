@@ -58,5 +58,13 @@ def _notes(report: Report[GapResult]) -> dict[str, Any] | None:
     return {"notes": [sentence(note, names) for note in result.notes]}
 
 
-PROVENANCE: Section[Any] = Section("Repeat", "repeat", "provenance.html.j2", _context)
-NOTES = Section("Notes", "notes", "notes.html.j2", _notes)
+PROVENANCE: Section[Any] = Section(
+    "Repeat", "repeat", "provenance.html.j2", _context, "command, versions, configuration"
+)
+NOTES = Section(
+    "Notes",
+    "notes",
+    "notes.html.j2",
+    _notes,
+    "how the recordings were read and what could not be done",
+)

@@ -16,13 +16,15 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
     if not result.regimes:
         return None
-    axes = list(dict.fromkeys([*AXES, *(each.axis for each in result.regimes)]))
+    axes = list(dict.fromkeys([*AXES, *(regime.axis for regime in result.regimes)]))
     maps = [_map(result, axis) for axis in axes]
     return {"maps": [each for each in maps if each is not None]}
 
 
 def _map(result: GapResult, axis: str) -> dict[str, Any] | None:
-    of_axis = sorted((each for each in result.regimes if each.axis == axis), key=lambda x: x.low)
+    of_axis = sorted(
+        (regime for regime in result.regimes if regime.axis == axis), key=lambda x: x.low
+    )
     by_joint = {
         joint: regimes
         for joint in result.joints
@@ -53,8 +55,8 @@ def _placed(
     regimes: Sequence[Regime], bounds: Sequence[tuple[float, float]]
 ) -> list[Regime | None]:
     """Regimes at the columns of their bounds; None where a joint has no samples."""
-    by_bounds = {(each.low, each.high): each for each in regimes}
-    return [by_bounds.get(each) for each in bounds]
+    by_bounds = {(regime.low, regime.high): regime for regime in regimes}
+    return [by_bounds.get(bound) for bound in bounds]
 
 
 def _cell(result: GapResult, regime: Regime | None, same: bool) -> dict[str, Any] | None:
@@ -87,4 +89,10 @@ def _words(result: GapResult, regime: Regime) -> str:
     )
 
 
-REGIMES = Section("Regimes", "where", "regimes.html.j2", _context)
+REGIMES = Section(
+    "Regimes",
+    "where",
+    "regimes.html.j2",
+    _context,
+    "at which speeds, positions, loads and times the gap lies",
+)

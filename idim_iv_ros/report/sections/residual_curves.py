@@ -15,10 +15,10 @@ from idim_iv_ros.report.figures import (
     Figure,
     Mark,
     axis,
+    dots,
     layout,
     line,
     outline,
-    typed,
 )
 from idim_iv_ros.report.gap_words import (
     drawable,
@@ -26,6 +26,7 @@ from idim_iv_ros.report.gap_words import (
     held_out_words,
     torque_unit,
     unit_in,
+    worth_seeing,
 )
 from idim_iv_ros.report.numerals import round_number
 from idim_iv_ros.report.section import Report, Section
@@ -33,8 +34,6 @@ from idim_iv_ros.statistics.smoothing import SmoothCurve, smooth
 from idim_iv_ros.types import FloatArray
 
 _BANDS = {FORWARD: FORWARD_BAND, BACKWARD: BACKWARD_BAND}
-_FEW = 2  # joints that are all shown unfolded
-_DOTS = 260  # of one direction in one panel
 _ROW = 190
 _GAP, _BETWEEN = 0.045, 0.05
 _SHORTEST = 1e-5  # rad or m; shorter distances since a reversal are drawn there
@@ -65,7 +64,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     drawn = drawable(result)
     if not drawn:
         return None
-    opened = _worth_seeing(result)
+    opened = worth_seeing(result)
     return {
         "legend": [
             Mark("line", FORWARD, "forwards (speed > 0)"),
@@ -83,22 +82,10 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     }
 
 
-def _worth_seeing(result: GapResult) -> set[str]:
-    """Joints that are shown unfolded: all of few, those with causes, or the one that is worst."""
-    if len(result.series) <= _FEW:
-        return set(result.joints)
-    joints = {each.joint for each in result.causes} | {each.other_joint for each in result.causes}
-    if result.unexplained is not None:
-        joints.add(result.unexplained.joint)
-    named = {joint for joint in joints if joint is not None}
-    worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
-    return named or ({worst.joint} if worst else set(result.joints[:1]))
-
-
 def _rows(result: GapResult, series: GapSeries) -> list[Row]:
     rows = []
     # A refit hides what only the parameters of the nominal model have wrong.
-    parametric = any(each.kind == "parametric" for each in result.causes)
+    parametric = any(cause.kind == "parametric" for cause in result.causes)
     if series.given is not None and (parametric or not result.causes):
         rows.append(Row("nominal", series.torque - series.given, "nominal"))
     rows.append(Row("refit", series.torque - series.refit, "refit"))
@@ -169,11 +156,11 @@ def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
     """Axis that is stretched near zero, where friction changes fastest."""
     largest = float(np.percentile(np.abs(speed), 99.5)) if len(speed) else 1.0
     ticks = _round_speeds(largest)
-    values = [-each for each in reversed(ticks)] + [0.0, *ticks]
+    values = [-tick for tick in reversed(ticks)] + [0.0, *ticks]
     return axis(
         f"Speed, {unit} (stretched near 0)",
         tickvals=[float(each) for each in _root(np.array(values))],
-        ticktext=[round_number(each) for each in values],
+        ticktext=[round_number(value) for value in values],
         tickangle=0,
     )
 
@@ -200,7 +187,7 @@ def _distance_axis(since: FloatArray, unit: str) -> dict[str, Any]:
     return axis(
         f"Distance since reversal, {unit}",
         tickvals=ticks,
-        ticktext=[round_number(10.0**each) for each in ticks],
+        ticktext=[round_number(10.0**tick) for tick in ticks],
         range=[float(low), float(high) + 0.03],
     )
 
@@ -219,7 +206,7 @@ def _panel(
         x, y = panel.x[rows], row.residual[rows]
         curve = smooth(x, y, series.time[rows])
         traces += [
-            _dots(x, y, colour),
+            dots(x, y, colour),
             *_band(curve, colour),
             line(curve.x, curve.mean, colour, 2.0, f"{word}: mean %{{y:.3g}} {unit}"),
         ]
@@ -231,20 +218,6 @@ def _largest(curve: SmoothCurve) -> float:
     values = np.abs(np.concatenate([curve.mean, curve.low, curve.high]))
     values = values[np.isfinite(values)]
     return float(np.percentile(values, 99.0)) if len(values) else 0.0
-
-
-def _dots(x: FloatArray, y: FloatArray, colour: str) -> dict[str, Any]:
-    # Drawn at random: every n-th sample of a periodic motion would always be the same place.
-    count = min(_DOTS, len(x))
-    chosen = np.sort(np.random.default_rng(0).choice(len(x), count, replace=False))
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "x": typed(x[chosen]),
-        "y": typed(y[chosen]),
-        "marker": {"color": colour, "size": 2.6, "opacity": 0.28, "line": {"width": 0}},
-        "hoverinfo": "skip",
-    }
 
 
 def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:
@@ -261,4 +234,10 @@ def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:
     ]
 
 
-RESIDUAL_CURVES = Section("Residual", "residuals", "residual_curves.html.j2", _context)
+RESIDUAL_CURVES = Section(
+    "Residual",
+    "residuals",
+    "residual_curves.html.j2",
+    _context,
+    "what is left over speed, position, load and distance since a reversal",
+)

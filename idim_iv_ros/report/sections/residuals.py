@@ -38,17 +38,17 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     return {
         "rows": [
             (
-                each.joint,
-                with_unit(each.rms, torque_unit(result, each.joint), 2),
-                percent(each.relative_percent),
-                str(each.ar_order),
-                percent(100.0 * each.predictable_share),
-                f"{number(each.sigma_understatement, 2)} ×",
-                _white(each),
-                _whitened(each),
-                _gaussian(each),
+                residual.joint,
+                with_unit(residual.rms, torque_unit(result, residual.joint), 2),
+                percent(residual.relative_percent),
+                str(residual.ar_order),
+                percent(100.0 * residual.predictable_share),
+                f"{number(residual.sigma_understatement, 2)} ×",
+                _white(residual),
+                _whitened(residual),
+                _gaussian(residual),
             )
-            for each in result.residuals
+            for residual in result.residuals
         ],
         "legend": [
             Mark("line", ORANGE, "residual as it is"),
@@ -168,7 +168,7 @@ def _stems(
         1.5,
         f"{name}: %{{y:.3f}} at %{{text}}",
         mode="lines+markers",
-        text=[words for each in lag_times for words in ("", each, "")],
+        text=[words for lag_time in lag_times for words in ("", lag_time, "")],
         marker={"color": colour, "size": size.tolist(), "line": {"width": 0}},
     )
 
@@ -210,4 +210,10 @@ def _density(values: FloatArray, edges: FloatArray) -> FloatArray:
     return counts / (len(values) * np.diff(edges))
 
 
-RESIDUALS = Section("Residuals", "residuals", "residuals.html.j2", _context)
+RESIDUALS = Section(
+    "Residuals",
+    "residuals",
+    "residuals.html.j2",
+    _context,
+    "whether what is left is noise: autocorrelation, normality, refined deviations",
+)

@@ -46,7 +46,7 @@ class Waterfall:
 
 def waterfalls(result: GapResult) -> list[Waterfall]:
     """Return the models of each joint."""
-    floors = {each.joint: each for each in result.joint_gaps}
+    floors = {joint_gap.joint: joint_gap for joint_gap in result.joint_gaps}
     return [_waterfall(result, joint, floors.get(joint)) for joint in result.joints]
 
 
@@ -129,4 +129,10 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     }
 
 
-STAGES = Section("Shrinkage", "stages", "stages.html.j2", _context)
+STAGES = Section(
+    "Shrinkage",
+    "stages",
+    "stages.html.j2",
+    _context,
+    "what each model leaves of the torque, joint by joint, on data not used to fit it",
+)

@@ -26,6 +26,7 @@ from idim_iv_ros.report.gap_words import (
     held_out_words,
     torque_unit,
     torque_word,
+    worth_seeing,
 )
 from idim_iv_ros.report.numerals import percent, with_unit
 from idim_iv_ros.report.section import Report, Section
@@ -33,7 +34,6 @@ from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 320
-_FEW = 3
 
 
 @dataclass(frozen=True)
@@ -62,16 +62,18 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     rows = _of_diagnosis(result) if isinstance(result, GapResult) else _of_identification(result)
     if not rows:
         return None
+    opened = worth_seeing(result)
     left = "Gap" if isinstance(result, GapResult) else "Residual"
     plots = [
         (
-            each.joint,
-            each.words,
-            _figure(each, index, torque_unit(result, each.joint), report.session, left),
+            row.joint,
+            row.words,
+            _figure(row, index, torque_unit(result, row.joint), report.session, left),
+            row.joint in opened,
         )
-        for index, each in enumerate(rows)
+        for index, row in enumerate(rows)
     ]
-    models = {model.name: model.colour for each in rows for model in each.models}
+    models = {model.name: model.colour for row in rows for model in row.models}
     return {
         "diagnosis": isinstance(result, GapResult),
         "session": report.session.words,
@@ -81,7 +83,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
             Mark("band", SHADE, "samples that do not count"),
         ],
         "plots": plots,
-        "columns": "one" if len(plots) <= _FEW else "two",
+        "columns": "one" if sum(plot[-1] for plot in plots) == 1 else "two",
     }
 
 

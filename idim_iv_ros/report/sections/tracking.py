@@ -80,4 +80,10 @@ def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure
     return Figure(f"tracking-{index}", _HEIGHT, words, data, layout(axes))
 
 
-TRACKING = Section("Tracking", "tracking", "tracking.html.j2", _context)
+TRACKING = Section(
+    "Tracking",
+    "tracking",
+    "tracking.html.j2",
+    _context,
+    "error of the simulated closed loop beside the recorded one",
+)

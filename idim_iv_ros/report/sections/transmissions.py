@@ -34,13 +34,13 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
     if not result.transmissions:
         return None
-    found = {each.joint: each for each in result.transmissions}
+    found = {transmission.joint: transmission for transmission in result.transmissions}
     plots = [
         (series.joint, twist_figure(result, series, found[series.joint], index))
         for index, series in enumerate(result.twists)
     ]
     return {
-        "rows": [_row(result, each) for each in result.transmissions],
+        "rows": [_row(result, transmission) for transmission in result.transmissions],
         "legend": [
             Mark("line", FORWARD, "forwards (speed > 0)"),
             Mark("line", BACKWARD, "backwards"),

@@ -12,7 +12,13 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import VERDICTS, duration, torque_unit
+from idim_iv_ros.report.gap_words import (
+    VERDICTS,
+    duration,
+    lacking_row,
+    torque_unit,
+    wrong_numbers,
+)
 from idim_iv_ros.report.numerals import count, exact, number, percent, sentence, with_unit
 from idim_iv_ros.report.robot_drawing import ShadedRobot, robot_figure
 from idim_iv_ros.report.section import R, Report, Section
@@ -29,7 +35,7 @@ def shaded_robot(report: Report[R]) -> ShadedRobot | None:
     result = report.result
     values: Mapping[str, float | None]
     if isinstance(result, GapResult):
-        values = {each.joint: 100.0 * each.share for each in result.joint_gaps}
+        values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.joint_gaps}
         title = "share of the gap"
     else:
         values = result.fit.joint_relative_error_percent
@@ -59,13 +65,13 @@ def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
         source=result.instruments.source,
         joints=[
             (
-                each.joint,
-                verdict_badge(each.verdict),
-                sentence(each.sentence.removeprefix(f"{each.joint}: ")),
-                percent(each.relative_percent),
-                with_unit(each.rms, torque_unit(result, each.joint), 2),
+                residual.joint,
+                verdict_badge(residual.verdict),
+                sentence(residual.sentence.removeprefix(f"{residual.joint}: ")),
+                percent(residual.relative_percent),
+                with_unit(residual.rms, torque_unit(result, residual.joint), 2),
             )
-            for each in result.residuals
+            for residual in result.residuals
         ],
     )
 
@@ -112,40 +118,32 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
         steps=diagnosis_steps(report),
         summary=result.own_summary,
         alone=result.contrast is not None,
+        lacking=[
+            lacking_row(result, cause) for cause in result.causes if cause.kind == "structural"
+        ],
+        wrong=wrong_numbers(result),
         tiles=_diagnosis_tiles(result),
         findings=result.findings,
         model="nominal model" if nominal else "refit",
         joints=[
             (
-                each.joint,
-                100.0 * each.share,
-                percent(each.relative_percent, 3),
-                with_unit(each.noise_floor, torque_unit(result, each.joint)),
-                each.floor_origin,
+                joint_gap.joint,
+                100.0 * joint_gap.share,
+                percent(joint_gap.relative_percent, 3),
+                with_unit(joint_gap.noise_floor, torque_unit(result, joint_gap.joint)),
+                joint_gap.floor_origin,
             )
-            for each in result.joint_gaps
+            for joint_gap in result.joint_gaps
         ],
     )
 
 
 def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
-    worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
-    tiles: list[Tile] = []
-    if worst is not None:
-        share = percent(100.0 * worst.share)
-        tiles.append(("Largest gap", worst.joint, f"{share} of the gap of all joints"))
-    if worst is not None and len(result.stages) > 1:
-        ends = (result.stages[0], result.stages[-1])
-        unit = torque_unit(result, worst.joint)
-        before, after = (number(each.torque_rms.get(worst.joint)) for each in ends)
-        note = "torque gap there, rms on held-out data: first and last model"
-        tiles.append((f"Before → after, {unit}", f"{before} → {after}", note))
     bags = _recordings(len(result.bags))
     untestable = "effects that this recording cannot show"
     return [
-        ("Causes named", str(len(result.causes)), "strongest first below, with their probability"),
-        *tiles,
         ("Recorded", with_unit(duration(result), "s"), bags),
+        ("Hints", str(len(result.hints)), "that are not sure enough for a cause"),
         ("Not testable", str(len(result.not_testable)), untestable),
     ]
 

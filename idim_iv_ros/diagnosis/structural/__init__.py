@@ -1,1 +1,0 @@
-"""Structural causes: effects that the nominal model does not have."""

@@ -1,0 +1,140 @@
+"""Two identifications of one robot side by side: which parameters differ beyond chance."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import FilePath, read_text
+from idim_iv_ros.identification.result import IdentificationResult
+
+_LARGEST_FILE = 50.0  # MB
+_LEVEL = 0.05  # probability that any parameter of two equal robots is called different
+
+
+@dataclass(frozen=True)
+class ParameterPair:
+    """One base parameter in both results.
+
+    Attributes
+    ----------
+    name, unit, expression : str
+    first, first_std, second, second_std : float
+    deviations : float
+        Second less first, in standard deviations of the difference; NaN where there is none.
+    differs : bool
+        Whether that is beyond what chance does among all parameters.
+    """
+
+    name: str
+    unit: str
+    expression: str
+    first: float
+    first_std: float
+    second: float
+    second_std: float
+    deviations: float
+    differs: bool
+
+
+@dataclass(frozen=True)
+class ParameterComparison:
+    """Parameters of two results, those that differ most first.
+
+    Attributes
+    ----------
+    names : (str, str)
+        Files.
+    robot : str
+    pairs : tuple of ParameterPair
+    limit : float
+        Standard deviations from which on a parameter differs.
+    alone : tuple of str
+        Parameters that only one of the results has.
+    """
+
+    names: tuple[str, str]
+    robot: str
+    pairs: tuple[ParameterPair, ...]
+    limit: float
+    alone: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The answer."""
+        differing = [pair.name for pair in self.pairs if pair.differs]
+        if not differing:
+            return (
+                f"No parameter differs beyond chance: all {len(self.pairs)} are within "
+                f"{self.limit:.2g} standard deviations."
+            )
+        more = f" and {len(differing) - 6} more" if len(differing) > 6 else ""
+        verb = "differs" if len(differing) == 1 else "differ"
+        return (
+            f"{len(differing)} of {len(self.pairs)} parameters {verb} by more than "
+            f"{self.limit:.2g} standard deviations: {', '.join(differing[:6])}{more}."
+        )
+
+    def to_document(self) -> dict[str, object]:
+        """Return plain values for JSON."""
+        return {**asdict(self), "sentence": self.sentence}
+
+
+def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
+    """Compare the parameters of two files result.json.
+
+    The estimates are taken as independent: of two results of the same recordings differences look
+    smaller than they are.
+
+    Raises
+    ------
+    UsageError
+        A file is no result, or they are of robots with other base parameters.
+    """
+    results = [
+        IdentificationResult.from_json(
+            read_text(Path(path), "a result", megabytes=_LARGEST_FILE), str(path)
+        )
+        for path in (first, second)
+    ]
+    by_name = [{parameter.name: parameter for parameter in result.parameters} for result in results]
+    shared = [name for name in by_name[0] if name in by_name[1]]
+    other = [name for name in shared if by_name[0][name].unit != by_name[1][name].unit]
+    if not shared or other or results[0].joints != results[1].joints:
+        why = f"{other[0]} has another unit" if other else "they have other joints or parameters"
+        raise UsageError(
+            f"{second}: cannot be compared with {first}: {why}; give results of a robot"
+        )
+    limit = float(stats.norm.isf(0.5 * _LEVEL / len(shared)))
+    pairs = []
+    for name in shared:
+        one, two = by_name[0][name], by_name[1][name]
+        spread = float(np.hypot(one.std, two.std))
+        deviations = (two.value - one.value) / spread if spread > 0.0 else float("nan")
+        pairs.append(
+            ParameterPair(
+                name=name,
+                unit=one.unit,
+                expression=one.expression,
+                first=one.value,
+                first_std=one.std,
+                second=two.value,
+                second_std=two.std,
+                deviations=deviations,
+                differs=bool(abs(deviations) > limit),
+            )
+        )
+    return ParameterComparison(
+        names=(str(first), str(second)),
+        robot=results[0].robot,
+        pairs=tuple(_most_first(pairs)),
+        limit=limit,
+        alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),
+    )
+
+
+def _most_first(pairs: Sequence[ParameterPair]) -> list[ParameterPair]:
+    return sorted(pairs, key=lambda pair: -np.nan_to_num(abs(pair.deviations)))

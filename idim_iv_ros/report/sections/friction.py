@@ -1,0 +1,81 @@
+"""Friction over speed, joint by joint: what the motion shows, the nominal model, the fit."""
+
+from typing import Any
+
+import numpy as np
+
+from idim_iv_ros.diagnosis.result import GapResult, GapSeries
+from idim_iv_ros.report.figures import (
+    BLUE,
+    GREY,
+    INK,
+    Figure,
+    Mark,
+    axis,
+    dots,
+    layout,
+    line,
+)
+from idim_iv_ros.report.gap_words import drawable, torque_unit, unit_in
+from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.statistics.smoothing import smooth
+from idim_iv_ros.types import FloatArray
+
+_HEIGHT = 210
+_LEAST_ROWS = 20  # of a direction, for a curve
+
+
+def _context(report: Report[GapResult]) -> dict[str, Any] | None:
+    drawn = drawable(report.result)
+    if not drawn:
+        return None
+    legend = [Mark("sign diamond", INK, "measured, less the torque of everything but friction")]
+    if drawn[0].given_friction is not None:
+        legend.append(Mark("line", GREY, "nominal model"))
+    legend.append(Mark("line", BLUE, "extended model"))
+    return {
+        "legend": legend,
+        "plots": [
+            (series.joint, _figure(report.result, series, number))
+            for number, series in enumerate(drawn)
+        ],
+    }
+
+
+def _figure(result: GapResult, series: GapSeries, number: int) -> Figure:
+    unit, speed = torque_unit(result, series.joint), unit_in(result, "rad/s", series.joint)
+    shown = series.torque - series.extended + series.friction
+    data = [dots(series.speed, shown, INK, 4.0)]
+    if series.given_friction is not None:
+        data += _curves(series, series.given_friction, GREY, f"nominal %{{y:.3g}} {unit}")
+    data += _curves(series, series.friction, BLUE, f"extended %{{y:.3g}} {unit}")
+    axes = {
+        "xaxis": axis(f"Speed, {speed}", nticks=6, zeroline=True, zerolinecolor=GREY),
+        "yaxis": axis(
+            f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=_range(shown)
+        ),
+    }
+    words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
+    return Figure(f"friction-{number}", _HEIGHT, words, data, layout(axes))
+
+
+def _range(values: FloatArray) -> list[float]:
+    low, high = np.percentile(values[np.isfinite(values)], [0.5, 99.5])
+    room = 0.12 * max(float(high - low), 1e-12)
+    return [float(low) - room, float(high) + room]
+
+
+def _curves(
+    series: GapSeries, friction: FloatArray, colour: str, hover: str
+) -> list[dict[str, Any]]:
+    """Mean of a model's friction over the speed, one line a direction."""
+    traces = []
+    for sign in (1.0, -1.0):
+        rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(friction))
+        if len(rows) >= _LEAST_ROWS:
+            curve = smooth(series.speed[rows], friction[rows], series.time[rows])
+            traces.append(line(curve.x, curve.mean, colour, 2.4, hover))
+    return traces
+
+
+FRICTION = Section("Friction", "friction", "friction.html.j2", _context)
