@@ -31,7 +31,7 @@ PARAMETERS = {
     "bags": ((RECORDER, IDENTIFIER), "bag_directory", str, "folder of the bags"),
     "results": ((IDENTIFIER, PREDICTOR), "output_directory", str, "folder of the results"),
     "bag_prefix": ((RECORDER,), "bag_prefix", str, "how the names of the bags begin"),
-    "record": ((RECORDER,), "autostart", bool, "true: begin to record at once"),
+    "record": ((RECORDER,), "record", bool, "true: begin to record at once"),
     "auto": ((IDENTIFIER,), "auto", bool, "true: identify every bag that is closed"),
     "autostart": (
         (IDENTIFIER,),

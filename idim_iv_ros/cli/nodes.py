@@ -38,7 +38,7 @@ def record_command(
 
     Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
-    _run("recorder", context, config, namespace, {"bag_directory": out, "autostart": True})
+    _run("recorder", context, config, namespace, {"bag_directory": out, "record": True})
 
 
 def serve_command(

@@ -33,7 +33,7 @@ class IdentifierClient:
 
     def connect(self) -> None:
         """Make the client of the action."""
-        self.action = ActionClient(self.node, IdentifyAction, f"/{self.name}/identify")
+        self.action = ActionClient(self.node, IdentifyAction, f"/{self.name}/identify_bags")
         self.observer.until(self.action.server_is_ready, "the action")
         self.observer.be_heard(f"/{self.name}")
 

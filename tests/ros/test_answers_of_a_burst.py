@@ -111,7 +111,7 @@ def all_answers(
 
 
 def test_all_of_200_goals_are_answered(answering: Answering, observer: Observer) -> None:
-    client = ActionClient(observer.node, IdentifyAction, "/identifier/identify")
+    client = ActionClient(observer.node, IdentifyAction, "/identifier/identify_bags")
     observer.until(client.server_is_ready, "the action")
     sent = [client.send_goal_async(IdentifyAction.Goal(bags=["bag.mcap"])) for _ in range(COUNT)]
     goals = all_answers(answering, answering.goals, lambda: answering.submitted, sent, observer)
@@ -146,7 +146,7 @@ def test_all_goals_are_answered_when_the_node_ends(
     answering.results._next_turn()
     deep = QoSProfile(depth=100)  # the client does not look before all is over
     client = ActionClient(
-        observer.node, IdentifyAction, "/identifier/identify", result_service_qos_profile=deep
+        observer.node, IdentifyAction, "/identifier/identify_bags", result_service_qos_profile=deep
     )
     observer.until(client.server_is_ready, "the action")
     asked = []

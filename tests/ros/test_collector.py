@@ -131,7 +131,7 @@ def test_goal_is_refused_unless_motion_is_allowed(collector, robot) -> None:
         ({"estimator": "best"}, "neither idim-iv nor idim-ls"),
         (
             {"identify": True},
-            "no /identifier/identify: start the identifier, or leave identify out",
+            "no /identifier/identify_bags: start the identifier, or leave identify out",
         ),
     ],
 )

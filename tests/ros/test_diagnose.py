@@ -22,7 +22,7 @@ def service(served):
 
 @pytest.fixture
 def action(served):
-    client = ActionClient(served.node, DiagnoseAction, f"/{served.name}/diagnose")
+    client = ActionClient(served.node, DiagnoseAction, f"/{served.name}/diagnose_bags")
     served.observer.until(client.server_is_ready, "the action")
     served.observer.be_heard(f"/{served.name}")
     yield client

@@ -97,7 +97,7 @@ def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
         ("chunk_duration:=[1.0]", ("chunk_duration", "double_array", "a number")),
         ("max_file_size:=1e6", ("max_file_size", "1000000.0", "a whole number")),
         ("max_file_size:=-1", ("max_file_size", "-1", "a whole number")),
-        ("autostart:='true'", ("autostart", "'true'", "true or false")),
+        ("record:='true'", ("record", "'true'", "true or false")),
         ("bag_prefix:=2024", ("bag_prefix", "2024", "a text")),
         ("extra_topics:=/tf", ("extra_topics", "'/tf'", "list of texts")),
         ("chunk_duraton:=1.0", ("unknown", "chunk_duraton", "chunk_duration?")),
@@ -127,9 +127,9 @@ def test_what_is_meant_is_taken(node) -> None:
 
 @pytest.mark.parametrize("text", ["2024", "true", "~", "a: b", 'é "x" \\ #1'])
 def test_the_command_line_passes_text_as_text(node, text: str) -> None:
-    given = ros_arguments("", {"bag_prefix": text, "autostart": True}, [])[1:]
+    given = ros_arguments("", {"bag_prefix": text, "record": True}, [])[1:]
     settings = declare(node(*given[1:]), RecorderSettings, given)
-    assert (settings.bag_prefix, settings.autostart) == (text, True)
+    assert (settings.bag_prefix, settings.record) == (text, True)
 
 
 @pytest.mark.parametrize(

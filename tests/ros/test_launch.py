@@ -57,7 +57,7 @@ def test_launch_file_starts_executables_that_exist_with_parameters_they_have(nam
         assert node["output"] == "screen"
     recorder = next(node for executable, node in found.nodes if executable == "recorder")
     assert recorder["parameters"][0]["bag_prefix"] == "2024"
-    assert recorder["parameters"][0]["autostart"] is True
+    assert recorder["parameters"][0]["record"] is True
     identifier = next(node for executable, node in found.nodes if executable == "identifier")
     assert identifier["parameters"][0]["autostart"] is False
 

@@ -54,7 +54,7 @@ def test_two_recorders_record_each_its_own_robot(
             *(["joint_reference:=/motion/reference"] if side == "right" else []),
             configuration=relative,
             bag_directory=tmp_path / side,
-            autostart=True,
+            record=True,
             minimum_free_disk=0,
             status_period=0.2,
         )

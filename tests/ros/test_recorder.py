@@ -159,7 +159,7 @@ def test_configuration_is_reloaded_without_restart(
 
 
 def test_interrupt_closes_the_bag(recorder, robot, observer, bags: Path) -> None:
-    process = recorder(autostart=True)
+    process = recorder(record=True)
     robot.begin(count=100)
     robot.run()
     observer.received(100)

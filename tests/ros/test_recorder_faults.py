@@ -17,7 +17,7 @@ WARN, ERROR = 1, 2
 def test_killed_recorder_loses_at_most_the_last_chunk(
     recorder, robot, observer, bags: Path, mortal: Path
 ) -> None:
-    process = recorder(autostart=True, chunk_duration=0.3, configuration=mortal)
+    process = recorder(record=True, chunk_duration=0.3, configuration=mortal)
     topics = [{"name": "/mortal"}]
     robot.begin(count=700, topics=topics).run()
     observer.received(700, "/mortal")
@@ -76,7 +76,7 @@ def test_messages_wait_in_memory_while_the_disk_is_full(
 def test_publisher_that_dies_and_returns(
     recorder, robot, observer, bags: Path, tmp_path: Path, mortal: Path
 ) -> None:
-    recorder(autostart=True, configuration=mortal)
+    recorder(record=True, configuration=mortal)
     topics = [{"name": "/mortal"}]
     first = Robot(tmp_path, "first").begin(count=200, topics=topics)
     first.run()
@@ -102,7 +102,7 @@ def test_publisher_that_leaves_is_reported(recorder, robot, observer) -> None:
 def test_publisher_that_returns_best_effort_is_subscribed_anew(
     recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(autostart=True)
+    recorder(record=True)
     robot.begin(count=100).run()
     observer.received(100)
     robot.begin(count=100, topics=[{"name": "/joint_states", "qos": "best_effort"}]).run()
@@ -113,7 +113,7 @@ def test_publisher_that_returns_best_effort_is_subscribed_anew(
 
 
 def test_publishers_with_different_qos_are_all_heard(recorder, robot, observer, bags: Path) -> None:
-    recorder(autostart=True)
+    recorder(record=True)
     both = [{"name": "/joint_states", "qos": qos} for qos in ("reliable", "best_effort")]
     robot.begin(count=100, topics=both).run()
     observer.received(200)
@@ -126,7 +126,7 @@ def test_publishers_with_different_qos_are_all_heard(recorder, robot, observer, 
 def test_content_that_changes_is_reported(
     recorder, robot, observer, bags: Path, configuration: Path
 ) -> None:
-    recorder(autostart=True, configuration=str(configuration))
+    recorder(record=True, configuration=str(configuration))
     robot.begin(count=100).run()
     observer.received(100)
     nan = float("nan")
@@ -143,7 +143,7 @@ def test_content_that_changes_is_reported(
 def test_clock_that_jumps_back_is_reported_and_nothing_is_lost(
     recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(autostart=True)
+    recorder(record=True)
     robot.begin(count=100, stamp_shift={"60": -5.0}).run()
     observer.received(100)
     observer.diagnosed("/joint_states", "1 messages stamped before the one before", WARN)
@@ -152,7 +152,7 @@ def test_clock_that_jumps_back_is_reported_and_nothing_is_lost(
 
 
 def test_malformed_and_huge_messages_harm_nothing(recorder, robot, observer, bags: Path) -> None:
-    recorder(autostart=True, max_message_size=100_000)
+    recorder(record=True, max_message_size=100_000)
     raw = observer.node.create_publisher(JointState, "/joint_states", QoSProfile(depth=100))
     observer.until(lambda: raw.get_subscription_count() == 1, "the recorder")
     random = np.random.default_rng(0)

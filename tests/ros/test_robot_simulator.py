@@ -116,7 +116,7 @@ def test_first_move_begins_at_once_where_nothing_was_compiled(
 
 def test_joint_trajectory_is_followed(simulator, recorder, observer, bags: Path) -> None:
     topic = f"/{simulator().name}/joint_trajectory"
-    recorder(autostart=True, configuration=str(CONFIG))
+    recorder(record=True, configuration=str(CONFIG))
     sender = observer.node.create_publisher(JointTrajectory, topic, 1)
     observer.until(lambda: sender.get_subscription_count() == 1, "the simulator")
     points = []

@@ -92,7 +92,7 @@ def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
 def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
     recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(snapshot_duration=30.0, autostart=True)
+    recorder(snapshot_duration=30.0, record=True)
     robot.begin(count=2000, rate=1000.0, pace=True)
     robot.say("go")
     observer.until(lambda: observer.topic("/joint_states").received > 500, "500 messages")

@@ -129,11 +129,11 @@ class RecorderNeighbour:
 
 
 class IdentifierNeighbour:
-    """Action ``identifier/identify``."""
+    """Action ``identifier/identify_bags``."""
 
     def __init__(self, node: Node) -> None:
-        self._client = ActionClient(node, Identify, "identifier/identify")
-        self._name = node.resolve_service_name("identifier/identify")
+        self._client = ActionClient(node, Identify, "identifier/identify_bags")
+        self._name = node.resolve_service_name("identifier/identify_bags")
 
     def missing(self) -> str:
         """Why it cannot be used now; empty if it can."""

@@ -31,7 +31,7 @@ ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
 
   ros2 run idim_iv_ros identifier --ros-args -p configuration:=ROBOT.yaml -p bag_directory:=DIR
   ros2 service call /identifier/identify idim_iv_interfaces/srv/Identify "{bags: [BAG]}"
-  ros2 action send_goal --feedback /identifier/identify idim_iv_interfaces/action/Identify \\
+  ros2 action send_goal --feedback /identifier/identify_bags idim_iv_interfaces/action/Identify \\
     "{bags: [BAG]}"
 
 With -p auto:=true every bag that the recorder closes is identified. Topics: ~/estimates,
@@ -122,7 +122,10 @@ class Identifier:
         )
         what = "every new bag of" if self._settings.auto else "on request, from bags in"
         folder = Path(self._settings.bag_directory).resolve()
-        self.node.get_logger().info(f"ready: {robot}; identifies {what} {folder}")
+        results = Path(self._settings.output_directory).resolve()
+        self.node.get_logger().info(
+            f"ready: {robot}; identifies {what} {folder}; results go to {results}"
+        )
 
     def _deactivate(self) -> None:
         """Refuse requests; those that were accepted are answered with that."""

@@ -205,7 +205,8 @@ class RequestServer:
     ----------
     node
     name
-        Of the service and of the action.
+        Of the service. That of the action ends with ``_bags``: a service and an action of one name
+        look the same in lists and in policies.
     service, action
         Their types: requests and goals have the same fields, answers `success`, `message` and
         `result`, feedback `stage` and `progress`.
@@ -232,12 +233,15 @@ class RequestServer:
         self._submit, self._cancel_job, self._result = submit, cancel, result
         self._goals: dict[object, Job] = {}
         self._requests: dict[object, Job] = {}
-        whole = node.resolve_service_name(name)
-        self._clients = Clients(node, whole), Clients(node, f"{whole}/_action/get_result")
+        goals = node.resolve_service_name(f"{name}_bags")
+        self._clients = (
+            Clients(node, node.resolve_service_name(name)),
+            Clients(node, f"{goals}/_action/get_result"),
+        )
         steady_timer(node, _LOOK, self._look)
         self._paced = PacedAnswers(node)
         create_deferred_service(node, service, name, self._asked, self._paced)
-        self._actions = DeferredActionServer(node, action, name, self._accepted, self._cancel)
+        self._actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
 
     @property
     def unanswered(self) -> int:

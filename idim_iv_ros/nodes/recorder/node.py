@@ -79,7 +79,7 @@ class Recorder:
         watched = ", ".join(topic.name for topic in self._topics.topics)
         folder = Path(self._settings.bag_directory).resolve()
         node.get_logger().info(f"ready: {watched}; bags go to {folder}")
-        if self._settings.autostart:
+        if self._settings.record:
             node.get_logger().info(self._start())
 
     def close(self) -> None:

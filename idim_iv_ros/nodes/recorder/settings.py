@@ -24,7 +24,7 @@ class RecorderSettings(Settings):
     )
     bag_directory: str = parameter(".", "folder in which the bags are made")
     bag_prefix: str = parameter("recording", "bags are named PREFIX_YYYY_MM_DD-HH_MM_SS")
-    autostart: bool = parameter(False, "start recording at once", read_only=True)
+    record: bool = parameter(False, "start recording at once", read_only=True)
     extra_topics: tuple[str, ...] = parameter(
         ("",), "topics that are recorded as well, of any type whose package is installed"
     )

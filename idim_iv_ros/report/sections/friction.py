@@ -18,20 +18,20 @@ from idim_iv_ros.report.figures import (
 )
 from idim_iv_ros.report.gap_words import drawable, torque_unit, unit_in
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.statistics.smoothing import smooth
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 210
 _LEAST_ROWS = 20  # of a direction, for a curve
+_BINS = 40  # of a direction, with equally many rows
 
 
 def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     drawn = drawable(report.result)
     if not drawn:
         return None
-    legend = [Mark("sign diamond", INK, "measured, less the torque of everything but friction")]
+    legend = [Mark("sign diamond", GREY, "measured, less the torque of everything but friction")]
     if drawn[0].given_friction is not None:
-        legend.append(Mark("line", GREY, "nominal model"))
+        legend.append(Mark("line", INK, "nominal model"))
     legend.append(Mark("line", BLUE, "extended model"))
     return {
         "legend": legend,
@@ -45,14 +45,15 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
 def _figure(result: GapResult, series: GapSeries, number: int) -> Figure:
     unit, speed = torque_unit(result, series.joint), unit_in(result, "rad/s", series.joint)
     shown = series.torque - series.extended + series.friction
-    data = [dots(series.speed, shown, INK, 4.0)]
+    data, seen = [dots(series.speed, shown, GREY, 4.0)], shown
     if series.given_friction is not None:
-        data += _curves(series, series.given_friction, GREY, f"nominal %{{y:.3g}} {unit}")
+        seen = np.concatenate([shown, series.given_friction])
+        data += _curves(series, series.given_friction, INK, f"nominal %{{y:.3g}} {unit}")
     data += _curves(series, series.friction, BLUE, f"extended %{{y:.3g}} {unit}")
     axes = {
         "xaxis": axis(f"Speed, {speed}", nticks=6, zeroline=True, zerolinecolor=GREY),
         "yaxis": axis(
-            f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=_range(shown)
+            f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=_range(seen)
         ),
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
@@ -68,13 +69,16 @@ def _range(values: FloatArray) -> list[float]:
 def _curves(
     series: GapSeries, friction: FloatArray, colour: str, hover: str
 ) -> list[dict[str, Any]]:
-    """Mean of a model's friction over the speed, one line a direction."""
+    """Mean of a model's friction in bins of the speed, one line a direction."""
     traces = []
     for sign in (1.0, -1.0):
         rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(friction))
         if len(rows) >= _LEAST_ROWS:
-            curve = smooth(series.speed[rows], friction[rows], series.time[rows])
-            traces.append(line(curve.x, curve.mean, colour, 2.4, hover))
+            rows = rows[np.argsort(series.speed[rows])]
+            bins = np.array_split(rows, min(_BINS, len(rows) // 5))
+            speed = np.array([np.mean(series.speed[part]) for part in bins])
+            mean = np.array([np.mean(friction[part]) for part in bins])
+            traces.append(line(speed, mean, colour, 2.4, hover))
     return traces
 
 
