@@ -27,7 +27,6 @@ FAMILIES = {
     "event": "comes in single events",
 }
 _MOST_STEPS = 3
-_FEW_VALUES = 3  # of the URDF in one step
 
 
 @dataclass(frozen=True)

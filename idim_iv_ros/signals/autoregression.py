@@ -159,27 +159,6 @@ class AutoregressiveModel:
         whiten_lines(lines, starts, self._predictors[-1], self._start, scale, whitened)
         return whitened.T.reshape(rows.shape)
 
-    def whiten_adjoint(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
-        """Whiten rows (r, k) by the transposed map: its products are those of whitened rows.
-
-        Products of whitened columns with many others then need those others as they are.
-        """
-        _starts(segments, len(rows))
-        order = self.order
-        if order == 0:
-            return np.array(rows, dtype=float)
-        body = np.array(rows, dtype=float)
-        for segment in segments:
-            body[segment.start : min(segment.start + order, segment.stop)] = 0.0
-        back = np.zeros_like(body)
-        for lag, coefficient in enumerate(self._predictors[-1]):
-            back[: len(rows) - lag] += coefficient * body[lag:]
-        for segment in segments:
-            count = min(order, segment.stop - segment.start)
-            head = slice(segment.start, segment.start + count)
-            back[head] += self._start[:count, :count].T @ rows[head]
-        return back
-
     def shaping_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
         """Apply the transposed shaping filter 1/C to rows zero-filled on their regular grid.
 

@@ -62,7 +62,6 @@ def _row(result: GapResult, found: Transmission) -> dict[str, str]:
     share = MISSING
     if found.time_offset is not None:
         share = f"{100.0 * found.elastic_share:.0f}{THIN}%"
-    test = found.tests[0] if found.tests else None
     return {
         "joint": found.joint,
         "stiffness": _number(found.stiffness) if found.stiffness else bound or MISSING,
@@ -71,7 +70,6 @@ def _row(result: GapResult, found: Transmission) -> dict[str, str]:
         "lost_motion": _number(found.lost_motion, 1e3, small),
         "offset": _number(found.time_offset, 1e3, "ms"),
         "share": share,
-        "same": MISSING if test is None or test.p_value is None else number(test.p_value, 2),
         "remark": found.reason,
     }
 
