@@ -183,7 +183,7 @@ def _plain(value: object) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
+        return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, Iterable):

@@ -53,7 +53,7 @@ def _shell_word(word: str) -> str:
 
 
 def _spelt(text: str) -> str:
-    return "".join(each if each.isascii() else _spelling(each) for each in text)
+    return "".join(line if line.isascii() else _spelling(line) for line in text)
 
 
 def _spelling(character: str) -> str:

@@ -222,7 +222,7 @@ def assembled(found: Diagnosis) -> GapResult:
         where=found.where,
         findings=tuple(sentences.finding(finding, session) for finding in found.findings),
         not_testable=tuple(
-            each for each in found.not_testable if (each.effect, each.joint) not in named
+            effect for effect in found.not_testable if (effect.effect, effect.joint) not in named
         ),
         stages=_with_weightless(refit, stages),
         series=_series(refit, model),
@@ -342,14 +342,14 @@ def _notes(found: Diagnosis, law_speed: str | None) -> tuple[str, ...]:
         prepared.why_no_given,
         *data.sources.controller,
         unchecked and f"commands not compared with the control law: {unchecked}",
-        *(each.note or each.caveat for each in found.tracked),
+        *(tracked.note or tracked.caveat for tracked in found.tracked),
         *prepared.warnings,
         *prepared.advice,
         *prepared.reasons,
         *(
-            sentences.small_nonparametric(data, each)
-            for each in found.explained.model.outside
-            if not matters(each)
+            sentences.small_nonparametric(data, effect)
+            for effect in found.explained.model.outside
+            if not matters(effect)
         ),
     ]
     return tuple(dict.fromkeys(note for note in notes if note))
@@ -366,7 +366,7 @@ def _consistent(refit: Refit, model: NamedModel) -> tuple[PhysicalParameters | N
     covariance = fit.covariance[:parameters, :parameters]
     # Effects of friction share their joint's Fv and Fc: only the sum is friction.
     friction = [effect for effect in model.effects if effect.effect.part == "friction"]
-    joints = {joint for each in friction for joint in each.columns}
+    joints = {joint for term in friction for joint in term.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
     return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)
 

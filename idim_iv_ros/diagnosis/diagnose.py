@@ -105,11 +105,11 @@ def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath])
         It names the recording.
     """
     known = {os.path.realpath(each) for each in reference}
-    for each in against:
-        if os.path.realpath(each) in known:
+    for recording in against:
+        if os.path.realpath(recording) in known:
             raise UsageError(
-                f"--against {each}: it is among the reference recordings, too; a set cannot differ "
-                "from itself"
+                f"--against {recording}: it is among the reference recordings, too; "
+                "a set cannot differ from itself"
             )
 
 

@@ -128,7 +128,7 @@ def with_nominal(data: Baseline, identified: IdentifiedModel) -> Baseline:
     values = _values(nominal, prepared.model)
     model = _with_given(prepared.model, values)
     configuration = prepared.configuration
-    armature = [float(each) for each in model.robot.given.drive_inertia]
+    armature = [float(inertia) for inertia in model.robot.given.drive_inertia]
     simulator = configuration.simulator.model_copy(update={"armature": armature})
     configuration = configuration.model_copy(update={"simulator": simulator})
     changed = replace(prepared, model=model, configuration=configuration)

@@ -422,8 +422,8 @@ def listed_numbers(
     """A few parameters with their intervals, those that are surest of the fitted."""
     most = settings.MOST_NUMBERS_IN_SENTENCE if most is None else most
     return ", ".join(
-        f"{parameter_words(effect, name)} {with_interval(each)}"
-        for name, each in surest(parameters, most).items()
+        f"{parameter_words(effect, name)} {with_interval(parameter)}"
+        for name, parameter in surest(parameters, most).items()
     )
 
 

@@ -142,8 +142,8 @@ def _simulated(
 def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple[Stage, ...]:
     """Put the tracking errors into the stages."""
     return tuple(
-        replace(stage, tracking_rms=each.rms, note=each.note or each.caveat)
-        for stage, each in zip(stages, tracked, strict=True)
+        replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
+        for stage, errors in zip(stages, tracked, strict=True)
     )
 
 
@@ -153,8 +153,8 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> Simu
         return None
     which = list(range(len(before.joints))) if joint is None else [joint]
     sums, seconds = [], 1.0
-    for each in (before, after):
-        energy, seconds = each.block_energies(which)
+    for gap in (before, after):
+        energy, seconds = gap.block_energies(which)
         sums.append(energy)
     pair = np.column_stack(sums)
     one, two = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
@@ -177,8 +177,8 @@ def tracking_series(
         wanted = reference[motion.span]
         thin = slice(None, None, -(-len(wanted) // settings.MOST_POINTS))
         simulated = [
-            None if each is None or each.note else wanted - each.positions[number]
-            for each in (before, after)
+            None if gap is None or gap.note else wanted - gap.positions[number]
+            for gap in (before, after)
         ]
         time = (motion.span.start + np.arange(len(wanted))) / motion.signals.rate
         measured = wanted - motion.position[motion.span]

@@ -92,7 +92,7 @@ class Backlash(StructuralEffect[BacklashShape]):
             replace(shape, damping=damping * (1.0 + 2.0 * step)),
             replace(shape, damping=damping / (1.0 + 2.0 * step)),
         ]
-        return [each for each in near if each.wide]
+        return [neighbour for neighbour in near if neighbour.wide]
 
     def columns(
         self, motion: RobotMotion, place: Place, shape: BacklashShape

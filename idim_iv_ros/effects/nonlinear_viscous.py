@@ -81,7 +81,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         """Powers stay between 0.2 and 4, and away from one."""
         near = super().neighbours(shape, step, place, covered)
         low, high = (0.2, 0.8) if shape.power < 1.0 else (1.25, 4.0)
-        return [PowerShape(min(max(each.power, low), high)) for each in near]
+        return [PowerShape(min(max(neighbour.power, low), high)) for neighbour in near]
 
     def parameters(
         self, shape: PowerShape, coefficients: FloatArray, deviations: FloatArray

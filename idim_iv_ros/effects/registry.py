@@ -20,10 +20,12 @@ def _modules() -> tuple[ModuleType, ...]:
 def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
     """Every cause of the modules: parametric, then structural, in the order that they give."""
     found = [
-        each()
+        member()
         for module in modules
-        for _, each in getmembers(module, isclass)
-        if each.__module__ == module.__name__ and issubclass(each, Cause) and not isabstract(each)
+        for _, member in getmembers(module, isclass)
+        if member.__module__ == module.__name__
+        and issubclass(member, Cause)
+        and not isabstract(member)
     ]
     named = [cause for cause in found if hasattr(cause, "name")]
     return tuple(sorted(named, key=lambda cause: (cause.kind, cause.order)))

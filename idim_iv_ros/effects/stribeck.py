@@ -85,7 +85,10 @@ class Stribeck(StructuralEffect[StribeckShape]):
     ) -> list[StribeckShape]:
         """Exponents stay between 0.5 and 2.5."""
         near = super().neighbours(shape, step, place, covered)
-        return [StribeckShape(each.speed, min(max(each.exponent, 0.5), 2.5)) for each in near]
+        return [
+            StribeckShape(neighbour.speed, min(max(neighbour.exponent, 0.5), 2.5))
+            for neighbour in near
+        ]
 
     def parameters(
         self, shape: StribeckShape, coefficients: FloatArray, deviations: FloatArray

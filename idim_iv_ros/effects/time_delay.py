@@ -50,7 +50,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
     ) -> list[DelayShape]:
         """Delays down to a tenth of a millisecond."""
         near = super().neighbours(shape, step, place, covered)
-        return [DelayShape(max(each.delay, 1e-4)) for each in near]
+        return [DelayShape(max(neighbour.delay, 1e-4)) for neighbour in near]
 
     def columns(
         self, motion: RobotMotion, place: Place, shape: DelayShape

@@ -89,7 +89,7 @@ def near_waves(shape: Waves, step: float, span: float) -> list[Waves]:
         for k in range(len(numbers))
         for sign in (1.0, -1.0)
     ]
-    return [each for each in near if _apart(each, 2.0 * np.pi / span)]
+    return [neighbour for neighbour in near if _apart(neighbour, 2.0 * np.pi / span)]
 
 
 def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArray]:

@@ -110,7 +110,7 @@ def separating_motion(first: str, second: str) -> str:
         return _NO_MOTION[pair]
     apart = [kind for kind, effects in EFFECTS.items() if (first in effects) != (second in effects)]
     either = [kind for kind, effects in EFFECTS.items() if first in effects or second in effects]
-    needs = [NOT_REVEALED[each] for each in (first, second) if each in NOT_REVEALED]
+    needs = [NOT_REVEALED[answer] for answer in (first, second) if answer in NOT_REVEALED]
     kinds = apart or either
     if kinds:
         names = " and ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))

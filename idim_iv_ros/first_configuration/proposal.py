@@ -201,7 +201,7 @@ def _merge(
     guessed, why = values["signals"]["effort_unit"], reasons["signals", "effort_unit"]
     for section, keys in preset.keys.items():
         for key, value in keys.items():
-            if (section, key) not in {("signals", each) for each in SOURCES}:
+            if (section, key) not in {("signals", source) for source in SOURCES}:
                 values.setdefault(section, {})[key] = value
                 reasons[section, key] = f"driver {preset.name}"
     for key in named:

@@ -273,7 +273,7 @@ def _instruments(
         alpha=alpha,
         source="none: least squares" if estimate is None else estimate.source.name,
         failures=() if estimate is None else estimate.failures,
-        notes=tuple(each for each in (note, validation.note) if each),
+        notes=tuple(text for text in (note, validation.note) if text),
         tests=validation.tests,
     )
 

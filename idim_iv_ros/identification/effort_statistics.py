@@ -129,7 +129,9 @@ def effort_statistics(
         if not enough[joint]:
             found.append(None)
             continue
-        drive = np.array([each.kind == "Ia" and each.joint == joint for each in standard])
+        drive = np.array(
+            [parameter.kind == "Ia" and parameter.joint == joint for parameter in standard]
+        )
         kept = counting[:, joint]
         rows = _Rows(
             matrix=moving[joint][kept],

@@ -173,7 +173,7 @@ def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
         for recording in recordings
         for sentence in (
             *(note.sentence for note in recording.notes if note.limits),
-            *(each.sentence for each in recording.frozen),
+            *(interval.sentence for interval in recording.frozen),
         )
     )
 

@@ -99,8 +99,8 @@ def _without_drawings(mujoco: Any, spec: Any) -> None:
         site.material = ""
     drawings = (spec.materials, spec.textures, spec.hfields, spec.skins, spec.sensors, spec.pairs)
     for kind in drawings:
-        for each in list(kind):
-            spec.delete(each)
+        for member in list(kind):
+            spec.delete(member)
 
 
 def _moves(body: Any) -> bool:
@@ -284,7 +284,7 @@ def joint_motion(urdf_type: str, axis: FloatArray, position: float) -> pin.SE3:
 
 
 def _placement(position: FloatArray, quaternion: FloatArray) -> pin.SE3:
-    w, x, y, z = (float(each) for each in quaternion)
+    w, x, y, z = (float(component) for component in quaternion)
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
 
 

@@ -71,7 +71,7 @@ def mujoco_reads(path: object) -> Iterator[None]:
             raise
         except Exception as error:  # ValueError, FatalError and others
             problem = str(error)
-    if any("NaN" in each for each in warned):
+    if any("NaN" in text for text in warned):
         raise UsageError(f"{path}: a number in it is NaN")
     if problem:
         raise UsageError(f"{path}{_in_words(problem)}")

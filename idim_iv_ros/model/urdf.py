@@ -129,7 +129,7 @@ class Urdf:
         while waiting:
             link, joint = waiting.pop()
             yield link, joint
-            waiting.extend((each.child, each) for each in carried.get(link, []))
+            waiting.extend((body.child, body) for body in carried.get(link, []))
 
 
 def refuse(source: str, problems: list[str]) -> None:
@@ -211,7 +211,7 @@ def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[s
     for name, inertial in urdf.links.items():
         if inertial is not None:
             wrong, strange = _judge_inertial(inertial, max(length, _NEAR))
-            impossible += [f"link {quoted(name)}: {each}" for each in wrong]
+            impossible += [f"link {quoted(name)}: {text}" for text in wrong]
             doubts += [f"link {quoted(name)}: {each}" for each in strange]
     for name in identified:
         joint = urdf.joints.get(name)

@@ -98,7 +98,7 @@ class JointTopic:
         schema = SchemaText("ros2msg", channel.definition.text)
         samples: dict[str, JointSamples] = {}
         for field in dict.fromkeys(self._fields.values()):
-            quantities = [each for each, own in self._fields.items() if own == field]
+            quantities = [name for name, own in self._fields.items() if own == field]
             kind = JointMessageType(channel.message_type, schema, field, self._reference)
             samples.update(self._read(batch, kind, quantities))
         return samples

@@ -329,7 +329,7 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     if not unknown:
         return
     others = _for_any_node(node, arguments)
-    wrong = [each for each in unknown if each not in others and not each.startswith(_QOS)]
+    wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
         raise UsageError(f"unknown parameter {named(wrong, names)}")
     node.get_logger().warning(f"parameters that this node does not have: {named(unknown, names)}")

@@ -43,7 +43,7 @@ class Judge:
             before=self._error([estimate] * _PARTS),
             after=self._error([consistent] * _PARTS),
             held_out_before=self._error(held_out) if held_out else None,
-            held_out_after=self._error([projection(each) for each in held_out])
+            held_out_after=self._error([projection(block) for block in held_out])
             if held_out
             else None,
         )

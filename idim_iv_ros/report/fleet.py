@@ -203,8 +203,8 @@ def _of_type(result: FleetResult, each: FleetType) -> list[FleetRobot]:
 def _quantity_row(quantity: TypeQuantity) -> list[str]:
     sigma = quantity.sigma
     if quantity.kind == "residual":
-        scatter = [f"{number(100.0 * each, 2)}{THIN}%" if math.isfinite(each) else MISSING
-                   for each in (sigma, quantity.between_bags)]  # fmt: skip
+        scatter = [f"{number(100.0 * deviation, 2)}{THIN}%" if math.isfinite(deviation) else MISSING
+                   for deviation in (sigma, quantity.between_bags)]  # fmt: skip
         ends = (100.0 * quantity.sigma_low, 100.0 * quantity.sigma_high)
     else:
         scatter = [number(each, 2) for each in (sigma, quantity.between_bags)]
@@ -259,8 +259,12 @@ def _diagnoses(result: FleetResult) -> dict[str, Any]:
             sentence(words, _robots(result)) for kind in result.types for words in kind.sentences
         ],
         "rows": [
-            [each.robot, each.type, "represents its type" if each.why == "typical" else each.reason]
-            for each in result.screen
+            [
+                entry.robot,
+                entry.type,
+                "represents its type" if entry.why == "typical" else entry.reason,
+            ]
+            for entry in result.screen
         ],
     }
 

@@ -109,7 +109,9 @@ def duration(result: GapResult) -> float:
     """Return the length of all recordings together, s; with the pauses where it is not known."""
     if result.recorded is not None:
         return result.recorded
-    return max((float(each.time[-1]) for each in result.series if len(each.time)), default=0.0)
+    return max(
+        (float(series.time[-1]) for series in result.series if len(series.time)), default=0.0
+    )
 
 
 def extended_beyond_refit(series: GapSeries) -> bool:
@@ -130,7 +132,7 @@ def held_out_words(result: GapResult, joint: str) -> str:
         named.append(stages[-1])
     unit = torque_unit(result, joint)
     words = {stage.name: _STAGES.get(stage.name, "extended") for stage in named}
-    sizes = [f"{words[each.name]} {number(each.torque_rms[joint])} {unit}" for each in named]
+    sizes = [f"{words[cause.name]} {number(cause.torque_rms[joint])} {unit}" for cause in named]
     return f"gap, rms on held-out data: {', '.join(sizes)}" if sizes else ""
 
 
@@ -158,11 +160,11 @@ def untestable(result: GapResult) -> list[Untestable]:
 
 
 def _joints(group: list[NotTestable]) -> str:
-    return ", ".join(each.joint for each in group if each.joint)
+    return ", ".join(member.joint for member in group if member.joint)
 
 
 def _smallest(group: list[NotTestable]) -> str:
-    sizes = dict.fromkeys(each.smallest for each in group)
+    sizes = dict.fromkeys(member.smallest for member in group)
     if len(sizes) == 1:
         return group[0].smallest
     return ", ".join(f"{each.joint}: {each.smallest or 'at no size'}" for each in group)
@@ -204,9 +206,9 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
             low, high = (round(100.0 * min(max(end, 0.0), 1.0)) for end in gap.ci95)
             share += f" ({low} to {high})"
     rivals = ", ".join(
-        f"{effect_at(each.effect, None if each.joint == cause.joint else each.joint)} "
-        f"({percent(100.0 * each.weight)})"
-        for each in cause.indistinguishable_from
+        f"{effect_at(rival.effect, None if rival.joint == cause.joint else rival.joint)} "
+        f"({percent(100.0 * rival.weight)})"
+        for rival in cause.indistinguishable_from
     )
     return (
         effect_at(cause.effect, cause.joint, cause.other_joint),

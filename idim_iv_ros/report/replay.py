@@ -55,8 +55,8 @@ def shown(result: ReplayResult) -> dict[str, Any]:
     """What the template shows."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     plots = [
-        (each.joint, each.bag, replay_figure(result, each, index))
-        for index, each in enumerate(result.series)
+        (series.joint, series.bag, replay_figure(result, series, index))
+        for index, series in enumerate(result.series)
     ]
     return {
         "badge": badge(result),

@@ -185,7 +185,7 @@ def read_answer(
                 f"gravity_direction: robot.gravity would be [{listed}] m/s²; an MJCF that is made "
                 "from a URDF has it, no other file",
             )
-    parametric = [each for each in kept if each.kind == "parametric"]
+    parametric = [entry for entry in kept if entry.kind == "parametric"]
     return Answer(
         path=path,
         bags=bags,
@@ -198,7 +198,7 @@ def read_answer(
         gravity=gravity,
         effects=effects,
         in_parameters=tuple(
-            f"{cause_name(each)}: {numbers_in_words(each.parameters)}" for each in parametric
+            f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}" for cause in parametric
         ),
         left_out=tuple(map(cause_name, others)),
         friction_leads={} if gap is None else gap.friction_leads,

@@ -79,7 +79,7 @@ def _of_causes(answer: Answer) -> list[str]:
     """The causes, and what they leave of the torque gap."""
     rest = "what no cause explains" if answer.remainder else "nothing else"
     lines = [f"The nominal model with the causes that the diagnosis names, and {rest}:", ""]
-    lines += [f"- {each}" for each in answer.in_parameters]
+    lines += [f"- {change}" for change in answer.in_parameters]
     lines += [f"- {effect.effect} at {effect.joint or 'all joints'}" for effect in answer.effects]
     lines += [f"- left out: {each}" for each in answer.left_out]
     if answer.errors:

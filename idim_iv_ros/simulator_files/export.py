@@ -294,7 +294,7 @@ def _comments(origin: str, law: DriveLaw, effects: tuple[PlantedEffect, ...]) ->
         lines.append(f"Actuators are motors, ctrl is the torque of the law: {law.words}.")
     missing = [effect for effect in effects if not effect.native]
     if missing:
-        names = ", ".join(f"{each.effect} at {each.joint}" for each in missing)
+        names = ", ".join(f"{cause.effect} at {cause.joint}" for cause in missing)
         lines.append(f"Not in this file, but in effects.json for Effects: {names}.")
     return lines
 

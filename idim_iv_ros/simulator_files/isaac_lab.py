@@ -52,7 +52,7 @@ def isaac_lab_text(
         "",
         "Written from the documented fields of Isaac Lab 2.3 and 3.0, and not run there.",
         "What these fields cannot express:",
-        *(f"- {each}" for each in explained or ["nothing that was found"]),
+        *(f"- {text}" for text in explained or ["nothing that was found"]),
         '"""',
         "",
         "from pathlib import Path",
@@ -90,7 +90,7 @@ def _actuators(
     delayed: bool,
 ) -> list[str]:
     """One group, or one for each length of the delay: a delay is a group's."""
-    steps = [round(float(each) / law.period) if delayed else 0 for each in law.delay]
+    steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
     lines = []
     for number in sorted(set(steps)):
         own = [joint for joint, step in enumerate(steps) if step == number]
@@ -134,7 +134,7 @@ def _inexpressible(
         found.append("integral gains: write an actuator class")
     if law.known and not law.velocity_reference:
         found.append("the kd term acts on the speed: leave the velocity target at zero")
-    found += [f"law: {each}" for each in law.beyond]
+    found += [f"law: {joint}" for joint in law.beyond]
     if any(law.delay):
         found.append(
             "the delay is that of the targets; the robot's is that of the torque, feedback included"

@@ -200,7 +200,7 @@ class _File:
             self.edits.set(element, full)
             return True
         index = self.model.body(link).id
-        w, x, y, z = (float(each) for each in self.model.body_iquat[index])
+        w, x, y, z = (float(component) for component in self.model.body_iquat[index])
         moments, quaternion = _principal(new.inertia, pin.Quaternion(w, x, y, z).matrix())
         self.edits.set(element, {"diaginertia": numbers_text(moments)})
         turn = next((key for key in _TURNS if key in present), "quat")

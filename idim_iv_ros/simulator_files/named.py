@@ -165,7 +165,7 @@ def mended_model(
                     found[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
     # Of the refit's friction beside an effect, what left-out causes account for goes with them.
     refit = physical.values
-    others = [_changes(each, robot.joints) for each in left_out if each.kind == "parametric"]
+    others = [_changes(effect, robot.joints) for effect in left_out if effect.kind == "parametric"]
     for cause in causes:
         places = [robot.joints.index(each) + 1 for each in (cause.joint, cause.other_joint) if each]
         for name in (f"{kind}{place}" for place in places for kind in ("Fv", "Fc")):
@@ -213,7 +213,7 @@ def with_remainder(
         physical.covariance is None
         or physical.covariance.shape != (size, size)
         or not np.all(np.isfinite(physical.covariance))
-        or [each.name for each in physical.base] != list(model.base.names)
+        or [change.name for change in physical.base] != list(model.base.names)
     ):
         raise UsageError(
             f"{source}: physical.covariance is not that of the {size} base parameters of this "

@@ -367,7 +367,7 @@ def _tool(
         np.linalg.norm(places(one) - places(other), axis=1, keepdims=True)
         for one, other in zip(simulated, recorded, strict=True)
     ]
-    none = [np.zeros_like(each) for each in apart]
+    none = [np.zeros_like(rows) for rows in apart]
     return _errors(("tool",), motions, apart, none, np.zeros(1))["tool"]
 
 

@@ -205,6 +205,6 @@ def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
         if special is None or model.actuator_gaintype[index] != special:
             spec.delete(actuator)
     for kind in (spec.sensors, spec.keys):
-        for each in list(kind):
-            spec.delete(each)
+        for member in list(kind):
+            spec.delete(member)
     return spec

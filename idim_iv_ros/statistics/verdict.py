@@ -293,10 +293,10 @@ def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest | None) 
 
 def _small(largest: Sequence[JointVerdict]) -> str:
     """What was rejected and is too small for a verdict, the largest first; empty if nothing."""
-    noted = [each for each in largest if each.note]
+    noted = [joint for joint in largest if joint.note]
     if not noted:
         return ""
-    others = [each.joint for each in noted[1:]]
+    others = [other.joint for other in noted[1:]]
     where = f"at {noted[0].joint} {noted[0].note}"
     where += f", and less at {_names(others)}" if others else ""
     return (

@@ -162,7 +162,9 @@ def number_changes(changes: Changes) -> list[NumberChange]:
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
     terms = (*changes.selection.terms, *changes.selection.curves)
     for term, start in zip(terms, model.starts, strict=False):
-        if term.candidate.kind is Kind.NUMBER and any(term is each for each in changes.confirmed):
+        if term.candidate.kind is Kind.NUMBER and any(
+            term is change for change in changes.confirmed
+        ):
             places.setdefault(term.key[:2], []).append((term, start))
     made = []
     for (_, joint), parts in places.items():

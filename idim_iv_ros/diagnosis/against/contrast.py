@@ -75,7 +75,9 @@ def contrasted(
     apart = agreement(sets.sets[0], sets.regression_of_reference, (), without)
     law, why_no_law = law_differences(sets, without)
     assembly = _Assembly(sets, changes, law, shift_difference(sets))
-    return assembly.result([each.bag for each in apart if not each.agrees], why_no_law)
+    return assembly.result(
+        [agreement.bag for agreement in apart if not agreement.agrees], why_no_law
+    )
 
 
 class _Assembly:

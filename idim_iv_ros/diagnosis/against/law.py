@@ -65,8 +65,8 @@ def law_differences(
     """
     if ControllerMismatch.name in without:
         return (), ""
-    for each, name in zip(sets.sets, ("reference", "second set"), strict=True):
-        reason = why_not_checked(each)
+    for recordings, name in zip(sets.sets, ("reference", "second set"), strict=True):
+        reason = why_not_checked(recordings)
         if reason:
             return (), f"the control laws of the sets were not compared: {reason} ({name})"
     one, other = (shown_law(each) for each in sets.sets)
@@ -91,7 +91,7 @@ def _difference(law: ControlLaw, joint: int, rows: CommandRows) -> LawDifference
         against[name] = common + value, float(np.hypot(std, term.deviations[0]))
         torque += value * rows.groups[name]
     one, other = (
-        ControllerMismatch().parameters(law, joint, each) for each in (reference, against)
+        ControllerMismatch().parameters(law, joint, side) for side in (reference, against)
     )
     size = float(np.std(torque[rows.second]))
     return LawDifference(joint, one, other, 2.0 * sum(term.evidence for term in differing), size)

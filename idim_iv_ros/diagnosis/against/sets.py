@@ -88,7 +88,9 @@ def two_sets(
         sets = [refit_of(_part(whole, part)) for part in parts]
         if all(each.sticking for each in sets):
             break
-    one, other = (on_likelier_motion(each, smooth_regression(each)) for each in sets)
+    one, other = (
+        on_likelier_motion(recordings, smooth_regression(recordings)) for recordings in sets
+    )
     data = _together(one.data, other.data)
     return TwoSets(
         data,

@@ -110,7 +110,7 @@ def structural(
     if place.other is not None:
         where += f" and {data.joints[place.other]}"
     effect = spaced(name)
-    one, other = (listed_numbers(name, numbers[each]) for each in ("reference", "against"))
+    one, other = (listed_numbers(name, numbers[side]) for side in ("reference", "against"))
     if change == "changed" and one and other:
         what = f"{effect} at {where} changed: {one} in the reference, {other} in the second set"
     elif change == "changed":
@@ -148,8 +148,8 @@ def law(
 ) -> str:
     """Gains and feedforward that changed."""
     changed = ", ".join(
-        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(each)}"
-        for name, each in against.items()
+        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(number)}"
+        for name, number in against.items()
     )
     return (
         f"control law of {torque.joint} changed: {changed} "
@@ -190,9 +190,9 @@ def softened(found: Sequence[SoftFriction | None], joints: Sequence[str]) -> lis
     """Dry friction that the solver of a simulator softens, of each set that has it."""
     names = ("the reference", "the second set")
     return [
-        f"{name}: {each.sentence(joints)}"
-        for name, each in zip(names, found, strict=True)
-        if each is not None
+        f"{name}: {number.sentence(joints)}"
+        for name, number in zip(names, found, strict=True)
+        if number is not None
     ]
 
 

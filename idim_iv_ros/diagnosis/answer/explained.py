@@ -100,7 +100,8 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
         if not idle:
             return found
         judged = [
-            replace(each, reason=NO_HELP) if each.term.key in idle else each for each in judged
+            replace(judgement, reason=NO_HELP) if judgement.term.key in idle else judgement
+            for judgement in judged
         ]
 
 
@@ -111,7 +112,7 @@ def _tested(
     judged = [*causes, *(each for each in judged if each.reason)]
     causes = [cause for cause in causes if not cause.reason]
     effects = [cause for cause in causes if cause.term.candidate.kind is Kind.EFFECT]
-    doubtful = [each for each in judged if each.reason]
+    doubtful = [judgement for judgement in judged if judgement.reason]
     outside = [
         each.term for each in doubtful if each.term.candidate.kind is Kind.EFFECT and each.outside
     ]

@@ -190,9 +190,9 @@ def _joint_changes(
         for number, (one, two) in enumerate(zip(before, after, strict=True))
     ]
     kept = [
-        each
-        for each in changed
-        if each.joint == joint or abs(each.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
+        change
+        for change in changed
+        if change.joint == joint or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     return tuple(sorted(kept, key=lambda each: (each.joint != joint, -each.share_of_torque)))
 

@@ -25,7 +25,7 @@ def errors_of_links(model: InverseModel) -> FloatArray:
     and products of inertia, by their size.
     """
     given = model.robot.given
-    links = [pin.Inertia.FromDynamicParameters(each) for each in given.inertial]
+    links = [pin.Inertia.FromDynamicParameters(inertia) for inertia in given.inertial]
     length = _usual_radius(given.inertial)
     columns: list[tuple[int, FloatArray]] = []
     for joint, (link, values) in enumerate(zip(links, given.inertial, strict=True)):

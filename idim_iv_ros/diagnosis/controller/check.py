@@ -190,7 +190,7 @@ class SharedLag:
         usual = settings.LONGEST_LAG * period + late
         if len(compared) < 2:
             return cls(0.0, 0.0, usual, usual, period, False)
-        lags, stds = np.array([each.lag for each in compared]).T
+        lags, stds = np.array([comparison.lag for comparison in compared]).T
         common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)
         apart = settings.LAG_DIFFERENCE * max(period, common)
         same = np.abs(lags - common) <= apart

@@ -34,7 +34,7 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
     parts = []
     for motion in data.motions:
         still = np.zeros_like(motion.position)
-        torques = [inverse_dynamics(each, bodies, motion.position, still, still) for each in tilted]
+        torques = [inverse_dynamics(tilt, bodies, motion.position, still, still) for tilt in tilted]
         parts.append(motion.rows(np.concatenate(torques, axis=1)))
     n = len(robot.joints)
     return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]

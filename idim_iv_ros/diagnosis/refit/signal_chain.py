@@ -83,7 +83,7 @@ class EffortShift:
             data.joint_change(joint, *each)
             for joint, each in enumerate(zip(before, after, strict=True))
         ]
-        one, two = (float(np.linalg.norm(each)) for each in (before, after))
+        one, two = (float(np.linalg.norm(gap)) for gap in (before, after))
         return Cause(
             effect=name_of("delay"),
             kind="structural",

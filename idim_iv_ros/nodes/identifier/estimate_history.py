@@ -124,7 +124,7 @@ class EstimateHistory:
             The file cannot be written.
         """
         replaced = [each for each in self.entries if _same_data(each, entry)]
-        if any(each.baseline for each in replaced):
+        if any(entry.baseline for entry in replaced):
             entry = replace(entry, baseline=True)
         kept = [each for each in self.entries if not _same_data(each, entry)]
         same = [each for each in kept if each.kind == entry.kind]
@@ -176,7 +176,9 @@ class EstimateHistory:
     def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
         same = [entry for entry in self.entries if entry.kind == newest.kind]
         able = [each for each in same if _comparable(each, newest)]
-        first = next((each for each in able if each.baseline), able[0] if able else None)
+        first = next(
+            (candidate for candidate in able if candidate.baseline), able[0] if able else None
+        )
         if newest.baseline or first is None:
             return Comparison(newest)
         drifts = drifts_of(first.values, newest.values, significance, first.bags)

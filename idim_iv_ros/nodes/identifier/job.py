@@ -141,7 +141,7 @@ def requested_job(
     if len(request.bags) > _MOST_BAGS:
         raise UsageError(f"{len(request.bags)} bags; at most {_MOST_BAGS}")
     bags = [confined_bag(root, name) for name in request.bags]
-    size = sum(each for _, each in bags)
+    size = sum(size for _, size in bags)
     if size > settings.max_bag_size:
         raise UsageError(
             f"the bags have {size / 1e6:.3g} MB; max_bag_size is {settings.max_bag_size / 1e6:.3g}"

@@ -120,7 +120,7 @@ class ResultPublisher:
         newest = self._comparisons[-1]
         if newest.drifting:
             assert newest.baseline is not None
-            names = ", ".join(each.parameter for each in newest.drifting)
+            names = ", ".join(drift.parameter for drift in newest.drifting)
             since = ", ".join(newest.baseline.bags)
             self._node.get_logger().warning(f"changed since {since}: {names}")
 

@@ -163,7 +163,7 @@ class Predictor:
                 self.node.get_logger().warning(self._said)
 
     def _predict(self) -> None:
-        taken = {name: each for topic in self._topics for name, each in topic.take().items()}
+        taken = {name: value for topic in self._topics for name, value in topic.take().items()}
         now = int(self.node.get_clock().now().nanoseconds)
         if self._live is None:
             self._newest = self._nothing(self._source.reason)

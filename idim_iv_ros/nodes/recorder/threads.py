@@ -117,7 +117,7 @@ class WriterThread(threading.Thread):
         settings = self.session.settings
         limits = MonitorLimits(settings.late_after, settings.gap_factor)
         for topic, batches in waiting.items():
-            taken = [each for batch in batches for each in batch.taken]
+            taken = [message for batch in batches for message in batch.taken]
             arrived = batch_of(topic, taken)
             batches[-1].monitor.add(arrived, limits)
             log_times = arrived.received.tolist()

@@ -60,7 +60,9 @@ class JointContent:
         if held and absent:
             problems.insert(0, f"it does not hold joint {', '.join(absent)}")
         sets = self.joint_sets
-        changed = [each for each in sets if any(_overlap(each, other) for other in sets)]
+        changed = [
+            recordings for recordings in sets if any(_overlap(recordings, other) for other in sets)
+        ]
         if changed:
             listed = " / ".join(", ".join(names) for names in changed[-3:])
             problems.append(f"the set of joints changed: {listed}")
@@ -74,9 +76,9 @@ class JointContent:
         """Sets of joints without a joint of a later one."""
         sets = self.joint_sets
         return [
-            each
-            for place, each in enumerate(sets)
-            if not any(_overlap(each, later) for later in sets[place:])
+            recordings
+            for place, recordings in enumerate(sets)
+            if not any(_overlap(recordings, later) for later in sets[place:])
         ]
 
     def look(self, messages: Sequence[bytes]) -> None:

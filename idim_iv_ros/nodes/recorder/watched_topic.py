@@ -126,7 +126,7 @@ class WatchedTopic:
         except DataError as error:
             self.problem = str(error)
             return
-        usable = [each for each in usable if each.topic_type == usable[0].topic_type]
+        usable = [recording for recording in usable if recording.topic_type == usable[0].topic_type]
         self.had_publishers = True
         gids = frozenset(bytes(each.endpoint_gid) for each in usable)
         if gids != self._gids:
@@ -142,7 +142,7 @@ class WatchedTopic:
                 self._drain(self._subscription, fresh)
             if self._left:
                 seen = set(map(_identity, self._left))
-                fresh = [each for each in fresh if _identity(each) not in seen]
+                fresh = [entry for entry in fresh if _identity(entry) not in seen]
             taken, self._left = self._left + fresh, []
         if any(len(message) > largest for message, _ in taken):
             fitting = [each for each in taken if len(each[0]) <= largest]

@@ -77,7 +77,7 @@ def _parsed(name: str, schema: SchemaText) -> tuple[MessageType, ...]:
         )
     except Exception:  # text of a stranger: whatever the parser stumbles over, it is no definition
         return ()
-    fields = {**_standard(), **{each: list(parts[1]) for each, parts in types.items()}}
+    fields = {**_standard(), **{kind: list(parts[1]) for kind, parts in types.items()}}
     return (MessageType(name, fields),) if name in types else ()
 
 

@@ -82,7 +82,7 @@ class SqliteFile(BagFile):
             return
         query = f"SELECT {', '.join(columns)} FROM message_definitions LIMIT {_TOPICS}"
         for row in connection.execute(query):
-            if all(isinstance(each, bytes) for each in row):
+            if all(isinstance(cell, bytes) for cell in row):
                 name, encoding, text = (each.decode(errors="replace") for each in row)
                 self.definitions[name] = SchemaText(encoding, text)
 

@@ -137,10 +137,14 @@ def _hint(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
         " ".join(
             filter(
                 None,
-                (parameter_words(hint.effect, name), *measured(each.value, each.std), each.unit),
+                (
+                    parameter_words(hint.effect, name),
+                    *measured(parameter.value, parameter.std),
+                    parameter.unit,
+                ),
             )
         )
-        for name, each in surest(hint.parameters, _MOST_NUMBERS).items()
+        for name, parameter in surest(hint.parameters, _MOST_NUMBERS).items()
     )
     reason = sentence(hint.reason, result.joints)
     return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds or "–", reason
@@ -186,7 +190,7 @@ def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> d
     """A gap before and after, with its meter."""
     sizes = ""
     if factor is not None:
-        before, after = (with_unit(factor * each, unit) for each in (gap.before, gap.after))
+        before, after = (with_unit(factor * level, unit) for level in (gap.before, gap.after))
         sizes = f"{before} → {after}"
     return {
         "title": title,
@@ -207,7 +211,7 @@ def _shrinkage(gap: Gap) -> str:
         return "its share is not known"
     interval = ""
     if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
-        low, high = (number(100.0 * each, 2) for each in gap.ci95)
+        low, high = (number(100.0 * bound, 2) for bound in gap.ci95)
         interval = f" ({low} to {high} %)"
     of = "of the gap above the noise floor" if gap.noise_floor is not None else "of the gap"
     return f"removes {percent(100.0 * gap.shrinkage)}{interval} {of}"
@@ -217,7 +221,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     result = report.result
     rest = result.unexplained
     return {
-        "without": ", ".join(effect_words(each) for each in result.without),
+        "without": ", ".join(effect_words(effect) for effect in result.without),
         "causes": [_card(result, cause) for cause in result.causes],
         "hints": [_hint(result, hint) for hint in result.hints],
         "unexplained": rest,

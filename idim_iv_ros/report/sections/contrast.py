@@ -39,7 +39,9 @@ def change_card(result: GapResult, cause: ContrastCause) -> ChangeCard:
     ]
     if cause.evidence.chosen_in_folds:
         facts.append(("Chosen again without a part of the time", cause.evidence.chosen_in_folds))
-    others = ", ".join(effect_at(each.effect, each.joint) for each in cause.indistinguishable_from)
+    others = ", ".join(
+        effect_at(rival.effect, rival.joint) for rival in cause.indistinguishable_from
+    )
     facts.append(("Indistinguishable from", others or "–"))
     return ChangeCard(
         effect_at(cause.effect, cause.joint, cause.other_joint),

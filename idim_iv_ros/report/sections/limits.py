@@ -13,13 +13,13 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     return {
         "untestable": [
             (
-                effect_words(each.effect),
-                each.joints or "all",
-                sentence(each.reason, result.joints),
-                each.smallest or "at no size",
-                sentence(each.excitation_needed, result.joints),
+                effect_words(effect.effect),
+                effect.joints or "all",
+                sentence(effect.reason, result.joints),
+                effect.smallest or "at no size",
+                sentence(effect.excitation_needed, result.joints),
             )
-            for each in untestable(result)
+            for effect in untestable(result)
         ],
     }
 

@@ -59,7 +59,7 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
         "essential": len(ordered) - minor,
         "minor": minor,
         "folded": minor > 0 and len(ordered) > _LONG_TABLE,
-        "rows": [_row(each, refined.get(each.name), ordinary) for each in ordered],
+        "rows": [_row(entry, refined.get(entry.name), ordinary) for entry in ordered],
         "figure": figure,
         "legend": _legend(result) if figure else [],
     }
@@ -150,8 +150,8 @@ def _legend(result: IdentificationResult) -> list[Mark]:
     return [
         Mark("line", BLUE, "estimate and its 95 % interval"),
         *(
-            Mark(f"sign {each.symbol}", each.colour, each.name)
-            for each in _series(result, _shown(result))
+            Mark(f"sign {series.symbol}", series.colour, series.name)
+            for series in _series(result, _shown(result))
         ),
         Mark("sign arrow", INK, "beyond the edge (move the pointer there for its value)"),
     ]
@@ -164,7 +164,7 @@ def _forest(result: IdentificationResult) -> Figure | None:
         return None
     half = [INTERVAL * (p.relative_std_percent or 0.0) for p in shown]
     series = _series(result, shown)
-    limit = _limit(half, [each.shifts for each in series])
+    limit = _limit(half, [part.shifts for part in series])
     names = [p.name for p in shown]
     data = [_intervals(names, half, limit), *(_marks(names, each, limit) for each in series)]
     axes = {

@@ -30,7 +30,7 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
 
 
 def _decimation(factors: Sequence[int]) -> str:
-    kept = [f"1 of {each}" if each > 1 else "all" for each in dict.fromkeys(factors)]
+    kept = [f"1 of {factor}" if factor > 1 else "all" for factor in dict.fromkeys(factors)]
     return "none" if kept == ["all"] else " or ".join(kept)
 
 
@@ -59,7 +59,7 @@ def _recording(bag: BagSummary) -> dict[str, Any]:
         "bag": bag,
         "name": Path(bag.path).name,
         "size": f"{with_unit(bag.duration, 's', 4)} at {exact(bag.rate, 'Hz')}",
-        "notes": [*notes, *(each.sentence for each in bag.frozen)],
+        "notes": [*notes, *(interval.sentence for interval in bag.frozen)],
         "clocks": [
             (
                 clock.topic,

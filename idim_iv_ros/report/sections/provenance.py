@@ -18,7 +18,7 @@ def _context(report: Report[Any]) -> dict[str, Any]:
     # Whoever reads the page elsewhere has the configuration from it, not its folder.
     name = PurePath(report.config).name
     if diagnosis:
-        options = [word for each in result.without for word in ("--without", each)]
+        options = [word for effect in result.without for word in ("--without", effect)]
         words = ["diagnose", *result.bags, "--config", name, "--out", "why", *options]
     else:
         options = [] if result.estimator == "idim-iv" else ["--estimator", result.estimator]

@@ -18,7 +18,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         return None
     axes = list(dict.fromkeys([*AXES, *(regime.axis for regime in result.regimes)]))
     maps = [_map(result, axis) for axis in axes]
-    return {"maps": [each for each in maps if each is not None]}
+    return {"maps": [drawing for drawing in maps if drawing is not None]}
 
 
 def _map(result: GapResult, axis: str) -> dict[str, Any] | None:
@@ -32,7 +32,7 @@ def _map(result: GapResult, axis: str) -> dict[str, Any] | None:
     }
     if not by_joint:
         return None
-    bounds = sorted({(each.low, each.high) for row in by_joint.values() for each in row})
+    bounds = sorted({(cell.low, cell.high) for row in by_joint.values() for cell in row})
     longest = max(by_joint.values(), key=len)
     units = {joint: regimes[0].unit for joint, regimes in by_joint.items()}
     one = next(iter(units.values())) if len(set(units.values())) == 1 else None

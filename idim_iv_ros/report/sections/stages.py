@@ -74,7 +74,7 @@ def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> floa
     for stage in stages:
         value = stage.torque_rms.get(joint)
         high = stage.torque_ci95.get(joint, (0.0, 0.0))[1]
-        ends += [each for each in (value, high) if each is not None and known(each)]
+        ends += [bound for bound in (value, high) if bound is not None and known(bound)]
     return 1.04 * max(ends) or 1.0
 
 

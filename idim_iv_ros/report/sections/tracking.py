@@ -29,7 +29,10 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         for index, series in enumerate(firsts.values())
     ]
     return {
-        "missing": any(each.before is None or each.after is None for each in firsts.values()),
+        "missing": any(
+            first_stamp.before is None or first_stamp.after is None
+            for first_stamp in firsts.values()
+        ),
         "legend": [
             Mark("line", INK, "robot"),
             Mark("line", GREY, f"simulated, before{_stage(result, 0)}"),
