@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_event import LawEvent

@@ -11,10 +11,10 @@ from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.answer.explained import explained
 from idim_iv_ros.diagnosis.answer.structural_causes import structural_causes
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors
 from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
@@ -186,7 +186,7 @@ def test_evidence_of_a_model_is_that_of_the_dense_formula(data: Baseline) -> Non
     sign, logdet = np.linalg.slogdet(covariance)
     dense = 0.5 * gap @ gap - 0.5 * gap @ np.linalg.solve(covariance, gap) - 0.5 * logdet
     assert sign > 0
-    assert Beside(nominal, (term,)).level == pytest.approx(dense, rel=1e-6)
+    assert ModelWithTerms(nominal, (term,)).level == pytest.approx(dense, rel=1e-6)
 
 
 def _ranges(lengths: list[int]) -> list[tuple[int, int]]:

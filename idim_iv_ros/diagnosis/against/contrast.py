@@ -25,8 +25,8 @@ from idim_iv_ros.diagnosis.against.law import (
     shift_difference,
 )
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind, Scope
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.law import ShiftDifference
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (

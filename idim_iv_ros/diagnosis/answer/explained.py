@@ -7,9 +7,9 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.answer.named_model import NamedModel, label, named_model
 from idim_iv_ros.diagnosis.comparison import rules
-from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import Chosen, chosen_without
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.probability import features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
@@ -194,7 +194,7 @@ def beyond_noise(data: Baseline, regression: Regression, selection: Selection) -
     fit = regression.fit()
     floors = noise_floors(data, regression, fit, repeats_of(data))
     ledger = selection.comparison.options.ledger
-    left = Beside(selection.comparison.nominal, selection.terms).residuals(white=False)
+    left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals(white=False)
     shares = []
     for rest, floor, size in zip(left, floors, ledger.sizes, strict=True):
         square = float(np.mean(rest**2)) - (floor.sigma or 0.0) ** 2

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis.answer.explained import Explained
-from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, with_parameters
 from idim_iv_ros.diagnosis.refit.effect_rows import operating_range, rows_of

@@ -9,8 +9,8 @@ from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
 from idim_iv_ros.diagnosis.answer.numbers import numbers_of
 from idim_iv_ros.diagnosis.answer.structural_causes import rivals_of
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor

@@ -11,10 +11,10 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
@@ -244,12 +244,15 @@ class LawChange:
     @property
     def errors(self) -> FloatArray:
         """(e,) of the recording."""
-        return Beside(self.comparison.nominal, self.terms).errors[:TIMES]
+        return ModelWithTerms(self.comparison.nominal, self.terms).errors[:TIMES]
 
     @property
     def lag(self) -> tuple[float, float]:
         """(value, std) of the lag of the effort, s, that all errors of time together make."""
-        nominal, model = self.comparison.nominal, Beside(self.comparison.nominal, self.terms)
+        nominal, model = (
+            self.comparison.nominal,
+            ModelWithTerms(self.comparison.nominal, self.terms),
+        )
         rate = self.rows.errors[:, 0]
         part = np.zeros(len(nominal.root))
         part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
@@ -286,7 +289,7 @@ class LawChange:
             options = Options(self.rows.ledger(lag), self.comparison.catalogue.candidates)
             white = whitened(options, nominal.white.noise)
             nominal = NominalErrors(options, white, nominal.torques, nominal.errors)
-        return Beside(nominal, tuple(terms)).residuals(white=False)[0]
+        return ModelWithTerms(nominal, tuple(terms)).residuals(white=False)[0]
 
     def beyond(self, rows: CommandRows) -> FloatArray:
         """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
