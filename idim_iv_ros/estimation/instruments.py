@@ -15,7 +15,7 @@ from idim_iv_ros.estimation.observation import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia
-from idim_iv_ros.simulation.replay import replay
+from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
 # Gains are rescaled only while the simulated inertia is further than this from the robot's.

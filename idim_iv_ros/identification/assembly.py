@@ -44,7 +44,7 @@ from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.signals import torque_noise
 from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
-from idim_iv_ros.statistics.level import mean_square_freedom
+from idim_iv_ros.statistics.residuals import mean_square_freedom
 from idim_iv_ros.types import FloatArray
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")

@@ -27,7 +27,7 @@ from idim_iv_ros.statistics import (
     specification_tests,
     wald_test_of_instruments,
 )
-from idim_iv_ros.statistics.motion_functions import (
+from idim_iv_ros.statistics.specification import (
     FAMILIES,
     SPEED,
     shared_functions,

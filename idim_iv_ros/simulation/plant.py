@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.model.link_frames import link_frames
+from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
