@@ -35,7 +35,7 @@ def reference(motion: Motion) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class FilteredReference:
+class FilteredReference(InstrumentSource):
     """Instruments from the reference passed through a fitted closed-loop filter.
 
     Attributes
@@ -75,20 +75,12 @@ class FilteredReference:
         )
 
     @property
-    def testable(self) -> str | None:
+    def untestable(self) -> str | None:
         """The filter follows the measured motion whatever the dynamic model is."""
         return (
             "the instruments come from a filter that was fitted to the measured motion: it follows "
             "the robot whatever the dynamic model is"
         )
-
-    @property
-    def iterative(self) -> bool:
-        """The filter does not depend on the parameters."""
-        return False
-
-    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
-        """These instruments do not depend on the parameters."""
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Differentiate the filtered references."""
@@ -100,7 +92,7 @@ class FilteredReference:
 
 
 @dataclass(frozen=True)
-class SmoothedMeasurement:
+class SmoothedMeasurement(InstrumentSource):
     """Instruments from the measurements themselves, smoothed harder than the regressor.
 
     Noise below the smoothing cut-off stays in both X and Z: it is not averaged out, so that the
@@ -117,20 +109,12 @@ class SmoothedMeasurement:
         return f"measured positions smoothed at {self.cutoff:.3g} Hz"
 
     @property
-    def testable(self) -> str | None:
+    def untestable(self) -> str | None:
         """The instruments are made from the regressor's own measurements."""
         return (
             "the instruments are smoothed measurements, not a simulation: the noise below "
             f"{self.cutoff:.3g} Hz is in both"
         )
-
-    @property
-    def iterative(self) -> bool:
-        """The measurements do not depend on the parameters."""
-        return False
-
-    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
-        """These instruments do not depend on the parameters."""
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Smooth and differentiate."""

@@ -1,11 +1,12 @@
 """What the residual of a joint says: autocorrelation, whether a filter removes it, distribution."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
 
+from idim_iv_ros.documents import Number, Unsaved
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
@@ -22,7 +23,7 @@ _LEAST_ROWS = 30
 _LEAST_SECONDS = 10  # with rows, below which their scatter is not known
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ResidualDiagnosis:
     """The residual of one joint.
 
@@ -33,19 +34,21 @@ class ResidualDiagnosis:
         N m (N for a prismatic joint).
     relative_percent : float or None
         100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque.
-    autoregression : AutoregressiveModel
-        Of the residual, its order chosen by AIC.
-    acf, acf_whitened : (n_lags + 1,)
-        Autocorrelation from lag 0, of the residual and of the whitened residual.
-    acf_bound : float
-        95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
+    ar_order : int
+        Order of the autoregressive model by AIC, 0 for white.
     white : bool or None
         Whether the residual may be treated as white: Ljung-Box accepts it, or what it finds is
         harmless: its past predicts less than 5 % of its variance and the standard deviations
         computed as if it were white are less than 1.1 times too small. None if not tested.
+    whiteness_p_value, normality_p_value : float or None
+        Those of the tests, whatever is given.
+    predictable_share : float
+        Share of the variance that the residual's own past predicts.
     sigma_understatement : float
         How many times too small the white-noise standard deviations of the estimates are,
         median over the columns of Z: σ_N ‖Hᵀ z‖ / (σ_ε ‖z‖).
+    largest_correlation_after : float
+        Largest |autocorrelation| that the filter leaves beyond lag 0.
     whiteness : HypothesisTest
         Ljung-Box on the residual itself; before whitening only a description, since it takes
         the regressors as exogenous.
@@ -56,37 +59,37 @@ class ResidualDiagnosis:
     skewness, excess_kurtosis : float
         Effect sizes of normality, both 0 for a Gaussian. With thousands of rows a kurtosis
         that harms nothing is significant.
+    autoregression : AutoregressiveModel
+        Of the residual; like what follows it is for the report and in no document.
+    acf, acf_whitened : (n_lags + 1,)
+        Autocorrelation from lag 0, of the residual and of the whitened residual.
+    acf_bound : float
+        95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
     """
 
     joint: str
-    rms: float
+    rms: Number
     relative_percent: float | None
-    autoregression: AutoregressiveModel
-    acf: FloatArray
-    acf_whitened: FloatArray
-    acf_bound: float
+    ar_order: int
     white: bool | None
-    sigma_understatement: float
+    whiteness_p_value: float | None = None
+    normality_p_value: float | None = None
+    predictable_share: Number
+    sigma_understatement: Number
+    largest_correlation_after: Number
+    skewness: Number
+    excess_kurtosis: Number
     whiteness: HypothesisTest
     whiteness_after: HypothesisTest
     normality: HypothesisTest
-    skewness: float
-    excess_kurtosis: float
+    autoregression: Unsaved[AutoregressiveModel | None] = field(default=None, compare=False)
+    acf: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
+    acf_whitened: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
+    acf_bound: Unsaved[float] = field(default=0.0, compare=False)
 
-    @property
-    def ar_order(self) -> int:
-        """Order of the autoregressive model, 0 for white."""
-        return self.autoregression.order
-
-    @property
-    def predictable_share(self) -> float:
-        """Share of the variance that the residual's own past predicts."""
-        return self.autoregression.predictable_share
-
-    @property
-    def largest_correlation_after(self) -> float:
-        """Largest |autocorrelation| that the filter leaves beyond lag 0."""
-        return float(np.abs(self.acf_whitened[1:]).max(initial=0.0))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "whiteness_p_value", self.whiteness.p_value)
+        object.__setattr__(self, "normality_p_value", self.normality.p_value)
 
 
 def diagnose_residual(
@@ -115,21 +118,27 @@ def diagnose_residual(
     )
     skewness, kurtosis = _shape(whitened)
     energy = float(rows.torque @ rows.torque)
+    acf_whitened = autocorrelation(whitened, rows.segments, n_lags)
     return ResidualDiagnosis(
-        rows.name,
-        float(np.sqrt(np.mean(residual**2))) if count else 0.0,
-        100.0 * float(np.sqrt(residual @ residual / energy)) if energy > 0.0 else None,
-        model,
-        autocorrelation(residual, rows.segments, n_lags),
-        autocorrelation(whitened, rows.segments, n_lags),
-        1.96 / np.sqrt(max(1, count)),
-        None if whiteness.accepted is None else whiteness.accepted or harmless,
-        understatement,
-        whiteness,
-        ljung_box(whitened, rows.segments, WHITENED, rows.name, n_lags, model.order, alpha=alpha),
-        _jarque_bera(count, skewness, kurtosis, rows.name, alpha),
-        skewness,
-        kurtosis,
+        joint=rows.name,
+        rms=float(np.sqrt(np.mean(residual**2))) if count else 0.0,
+        relative_percent=100.0 * float(np.sqrt(residual @ residual / energy)) if energy else None,
+        ar_order=model.order,
+        white=None if whiteness.accepted is None else whiteness.accepted or harmless,
+        predictable_share=model.predictable_share,
+        sigma_understatement=understatement,
+        largest_correlation_after=float(np.abs(acf_whitened[1:]).max(initial=0.0)),
+        skewness=skewness,
+        excess_kurtosis=kurtosis,
+        whiteness=whiteness,
+        whiteness_after=ljung_box(
+            whitened, rows.segments, WHITENED, rows.name, n_lags, model.order, alpha=alpha
+        ),
+        normality=_jarque_bera(count, skewness, kurtosis, rows.name, alpha),
+        autoregression=model,
+        acf=autocorrelation(residual, rows.segments, n_lags),
+        acf_whitened=acf_whitened,
+        acf_bound=1.96 / np.sqrt(max(1, count)),
     )
 
 

@@ -3,9 +3,11 @@
 The instruments say whether the *motion* is simulated well. A stiff loop, above all one with
 integral action, holds the motion to its reference whatever the model is, and the error stays in
 the torque alone. So the residual is regressed on functions of the simulated motion that the
-model does not hold: H0: E(ε | simulated motion) = 0. This is Ramsey's RESET with the functions of
-`motion_functions.py` instead of powers of the fit, and with simulated regressors for the sake of
-exogeneity; rows are whitened by the autoregressive model of the residual.
+model does not hold: H0: E(ε | simulated motion) = 0. This is Ramsey's RESET with simulated
+regressors for the sake of exogeneity, and instead of powers of the fit with functions in families
+as an engineer would name what is missing: *position* (gravity, springs, ripple), *speed* (shape of
+the friction), *acceleration* (inertia, couplings between joints). Rows are whitened by the
+autoregressive model of the residual.
 """
 
 from collections.abc import Mapping, Sequence
