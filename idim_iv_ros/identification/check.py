@@ -23,7 +23,7 @@ from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.identification.sanity import Level
 from idim_iv_ros.model import BaseParameters
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signal_source import topic_of

@@ -1,5 +1,6 @@
 """Standard dynamic parameters: names, units and order (paper, section II.B)."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,7 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.types import FloatArray
 
 JointType = Literal["revolute", "prismatic"]
@@ -21,6 +21,27 @@ POINT = ("M", "MX", "MY", "MZ")  # of a mass without size
 # Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
+
+
+def unit_at(unit: str, joint_type: str, effort_unit: str = "N m") -> str:
+    """Return a unit as it is at a joint, also within words.
+
+    Parameters
+    ----------
+    unit : str
+        As it is at a revolute joint whose effort is a torque in N m: ``rad``, ``mrad/s``,
+        ``N m s/rad``, ``kg m²``.
+    joint_type : str
+        ``revolute`` or ``prismatic``.
+    effort_unit : str
+        ``N m``, or ``A`` or ``V`` where the effort is a motor current or voltage.
+    """
+    slides = joint_type == "prismatic"
+    if effort_unit != "N m":
+        unit = unit.replace("kg m²", f"{effort_unit} s²/rad").replace("N m", effort_unit)
+    elif slides:
+        unit = unit.replace("kg m²", "kg").replace("N m", "N")
+    return re.sub(r"\b(m?)rad\b", r"\1m", unit) if slides else unit
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.types import FloatArray
 
 MOVABLE = ("revolute", "continuous", "prismatic")
