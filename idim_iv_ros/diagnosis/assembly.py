@@ -41,7 +41,7 @@ from idim_iv_ros.diagnosis.unexplained import (
 )
 from idim_iv_ros.diagnosis.where import Finding, motion_at_rows
 from idim_iv_ros.effects.registry import BY_NAME
-from idim_iv_ros.identification.consistency import consistent_parameters
+from idim_iv_ros.identification.identify import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters

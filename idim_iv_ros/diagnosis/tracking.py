@@ -19,7 +19,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
-from idim_iv_ros.simulation.replay import replay
+from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
 

@@ -10,7 +10,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import RobotModel
-from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 
 # Gear flanks whose stiffness is not given: natural frequency of motor against link, Hz, and
