@@ -7,8 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, read_layout
-from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, MANY_STATES
+from idim_iv_ros.recording.bags.definitions import (
+    CONTROLLER_STATE,
+    FLOAT_ARRAY,
+    JOINT_STATE,
+    MANY_STATES,
+)
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
@@ -127,8 +131,8 @@ def read_contents(path: Path) -> BagContents:
                 names[topic] = JointMessageReader(topic, _kind(bag, topic), [], [])
             names[topic].add(batch)
         elif topic not in numbers:
-            layout = read_layout(batch.message(0), FLOAT_ARRAY)
-            numbers[topic] = layout.fields["data"][1]
+            columns = JointMessageType(FLOAT_ARRAY).layout(batch.message(0), ["effort"]).columns
+            numbers[topic] = len(columns["effort"].offsets) if columns else 0
     joints = _joints(bag, {topic: reader.finish().names for topic, reader in names.items()})
     topics = tuple(
         TopicContents(
