@@ -114,16 +114,18 @@ def read_contents(path: Path) -> BagContents:
         No such bag, or not one.
     """
     bag = Bag(path)
-    described = {name for name in bag.known_topics() if name.endswith(_DESCRIPTION)}
+    topics = bag.known_topics()
+    described = {name for name in topics if name.endswith(_DESCRIPTION)}
+    kinds = {name: kind for name, kind in topics.items() if may_hold_joints(kind)}
     descriptions: dict[str, str] = {}
-    for topic, batch in bag.batches(described):
-        text = robot_description(batch)
-        descriptions.update({} if text is None else {topic: text})
-    kinds = {name: kind for name, kind in bag.topics.items() if may_hold_joints(kind)}
     names: dict[str, JointMessageReader] = {}
     numbers: dict[str, int] = {}
     counts: dict[str, tuple[int, int, int]] = {}  # messages, first and last arrival in ns
-    for topic, batch in Bag(path).batches(set(kinds)):
+    for topic, batch in bag.batches({*kinds, *described}):
+        if topic in described:
+            text = robot_description(batch)
+            descriptions.update({} if text is None else {topic: text})
+            continue
         count, first, _ = counts.get(topic, (0, int(batch.arrival[0]), 0))
         counts[topic] = (count + len(batch), first, int(batch.arrival[-1]))
         if kinds[topic] != FLOAT_ARRAY:
@@ -134,7 +136,7 @@ def read_contents(path: Path) -> BagContents:
             columns = JointMessageType(FLOAT_ARRAY).layout(batch.message(0), ["effort"]).columns
             numbers[topic] = len(columns["effort"].offsets) if columns else 0
     joints = _joints(bag, {topic: reader.finish().names for topic, reader in names.items()})
-    topics = tuple(
+    contents = tuple(
         TopicContents(
             topic,
             count,
@@ -147,9 +149,9 @@ def read_contents(path: Path) -> BagContents:
         for topic, (count, first, last) in counts.items()
         for asked in ((False, True) if (topic, True) in joints else (False,))
     )
-    known = {*kinds, *described}
-    unreadable = {name: kind for name, kind in bag.topics.items() if name not in known}
-    return BagContents(path, topics, unreadable, _of_one_robot(descriptions))
+    readable = {*kinds, *described}
+    unreadable = {name: kind for name, kind in topics.items() if name not in readable}
+    return BagContents(path, contents, unreadable, _of_one_robot(descriptions))
 
 
 def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
@@ -216,11 +218,6 @@ class TopicChoice:
     effort: TopicContents | None
     reference: TopicContents | None
     reasons: dict[str, str]
-
-    @property
-    def efforts(self) -> TopicContents:
-        """The topic with the efforts."""
-        return self.effort or self.states
 
 
 def choose_states(
