@@ -138,7 +138,7 @@ def simulate_closed_loop(
     joints = position_reference.shape[1]
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
-    present = contributions_of(joint_effects(effects or (), robot.joints), parameters)
+    present = contributions_of(joint_effects(effects or (), robot.joints), parameters.coulomb)
     q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
     arrays: Effects | None = None
     shafts: tuple[Shaft, ...] = ()
