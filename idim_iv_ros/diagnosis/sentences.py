@@ -7,7 +7,7 @@ from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_event import LawEvent
+from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
