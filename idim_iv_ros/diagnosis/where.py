@@ -165,7 +165,7 @@ def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
     place = block * count + bins
     size = (int(block.max()) + 1) * count
     sums = [np.bincount(place, weights, size) for weights in (energy, np.ones(len(energy)))]
-    return np.stack(sums, axis=1).reshape(-1, count, 2)
+    return np.asarray(np.stack(sums, axis=1).reshape(-1, count, 2), dtype=np.float64)
 
 
 def spectral_lines(

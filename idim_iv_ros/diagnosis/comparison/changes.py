@@ -4,9 +4,8 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.identifiability import too_little
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.effect_rows import operating_range
-from idim_iv_ros.diagnosis.refit.missing_gravity import unit_gravity_rows
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range
+from idim_iv_ros.diagnosis.refit.refit import unit_gravity_rows
 from idim_iv_ros.effects.parametric_effect import ParameterSpace
 from idim_iv_ros.types import FloatArray
 

@@ -103,8 +103,8 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     if not law.torque_gains[1].any():
         return LawSpeed()
     recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
-    early = (LawSpeed(), *((LawSpeed("recorded"),) if recorded else ()))
-    options = [*early, *(LawSpeed("filtered", factor) for factor in FACTORS)]
+    early = [LawSpeed(), LawSpeed("recorded")] if recorded else [LawSpeed()]
+    options = early + [LawSpeed("filtered", factor) for factor in FACTORS]
     scores = _scores(motions, law, options)
     best = int(np.argmin(scores))
     chosen, score = options[best], scores[best]
