@@ -5,9 +5,8 @@ from collections.abc import Mapping, Sequence
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_event import LawEvent
+from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -21,8 +20,9 @@ from idim_iv_ros.diagnosis.result import (
     Unexplained,
 )
 from idim_iv_ros.diagnosis.where import Finding
+from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 from idim_iv_ros.recording import SessionPart, in_recordings
 
 MOST_EVENTS = 5  # that are listed

@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis.answer.named_model import NamedModel, matters
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_event import events_in
+from idim_iv_ros.diagnosis.refit.law_speed import events_in
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.where import above_noise

@@ -29,6 +29,22 @@ class EffectParameter:
     unit: str
 
 
+def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, EffectParameter]:
+    """Return at most so many numbers, in their order: those that differ from zero most surely.
+
+    A mass is first, and always among them: a load is recognised by it. All where no number is
+    fitted.
+    """
+    ratios = {
+        name: abs(parameter.value) / parameter.std
+        for name, parameter in parameters.items()
+        if parameter.std
+    }
+    chosen = sorted(ratios, key=lambda name: (name != "mass", -ratios[name]))[:most]
+    shown = [name for name in parameters if name in chosen or not chosen]
+    return {name: parameters[name] for name in sorted(shown, key=lambda name: name != "mass")}
+
+
 @dataclass(frozen=True)
 class ParameterSpec:
     """One parameter that an effect has.

@@ -55,6 +55,12 @@ def part_of(effect: str) -> Part:
     return BY_NAME[effect].part if effect in BY_NAME else ""
 
 
+def parameter_words(effect: str, name: str) -> str:
+    """Return what a number of a cause is; its name without underscores where that says it."""
+    cause = BY_NAME.get(effect)
+    return name.replace("_", " ") if cause is None else cause.parameter_words(name)
+
+
 def name_of(part: Part) -> str:
     """Return the name of the one cause that changes a part."""
     (name,) = (cause.name for cause in CAUSES if cause.part == part)

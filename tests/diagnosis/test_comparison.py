@@ -18,8 +18,7 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, No
 from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.effect_rows import operating_range
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, operating_range
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.unexplained import unexplained
 from idim_iv_ros.effects.contribution import Load

@@ -10,9 +10,8 @@ from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.effect_rows import operating_range, rows_of
-from idim_iv_ros.diagnosis.refit.missing_gravity import unit_gravity_rows
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
+from idim_iv_ros.diagnosis.refit.refit import unit_gravity_rows
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import (
     Change,

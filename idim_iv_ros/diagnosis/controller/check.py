@@ -14,8 +14,7 @@ from idim_iv_ros.diagnosis.controller.law_change import (
     law_change,
 )
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_event import events_in
-from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed, law_speed
+from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed, events_in, law_speed
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,

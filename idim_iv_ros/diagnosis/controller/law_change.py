@@ -19,8 +19,12 @@ from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
-from idim_iv_ros.diagnosis.refit.law_event import beside_no_event
-from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed, comparable_rows, limited
+from idim_iv_ros.diagnosis.refit.law_speed import (
+    LawSpeed,
+    away_from_events,
+    comparable_rows,
+    limited,
+)
 from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
 from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
@@ -316,7 +320,7 @@ def law_change(rows: CommandRows) -> LawChange:
         table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
         rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
         if np.sqrt(np.mean(rest**2)) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
-            calm = beside_no_event(rest, rows.recording, rows.time)
+            calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():
                 rows = rows.only(calm)
                 break
