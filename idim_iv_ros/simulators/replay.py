@@ -13,8 +13,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import instrument_sources
@@ -171,7 +170,7 @@ def _beyond_gains(run: _Run) -> FloatArray:
     signals = run.motion.signals
     speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
     law = [
-        ControllerMismatch().parts(signals, run.law, joint, speed[:, joint]).command
+        CONTROL_LAW.parts(signals, run.law, joint, speed[:, joint]).command
         for joint in range(signals.position.shape[1])
     ]
     return run.motion.filtered(signals.torque - np.column_stack(law))

@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis.against.sets import TwoSets
 from idim_iv_ros.diagnosis.controller.check import shown_law, why_not_checked
 from idim_iv_ros.diagnosis.controller.law_change import CommandRows, law_change
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.simulation import ControlLaw
 
 
@@ -63,7 +63,7 @@ def law_differences(
 
     The configured law is only the form: what both sets have otherwise than configured cancels.
     """
-    if ControllerMismatch.name in without:
+    if CONTROL_LAW.name in without:
         return (), ""
     for recordings, name in zip(sets.sets, ("reference", "second set"), strict=True):
         reason = why_not_checked(recordings)
@@ -90,9 +90,7 @@ def _difference(law: ControlLaw, joint: int, rows: CommandRows) -> LawDifference
         reference[name] = common, std
         against[name] = common + value, float(np.hypot(std, term.deviations[0]))
         torque += value * rows.groups[name]
-    one, other = (
-        ControllerMismatch().parameters(law, joint, side) for side in (reference, against)
-    )
+    one, other = (CONTROL_LAW.parameters(law, joint, side) for side in (reference, against))
     size = float(np.std(torque[rows.second]))
     return LawDifference(joint, one, other, 2.0 * sum(term.evidence for term in differing), size)
 
