@@ -81,10 +81,11 @@ def _with_free_shape(
 
     And by how much the fit would still move each of them, (k + m,).
     """
-    effect, coefficients = term.effect, fit.coefficients[own]
+    effect, shape, coefficients = term.effect, term.shape, fit.coefficients[own]
+    assert shape is not None
     # Of the torque that the fit leaves to the model, as `knee` has it.
     own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
-    here, *moved = rows_of(own_torque, effect, term.place, [term.shape, *near])
+    here, *moved = rows_of(own_torque, effect, term.place, [shape, *near])
     changes = {
         joint: np.column_stack([(rows[joint] - here[joint]) @ coefficients for rows in moved])
         for joint in here

@@ -135,8 +135,8 @@ def _torque_gap(
     values = {name: parameter.value for name, parameter in parameters.items()}
     before = after = regression.fit()
     if "stiffness" in values:
-        stiffness, damping, gap = (values.get(n) for n in ("stiffness", "damping", "gap"))
-        columns = twist_torques(data, joint, stiffness, damping, gap or 0.0)
+        damping, play = values.get("damping"), values.get("gap", 0.0)
+        columns = twist_torques(data, joint, values["stiffness"], damping, play)
         after = less(regression, columns).fit(before.noise_models, steps=0)
     one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
     return Gap(one, two, None, 1.0 - two / one if one > 0.0 else None, None)
