@@ -9,7 +9,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import Cause, GapResult, ParameterError
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP_FORMAT, read_text
 from idim_iv_ros.identification.result import IdentificationResult
@@ -182,8 +182,8 @@ def read_answer(
         if not np.array_equal(gravity, model.robot.pinocchio.gravity.linear):
             listed = ", ".join(f"{each:.5g}" for each in gravity)
             notes += (
-                f"gravity_direction: robot.gravity would be [{listed}] m/s²; an MJCF that is made "
-                "from a URDF has it, no other file",
+                f"{name_of('gravity')}: robot.gravity would be [{listed}] m/s²; an MJCF that is "
+                "made from a URDF has it, no other file",
             )
     parametric = [entry for entry in kept if entry.kind == "parametric"]
     return Answer(

@@ -30,7 +30,7 @@ from idim_iv_ros.effects.contribution import (
     LawChange,
     TorqueTerm,
 )
-from idim_iv_ros.effects.registry import part_of
+from idim_iv_ros.effects.registry import CONTROL_LAW, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco
@@ -174,7 +174,7 @@ class Effects:
             if model.tendon(index).name == coupling_name(first, second):
                 return index
         raise UsageError(
-            f"joint_coupling of {first} and {second}: the model has no tendon "
+            f"coupling of {first} and {second}: the model has no tendon "
             f"{coupling_name(first, second)}; build it with model_with_effects(xml, effects)"
         )
 
@@ -307,6 +307,6 @@ def _as_parameters(level: FloatArray, joints: int) -> DynamicParameters:
 
 def _notes(added: JointContributions, joints: Sequence[str]) -> tuple[str, ...]:
     return tuple(
-        f"controller_mismatch at {joints[joint]}: the control law is the user's; set it there"
+        f"{CONTROL_LAW.name} at {joints[joint]}: the control law is the user's; set it there"
         for joint, _ in added.of(LawChange)
     )
