@@ -238,6 +238,28 @@ class Element:
     tendon: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True)
+class CommandParts:
+    """What one joint's command may be made of, (n_samples,) each, at the rate of the recording.
+
+    Attributes
+    ----------
+    command : N m (N)
+        Of the configured law without limit, on the measured position.
+    rate : N m/s
+        Of the command.
+    late : (n_samples, 4) N m/s
+        Change with the time by which position, speed and the references of both are late.
+    groups : dict
+        Torque of a unit of each group that may be another.
+    """
+
+    command: FloatArray
+    rate: FloatArray
+    late: FloatArray
+    groups: dict[str, FloatArray]
+
+
 def reference_direction(speed: FloatArray) -> FloatArray:
     """Direction (n_samples,) of a reference's speed, without a step where it reverses."""
     slow = _REVERSING * float(np.abs(speed).max(initial=0.0))

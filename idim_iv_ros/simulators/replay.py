@@ -14,7 +14,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import instrument_sources
@@ -188,18 +188,13 @@ def _runs(
 
 def _beyond_gains(run: _Run) -> FloatArray:
     """Torque (n_samples, n_joints) that the recorded command is more than its law, smoothed."""
-    signals, law, step = run.motion.signals, run.law, 1.0 / run.motion.signals.rate
-    wanted, speed = signals.position_reference, signals.velocity_reference
-    assert wanted is not None
-    slip = -np.gradient(signals.position, step, axis=0)
-    if law.uses_velocity_reference:
-        slip += np.gradient(wanted, step, axis=0) if speed is None else speed
-    error = wanted - signals.position
-    kp, kd, ki = law.torque_gains
-    command = kp * error + kd * slip + ki * np.cumsum(error, axis=0) * step
-    if law.feedforward is not None:
-        command += law.feedforward
-    return run.motion.filtered(signals.torque - command)
+    signals = run.motion.signals
+    speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
+    law = [
+        CONTROL_LAW.parts(signals, run.law, joint, speed[:, joint]).command
+        for joint in range(signals.position.shape[1])
+    ]
+    return run.motion.filtered(signals.torque - np.column_stack(law))
 
 
 def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:

@@ -9,8 +9,8 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
+from idim_iv_ros.diagnosis.answer.causes import structural_causes
 from idim_iv_ros.diagnosis.answer.explained import explained
-from idim_iv_ros.diagnosis.answer.structural_causes import structural_causes
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
@@ -143,7 +143,7 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
     found = explained(data, regression, selected(data, regression))
     assert (found.effects, found.numbers) == ((), ())
-    rest = unexplained(data, found.model, found.floors)
+    rest = unexplained(data, found)
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
@@ -151,7 +151,7 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
     quiet = world(data, 4)
     found = explained(data, quiet, selected(data, quiet))
-    assert unexplained(data, found.model, found.floors) is None
+    assert unexplained(data, found) is None
 
 
 def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
