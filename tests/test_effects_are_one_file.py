@@ -17,8 +17,6 @@ OTHER_MEANING = {
     ("diagnosis/nominal.py", "drive_inertia"): "a key of the configuration, identification",
     ("simulators/robot.py", "drive_inertia"): "a key of the configuration, identification",
     ("simulator_files/changes.py", "torque_offset"): "a key of the configuration, simulator",
-    ("simulator_files/named.py", "payload"): "name of the body that is added to a model",
-    ("simulator_files/randomization.py", "payload"): "kind of a body in a written file",
     ("report/sections/transmissions.py", "backlash"): "a number of `Transmission`",
 }
 
