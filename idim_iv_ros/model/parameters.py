@@ -172,8 +172,11 @@ class ParameterLayout:
         """Shape a vector (n_standard,) for dynamics; terms outside the layout are zero."""
         pairs = np.array(self.coupling_joints, dtype=np.int64).reshape(-1, 2)
         values = DynamicParameters(
-            np.zeros((self.joints, 10)),
-            *np.zeros((4, self.joints)),
+            inertial=np.zeros((self.joints, 10)),
+            drive_inertia=np.zeros(self.joints),
+            viscous=np.zeros(self.joints),
+            coulomb=np.zeros(self.joints),
+            offset=np.zeros(self.joints),
             coupling_joints=pairs,
             coupling_inertia=np.zeros(len(pairs)),
             coupling_viscous=np.zeros(len(pairs)),
