@@ -114,6 +114,10 @@ class GivenNumbers:
     terms: Sequence[Mapping[str, float]]
     coulomb: float
 
+    def values(self, *names: str) -> tuple[float, ...]:
+        """Values by name, for a compiled law."""
+        return tuple(self.value[name] for name in names)
+
 
 class Cause(ABC):
     """One cause of the catalogue: its names, what it may be mistaken for, how it is simulated."""

@@ -153,9 +153,8 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """The polynomial, and the bent part where there is one."""
-        v = given.value
-        names = ("constant", "linear", "quadratic", "cubic", "lowest", "highest")
-        yield TorqueTerm(_POLYNOMIAL, tuple(v[name] for name in names))
-        if v["bent"] != 0.0:
-            names = ("bent", "centre", "width", "hardening", "lowest", "highest")
-            yield TorqueTerm(_BENT, tuple(v[name] for name in names))
+        powers = ("constant", "linear", "quadratic", "cubic")
+        yield TorqueTerm(_POLYNOMIAL, given.values(*powers, "lowest", "highest"))
+        if given.value["bent"] != 0.0:
+            bend = ("bent", "centre", "width", "hardening")
+            yield TorqueTerm(_BENT, given.values(*bend, "lowest", "highest"))
