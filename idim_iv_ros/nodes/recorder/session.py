@@ -14,8 +14,7 @@ from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing, write_snapshot
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
-from idim_iv_ros.recording.writing.storage import PRESETS
-from idim_iv_ros.recording.writing.write import TopicChannel
+from idim_iv_ros.recording.writing.write import PRESETS, TopicChannel
 
 
 class State(IntEnum):

@@ -7,7 +7,7 @@ from pathlib import Path
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import require_folder_place
 from idim_iv_ros.nodes.parameters import Settings, check_configuration, parameter, period_of_status
-from idim_iv_ros.recording.writing.storage import PRESETS
+from idim_iv_ros.recording.writing.write import PRESETS
 
 _LARGEST = 1 << 62
 _TOPIC = re.compile(r"(?:~/|/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)

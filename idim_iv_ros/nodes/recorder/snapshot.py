@@ -6,8 +6,7 @@ from pathlib import Path
 
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.growing_mcap import Message
-from idim_iv_ros.recording.writing.storage import Storage
-from idim_iv_ros.recording.writing.write import TopicChannel
+from idim_iv_ros.recording.writing.write import Storage, TopicChannel
 
 _OVERHEAD = 250  # bytes of memory for a message beside its content
 

@@ -19,8 +19,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile
-from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
