@@ -15,9 +15,9 @@ from idim_iv_ros.excitation import (
     predict_parameters,
 )
 from idim_iv_ros.excitation.cost import ExcitationCost
+from idim_iv_ros.excitation.design import Search
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limit_use import moving_frames
-from idim_iv_ros.excitation.search import Search
+from idim_iv_ros.excitation.moving_frames import moving_frames
 from tests.excitation.conftest import FLOOR, SETTINGS
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree, lowest, torques
 

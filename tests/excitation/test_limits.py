@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import motion_limits
-from idim_iv_ros.excitation.limit_use import moving_frames, require_reachable
+from idim_iv_ros.excitation.moving_frames import moving_frames, require_reachable
 from idim_iv_ros.model import JointLimits
 
 

@@ -7,7 +7,7 @@ import pytest
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import load_model, motion_limits, random_motion, require_sampling
-from idim_iv_ros.excitation.search import DesignSettings, require_possible
+from idim_iv_ros.excitation.design import DesignSettings, require_possible
 from tests.fuzz.case import CONFIG
 
 
