@@ -7,7 +7,6 @@ from rich.text import Text
 
 from idim_iv_ros.cli.output import print_marked
 from idim_iv_ros.cli.table import print_table
-from idim_iv_ros.diagnosis.parameter_words import surest
 from idim_iv_ros.diagnosis.result import (
     Cause,
     ContrastResult,
@@ -15,6 +14,7 @@ from idim_iv_ros.diagnosis.result import (
     GapResult,
     Indistinguishable,
 )
+from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.report.advice import diagnosis_headline
 from idim_iv_ros.report.gap_words import (
     VERDICTS,

@@ -12,8 +12,7 @@ import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.effect_rows import operating_range, rows_of, spread_shapes
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of, spread_shapes
 from idim_iv_ros.diagnosis.result import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor

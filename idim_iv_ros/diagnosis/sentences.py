@@ -3,11 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
-from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_event import LawEvent
+from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -18,14 +17,18 @@ from idim_iv_ros.diagnosis.result import (
     JointGap,
     ParameterError,
     RecordingAgreement,
+    Transmission,
     Unexplained,
 )
 from idim_iv_ros.diagnosis.where import Finding
+from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, name_of, parameter_words
 from idim_iv_ros.recording import SessionPart, in_recordings
 
 MOST_EVENTS = 5  # that are listed
+# N m/rad: a shaft this stiff is only the limit of arithmetic, of encoders without noise.
+_RIGID = 1e12
 
 
 def structural_cause(
@@ -187,6 +190,77 @@ def beyond_the_law(
         more = len(events) - len(shown)
         text += f", most of it {', '.join(shown)}" + (f" and {more} more times" if more else "")
     return f"{text}: no change of a gain or feedforward explains it"
+
+
+def transmission(measured: Transmission) -> str:
+    """All that encoders before and behind a gear say of it, in one sentence."""
+    where, unit = f"gear of {measured.joint}", f"m{measured.unit}"
+    if measured.time_offset is None:
+        return f"{where}: {measured.reason}"
+    least, most = measured.stiffness_at_least, measured.backlash_at_most
+    if measured.stiffness is not None:
+        text = f"{where}: stiffness {with_interval(measured.stiffness)}"
+        if measured.damping is not None:
+            text += f", damping {with_interval(measured.damping)}"
+    else:
+        text = f"{where}: no stiffness is measured, {measured.reason}"
+        if least is not None and least < _RIGID:
+            text += f" (95 %: at least {least:.2g} {'N m/rad' if unit == 'mrad' else 'N/m'})"
+    if measured.backlash is not None:
+        text += f"; play {with_interval(measured.backlash, 1e3, unit)}"
+    elif most is not None:
+        text += f"; no play is seen, at most {1e3 * most:.2g} {unit} (95 %)"
+    else:
+        text += "; play cannot be determined, the load hardly changes its side"
+    if measured.lost_motion is not None:
+        text += (
+            f"; {with_interval(measured.lost_motion, 1e3, unit)} follow the direction of motion "
+            "(play that friction keeps on one side, or friction behind the gear)"
+        )
+    if measured.position_error:
+        text += "; an error of an encoder over the position was taken out"
+    return f"{text}; {_time_offset(measured)}"
+
+
+def _time_offset(measured: Transmission) -> str:
+    """The time between the channels of the two encoders."""
+    offset = measured.time_offset
+    assert offset is not None
+    late = "late" if offset.value >= 0.0 else "early"
+    half = "" if offset.std is None else f" ± {1e3 * settings.NORMAL_95 * offset.std:.2g}"
+    return f"the link is read {1e3 * abs(offset.value):.3g}{half} ms {late}, which is no elasticity"
+
+
+def shaft(measured: Transmission) -> str:
+    """Where a shaft twists, measured by the encoder behind it."""
+    assert measured.stiffness is not None
+    rms = 1e3 * measured.twist_rms * measured.elastic_share**0.5
+    return (
+        f"{spaced(name_of('shaft'))} at {measured.joint}, measured by the encoder behind the gear: "
+        f"stiffness {with_interval(measured.stiffness)}; under the load the gear twists by "
+        f"{rms:.2g} m{measured.unit} rms, {100.0 * measured.elastic_share:.0f} % of what motor and "
+        f"link differ by ({_time_offset(measured)})"
+    )
+
+
+def play(measured: Transmission) -> str:
+    """Where a gear has play, measured by the encoder behind it."""
+    assert measured.backlash is not None
+    text = (
+        f"{spaced(name_of('play'))} at {measured.joint}, measured by the encoder behind the gear: "
+        f"gap {with_interval(measured.backlash, 1e3, f'm{measured.unit}')}"
+    )
+    if measured.stiffness is not None:
+        text += f", stiffness beyond it {with_interval(measured.stiffness)}"
+    return f"{text} ({_time_offset(measured)})"
+
+
+def refuted(measured: Transmission, effect: str) -> str:
+    """Which effect on the torque the encoder behind the gear excludes."""
+    return (
+        f"on the torque alone an {effect} at {measured.joint} would help; the encoder behind the "
+        f"gear excludes one of that size ({transmission(measured)})"
+    )
 
 
 def remaining_parameter_errors(

@@ -1,7 +1,7 @@
 """Thresholds of the diagnosis: value, what it decides, and where it comes from.
 
 They are read from this module when they are needed, so that `benchmarks.sensitivity` can change
-one at run time. `python -m idim_iv_ros.diagnosis.settings` prints the table of all.
+one at run time.
 
 Shares that decide whether something is large enough differ in what they are a share of: of the
 whitened energy of a residual, which is what the likelihood sees; of the torque gap's energy, which
@@ -14,8 +14,8 @@ against overflow).
 """
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Self
 
 PAPER = "paper"
 PHYSICS = "physics"
@@ -24,36 +24,30 @@ CONVENTION = "convention"
 CHOSEN = "chosen on the development cells"
 
 
-class Setting(float):
+class _Declared:
     """A number that knows its unit, what it decides, and where it comes from."""
 
     unit: str
     decides: str
     origin: str
 
-    def __new__(cls, value: float, unit: str, decides: str, origin: str) -> "Setting":
-        """Make a setting."""
-        made = super().__new__(cls, value)
+    def __new__(cls, value: float, unit: str, decides: str, origin: str) -> Self:
+        """Make one."""
+        made = super().__new__(cls, value)  # type: ignore[call-arg]
         made.unit, made.decides, made.origin = unit, decides, origin
         return made
+
+
+class Setting(_Declared, float):
+    """A threshold that is measured."""
 
     def times(self, factor: float) -> "Setting":
         """Return the setting with another value."""
         return Setting(factor * self, self.unit, self.decides, self.origin)
 
 
-class Count(int):
-    """The same for what is counted."""
-
-    unit: str
-    decides: str
-    origin: str
-
-    def __new__(cls, value: int, unit: str, decides: str, origin: str) -> "Count":
-        """Make a setting."""
-        made = super().__new__(cls, value)
-        made.unit, made.decides, made.origin = unit, decides, origin
-        return made
+class Count(_Declared, int):
+    """A threshold that is counted."""
 
     def times(self, factor: float) -> "Count":
         """Return the setting with another value, rounded, at least 1."""
@@ -226,29 +220,14 @@ SHORT_RECORDING = Setting(10.0, "s", "length below which a note asks for more", 
 
 def all_settings() -> dict[str, Setting | Count]:
     """Every setting by its name, in the order of this file."""
-    return {name: each for name, each in globals().items() if isinstance(each, Setting | Count)}
+    return {name: value for name, value in globals().items() if isinstance(value, Setting | Count)}
 
 
 def readers() -> dict[str, list[str]]:
     """Files of this folder that read each setting, by its name."""
     folder = Path(__file__).parent
-    found: dict[str, list[str]] = {name: [] for name in all_settings()}
+    files: dict[str, list[str]] = {name: [] for name in all_settings()}
     for file in sorted(folder.rglob("*.py")):
         for name in dict.fromkeys(re.findall(r"\bsettings\.([A-Z][A-Z0-9_]+)", file.read_text())):
-            found[name].append(str(file.relative_to(folder)))
-    return found
-
-
-def table() -> Iterator[str]:
-    """Lines of a table of all settings, in Markdown."""
-    files = readers()
-    yield "| name | value | unit | decides | origin | read in `idim_iv_ros/diagnosis/` |"
-    yield "|---|---|---|---|---|---|"
-    for name, setting in all_settings().items():
-        read = ", ".join(files[name])
-        cells = (f"`{name}`", f"{setting:g}", setting.unit, setting.decides, setting.origin, read)
-        yield f"| {' | '.join(cells)} |"
-
-
-if __name__ == "__main__":
-    print("\n".join(table()))
+            files[name].append(str(file.relative_to(folder)))
+    return files

@@ -1,7 +1,7 @@
 """Where the gap lies: its share in parts of the samples, against the share of the samples."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,8 @@ _UNITS = {
     "frequency": "Hz",
 }
 
-_LEAST_PIECE = 16  # rows of a piece of a residual's spectrum
+_PIECE = 1.0  # s, of a residual, of which a spectrum is taken
+_LEAST_PIECE = 16  # rows in it
 
 
 def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -> FloatArray:
@@ -79,60 +80,32 @@ class MotionAtRows:
 
 def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
     """Take the smooth motion of one joint at the rows that count."""
-    motions = data.motions
     slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
 
-    def at_rows(values: Sequence[FloatArray]) -> FloatArray:
-        kept = [part[motion.decimation.kept] for part, motion in zip(values, motions, strict=True)]
-        return data.counting(joint, kept)
-
-    return MotionAtRows(
-        time=at_rows([motion.time for motion in motions]),
-        position=at_rows([motion.position[:, joint] for motion in motions]),
-        velocity=at_rows([motion.velocity[:, joint] for motion in motions]),
-        load=at_rows([motion.load[:, joint] for motion in motions]),
-        since_reversal=at_rows(
-            [
-                since_reversal(motion.position[:, joint], motion.velocity[:, joint], slowest)
-                for motion in motions
-            ]
-        ),
-    )
+    tables = []
+    for motion in data.motions:
+        position, velocity = motion.position[:, joint], motion.velocity[:, joint]
+        distance = since_reversal(position, velocity, slowest)
+        values = (motion.time, position, velocity, motion.load[:, joint], distance)
+        tables.append(np.column_stack(values)[motion.decimation.kept])
+    return MotionAtRows(*data.counting(joint, tables).T)
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity by which the samples of a joint are split.
+    """A quantity by which the energy of a joint's residual is split.
 
     Attributes
     ----------
     name : str
     values : (r,)
-        At each row.
+        At each row, or at each line of the spectra.
     edges : (k + 1,)
     """
 
     name: str
     values: FloatArray
     edges: FloatArray
-
-
-@dataclass(frozen=True)
-class Split:
-    """Energy of one joint's residual, split along one axis.
-
-    Attributes
-    ----------
-    name : str
-        Of the axis.
-    edges : (k + 1,)
-    bins : (b, k, 2)
-        Energy and weight (samples, or bandwidth) of each bin in each block of time.
-    """
-
-    name: str
-    edges: FloatArray
-    bins: FloatArray
 
 
 def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
@@ -156,24 +129,14 @@ def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
 
 
 def _in_recordings(time: FloatArray, starts: Sequence[float], count: int) -> FloatArray:
-    """Edges of about `count` bins with as many samples each; none holds parts of two recordings.
-
-    Where there are as many recordings as bins, a bin holds whole ones.
-    """
+    """Edges of about `count` bins with as many samples each; none holds parts of two recordings."""
     recording = np.searchsorted(starts, time, side="right") - 1
-    samples = np.bincount(recording, minlength=len(starts))
-    used = np.flatnonzero(samples)
-    if len(used) >= count:
-        before = np.cumsum(samples[used]) - samples[used]
-        _, firsts = np.unique(before * count // len(time), return_index=True)
-        inner = [starts[int(used[first])] for first in firsts[1:]]
-        return np.array([time.min(), *inner, time.max()])
     edges: list[float] = []
-    for which in used:
-        bins = max(1, round(count * samples[which] / len(time)))
-        own = np.quantile(time[recording == which], np.linspace(0.0, 1.0, bins + 1))
-        first = float(own[0]) if not edges else starts[int(which)]
-        edges += [first, *own[1:-1].tolist()]
+    for number in np.unique(recording):
+        inside = time[recording == number]
+        bins = max(1, round(count * len(inside) / len(time)))
+        edges.append(starts[int(number)] if edges else float(inside.min()))
+        edges += np.quantile(inside, np.linspace(0.0, 1.0, bins + 1))[1:-1].tolist()
     return np.array([*edges, time.max()])
 
 
@@ -186,32 +149,31 @@ def _logarithmic(values: FloatArray, count: int) -> FloatArray:
     return np.asarray(edges)
 
 
-def split(axis: Axis, residual: FloatArray, blocks: IntArray) -> Split:
-    """Energy and samples of each bin of an axis in each block of time.
+def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
+    """Energy and number of the values of an axis in each bin and block of time: (b, k, 2).
 
     Parameters
     ----------
-    residual
-        (r,) N m (N).
+    energy
+        (r,) of the residual at each value, (N m)² (N²).
     blocks
-        (r,) block of each row (`time_blocks`).
+        (r,) block of each value (`time_blocks`).
     """
     count = len(axis.edges) - 1
     bins = np.clip(np.searchsorted(axis.edges, axis.values, side="right") - 1, 0, count - 1)
     _, block = np.unique(blocks, return_inverse=True)
     place = block * count + bins
     size = (int(block.max()) + 1) * count
-    energy = np.bincount(place, weights=residual**2, minlength=size)
-    samples = np.bincount(place, minlength=size).astype(float)
-    return Split(axis.name, axis.edges, np.stack([energy, samples], axis=1).reshape(-1, count, 2))
+    sums = [np.bincount(place, weights, size) for weights in (energy, np.ones(len(energy)))]
+    return np.asarray(np.stack(sums, axis=1).reshape(-1, count, 2), dtype=np.float64)
 
 
-def bands(
+def spectral_lines(
     residual: FloatArray, runs: Sequence[slice], row_rate: float, edge: float
-) -> Split | None:
-    """Energy of a residual in bands of frequency, from stretches of a second; weight: bandwidth.
+) -> list[tuple[Axis, FloatArray, IntArray]]:
+    """Lines of the spectra of stretches of a second: their axis, energies and stretches.
 
-    None where there are too few stretches.
+    Nothing where there are too few rows in a second.
 
     Parameters
     ----------
@@ -224,31 +186,19 @@ def bands(
     edge
         Share of the rows' Nyquist frequency that the decimation passes.
     """
-    length = int(settings.LEAST_TIME_BLOCK * row_rate)
-    if length < _LEAST_PIECE:
-        return None
-    pieces = [
-        residual[start : start + length]
-        for run in runs
-        for start in range(run.start, run.stop - length + 1, length)
+    length = int(_PIECE * row_rate)
+    starts = [
+        start for run in runs for start in range(run.start, run.stop - length + 1, max(length, 1))
     ]
-    if not pieces:
-        return None
-    window = np.hanning(length)
-    power = np.abs(np.fft.rfft(np.array(pieces) * window, axis=1)) ** 2
+    if length < _LEAST_PIECE or not starts:
+        return []
+    pieces = np.array([residual[start : start + length] for start in starts])
     frequency = np.fft.rfftfreq(length, 1.0 / row_rate)
     edges = np.array(_BANDS) * 0.5 * edge * row_rate
-    # A line of the spectrum covers half a line on either side of it.
-    line = frequency[1]
-    bins = np.zeros((len(pieces), len(edges) - 1, 2))
-    for k in range(len(edges) - 1):
-        low, high = frequency - 0.5 * line, frequency + 0.5 * line
-        inside = np.maximum(
-            np.minimum(high, edges[k + 1]) - np.maximum(np.maximum(low, 0.0), edges[k]), 0.0
-        )
-        bins[:, k, 0] = power @ (inside / line)
-        bins[:, k, 1] = inside.sum()
-    return Split("frequency", edges, bins)
+    passed = frequency <= edges[-1]
+    power = np.abs(np.fft.rfft(pieces * np.hanning(length), axis=1)[:, passed]) ** 2
+    axis = Axis("frequency", np.tile(frequency[passed], len(pieces)), edges)
+    return [(axis, power.ravel(), np.repeat(np.arange(len(pieces)), int(passed.sum())))]
 
 
 def joint_gaps(
@@ -284,68 +234,63 @@ def joint_gaps(
     )
 
 
-def lifts(parts: Split) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Energy share, occupancy and lift (k,) of each bin, and the lift's interval (k, 2)."""
-    total = parts.bins.sum(axis=0)
-    share = total / np.maximum(total.sum(axis=0), 1e-300)
-    draws = resampled(parts.bins)
+def lifts(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Energy share, occupancy, lift (k,) and its interval (k, 2) of the bins of `split`."""
+    total = bins.sum(axis=0)
+    energy, occupancy = (total / np.maximum(total.sum(axis=0), 1e-300)).T
+    draws = resampled(bins)
     shares = draws / np.maximum(draws.sum(axis=1, keepdims=True), 1e-300)
-    ratio = shares[:, :, 0] / np.maximum(shares[:, :, 1], 1e-12)
-    usable = shares[:, :, 1] > 0.0
-    limits = np.array(
-        [
-            interval(ratio[usable[:, k], k]) if usable[:, k].any() else (0.0, np.inf)
-            for k in range(ratio.shape[1])
-        ]
-    )
-    lift = share[:, 0] / np.maximum(share[:, 1], 1e-12)
-    return share[:, 0], share[:, 1], lift, limits
+    limits = np.tile([0.0, np.inf], (len(total), 1))
+    for k, (of_energy, of_samples) in enumerate(shares.transpose(1, 2, 0)):
+        drawn = of_samples > 0.0
+        if drawn.any():
+            limits[k] = interval(of_energy[drawn] / of_samples[drawn])
+    return energy, occupancy, energy / np.maximum(occupancy, 1e-12), limits
 
 
-def regimes_of(joint: str, parts: Split, unit: str) -> list[Regime]:
+def regimes_of(joint: str, axis: Axis, bins: FloatArray, unit: str) -> list[Regime]:
     """Bins of one axis whose lift differs from 1; `unit` is that of its edges."""
-    if len(parts.bins) < _LEAST_BLOCKS:
+    if len(bins) < _LEAST_BLOCKS:
         return []
-    energy, occupancy, lift, limits = lifts(parts)
     return [
         Regime(
             joint=joint,
-            axis=parts.name,
-            low=float(parts.edges[k]),
-            high=float(parts.edges[k + 1]),
+            axis=axis.name,
+            low=float(low),
+            high=float(high),
             unit=unit,
-            energy_share=float(energy[k]),
-            occupancy=float(occupancy[k]),
-            lift=float(lift[k]),
-            ci95=(float(limits[k, 0]), float(limits[k, 1])),
+            energy_share=float(energy),
+            occupancy=float(occupancy),
+            lift=float(lift),
+            ci95=(float(limits[0]), float(limits[1])),
         )
-        for k in range(len(lift))
-        if occupancy[k] >= _LEAST_OCCUPANCY and (limits[k, 0] > 1.0 or limits[k, 1] < 1.0)
+        for low, high, energy, occupancy, lift, limits in zip(
+            axis.edges[:-1], axis.edges[1:], *lifts(bins), strict=True
+        )
+        if occupancy >= _LEAST_OCCUPANCY and (limits[0] > 1.0 or limits[1] < 1.0)
     ]
 
 
 def joined(regimes: Sequence[Regime]) -> Regime | None:
     """Adjacent high bins of one axis with the largest excess of the gap; None where it is small."""
-    best: Regime | None = None
-    current: Regime | None = None
+    runs: list[Regime] = []
     for regime in regimes:
         if regime.lift <= 1.0:
             continue
-        if current is not None and current.high == regime.low:
-            energy = current.energy_share + regime.energy_share
-            occupancy = current.occupancy + regime.occupancy
-            current = Regime(
-                current.joint, current.axis, current.low, regime.high, current.unit,
-                energy, occupancy, energy / occupancy, None,
-            )  # fmt: skip
-        else:
-            current = regime
-        if current.lift < _LEAST_LIFT or current.energy_share < _LEAST_ENERGY:
-            continue
-        gain = current.energy_share - current.occupancy
-        if best is None or gain > best.energy_share - best.occupancy:
-            best = current
-    return best
+        if runs and runs[-1].high == regime.low:
+            energy = runs[-1].energy_share + regime.energy_share
+            occupancy = runs[-1].occupancy + regime.occupancy
+            regime = replace(
+                regime,
+                low=runs[-1].low,
+                energy_share=energy,
+                occupancy=occupancy,
+                lift=energy / occupancy,
+                ci95=None,
+            )
+        runs.append(regime)
+    large = [run for run in runs if run.lift >= _LEAST_LIFT and run.energy_share >= _LEAST_ENERGY]
+    return max(large, key=lambda run: run.energy_share - run.occupancy, default=None)
 
 
 @dataclass(frozen=True)
@@ -381,22 +326,20 @@ def where(
     """
     nominal = nominal_residuals(data, regression)
     shown = refit.residuals if nominal is None else nominal
-    left_out = {data.joints[joint] for joint in data.left_out}
     gaps = joint_gaps(data.joints, [rows.torque for rows in regression.joints], shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
-    regimes, found = _regimes(data, regression, shown, axes, gaps, after_refit=False)
-    found = [each for each in found if each.regime.joint not in left_out]
-    findings = found[:_NOMINAL_FINDINGS]
+    regimes, large = _regimes(data, regression, shown, axes, gaps, after_refit=False)
+    used = {name for joint, name in enumerate(data.joints) if joint not in data.left_out}
+    findings = [finding for finding in large if finding.regime.joint in used][:_NOMINAL_FINDINGS]
     if nominal is not None:
-        _, found = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
-        structured = {
+        _, large = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
+        used &= {
             name
             for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if name not in left_out and above_noise(residual, floor)
+            if above_noise(residual, floor)
         }
-        found = [each for each in found if each.regime.joint in structured]
-        findings += found[:_REFIT_FINDINGS]
+        findings += [finding for finding in large if finding.regime.joint in used][:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
 
 
@@ -421,25 +364,24 @@ def _regimes(
     findings: list[Finding] = []
     edge = data.prepared.configuration.processing.decimation_edge
     for joint, name in enumerate(data.joints):
-        residual = residuals[joint]
+        residual, runs = residuals[joint], regression.joints[joint].segments
         # Regimes may be events: blocks of the shortest length.
         blocks = time_blocks(
             data.recordings[joint], data.places[joint], data.row_rate, settings.LEAST_TIME_BLOCK
         )
-        splits = [split(axis, residual, blocks) for axis in axes[joint]]
-        spectrum = bands(residual, regression.joints[joint].segments, data.row_rate, edge)
-        for parts in [*splits, *([] if spectrum is None else [spectrum])]:
-            found = regimes_of(name, parts, data.unit_at(joint, _UNITS[parts.name]))
-            regimes += found
-            best = joined(found)
+        parts = [(axis, residual**2, blocks) for axis in axes[joint]]
+        for axis, energy, block in parts + spectral_lines(residual, runs, data.row_rate, edge):
+            bins = split(axis, energy, block)
+            unlike = regimes_of(name, axis, bins, data.unit_at(joint, _UNITS[axis.name]))
+            regimes += unlike
+            best = joined(unlike)
             # Most of what moves slowly is slow: no finding.
-            if best is None or (parts.name == "frequency" and best.low <= 0.0):
+            if best is None or (axis.name == "frequency" and best.low <= 0.0):
                 continue
             excess = (best.energy_share - best.occupancy) * gaps[joint].share
-            ends = ends_of(best, parts.edges)
-            findings.append(Finding(best, *ends, after_refit, excess))
+            findings.append(Finding(best, *ends_of(best, axis.edges), after_refit, excess))
     regimes.sort(key=lambda regime: -regime.lift)
-    findings.sort(key=lambda each: -each.excess)
+    findings.sort(key=lambda finding: -finding.excess)
     return tuple(regimes), findings
 
 

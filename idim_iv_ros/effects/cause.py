@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.effects.contribution import Contribution, Law
+from idim_iv_ros.effects.contribution import Contribution, Element, Law
 from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
@@ -27,6 +27,22 @@ class EffectParameter:
     value: float
     std: float | None
     unit: str
+
+
+def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, EffectParameter]:
+    """Return at most so many numbers, in their order: those that differ from zero most surely.
+
+    A mass is first, and always among them: a load is recognised by it. All where no number is
+    fitted.
+    """
+    ratios = {
+        name: abs(parameter.value) / parameter.std
+        for name, parameter in parameters.items()
+        if parameter.std
+    }
+    chosen = sorted(ratios, key=lambda name: (name != "mass", -ratios[name]))[:most]
+    shown = [name for name in parameters if name in chosen or not chosen]
+    return {name: parameters[name] for name in sorted(shown, key=lambda name: name != "mass")}
 
 
 @dataclass(frozen=True)
@@ -128,6 +144,8 @@ class Cause(ABC):
     in_base_parameters: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
     laws: ClassVar[tuple[Law, ...]] = ()
+    # What of a MuJoCo model may hold it: elements of its joint, a tendon over two; empty: nothing.
+    element_of: ClassVar[Literal["", "joint", "tendon"]] = ""
 
     def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
         """What it adds to a simulated joint; nothing where the base parameters hold it."""
@@ -136,6 +154,10 @@ class Cause(ABC):
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """Its numbers for Fv or Fc below zero, which no simulator holds; empty by default."""
         return {}
+
+    def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
+        """Elements that are exactly the effect at a joint with this range; None where none are."""
+        return None
 
     def refused(self, value: Mapping[str, float]) -> str:
         """Why parameters that are each within their bounds do not go together; empty if they do."""

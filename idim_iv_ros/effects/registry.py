@@ -7,6 +7,7 @@ from types import ModuleType
 
 from idim_iv_ros.effects.cause import Cause, Part
 from idim_iv_ros.effects.contribution import DriveLaw, EncoderLaw, TorqueLaw
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.effect import Effect, StructuralEffect
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
@@ -36,7 +37,8 @@ MODULES = _modules()
 CAUSES = _one_of_each(MODULES)
 BY_NAME: dict[str, Cause] = {cause.name: cause for cause in CAUSES}
 PARAMETRIC = tuple(cause for cause in CAUSES if isinstance(cause, ParametricEffect))
-# What may explain the residual of the refit; a controller is checked on its own.
+# Another control law, which commands show; the others may explain the residual of the refit.
+CONTROL_LAW = next(cause for cause in CAUSES if isinstance(cause, ControllerMismatch))
 STRUCTURAL: tuple[Effect, ...] = tuple(
     cause for cause in CAUSES if isinstance(cause, StructuralEffect)
 )
@@ -53,6 +55,12 @@ ENCODER_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(l
 def part_of(effect: str) -> Part:
     """Return what an effect changes; empty of a name that this version does not know."""
     return BY_NAME[effect].part if effect in BY_NAME else ""
+
+
+def parameter_words(effect: str, name: str) -> str:
+    """Return what a number of a cause is; its name without underscores where that says it."""
+    cause = BY_NAME.get(effect)
+    return name.replace("_", " ") if cause is None else cause.parameter_words(name)
 
 
 def name_of(part: Part) -> str:

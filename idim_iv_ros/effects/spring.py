@@ -8,7 +8,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
@@ -80,6 +80,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         ParameterSpec("width", "rad", "width of the bent part", 1.0, "positive"),
     )
     laws = (_POLYNOMIAL, _BENT)
+    element_of = "joint"
 
     def grid(self, place: Place, covered: OperatingRange) -> list[CubicShape | BentShape]:
         """A polynomial, and both bends with centres over the range and four widths."""
@@ -137,6 +138,14 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             found["hardening"] = (shape.hardens, None)
             found |= {"centre": (shape.centre, None), "width": (shape.width, None)}
         return self.numbers(**found)
+
+    def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
+        """A polynomial stiffness, where the joint never leaves the range of the polynomial."""
+        lowest, highest = value.get("lowest", -math.inf), value.get("highest", math.inf)
+        if value.get("bent") or value.get("constant") or low < lowest or high > highest:
+            return None
+        names = ("linear", "quadratic", "cubic")
+        return Element(stiffness=tuple(value.get(name, 0.0) for name in names))
 
     def refused(self, value: Mapping[str, float]) -> str:
         """The range must not be empty."""

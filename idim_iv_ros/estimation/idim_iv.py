@@ -1,12 +1,15 @@
-"""IDIM-IV: instruments simulated at the last estimate, until nothing moves (section III)."""
+"""IDIM-IV: instruments simulated at the last estimate, until nothing moves (section III).
+
+Refined IDIM-IV filters y, X and Z by the inverse of the residual's shaping filter (equation 12).
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.covariance import refined_covariance, white_covariance
 from idim_iv_ros.estimation.essential import restrict
 from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure
 from idim_iv_ros.estimation.least_squares import (
@@ -15,6 +18,7 @@ from idim_iv_ros.estimation.least_squares import (
     solve_least_squares,
 )
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 # Parameters with a relative deviation above this do not decide about convergence.
@@ -56,8 +60,6 @@ class IdimIvEstimate:
         What made the instruments.
     instruments : Instruments
         Those of the last estimate.
-    least_squares : LinearEstimate
-        Joint-weighted IDIM-LS on the same rows.
     steps : tuple of IterationStep
     converged : bool
     failures : tuple of str
@@ -67,10 +69,9 @@ class IdimIvEstimate:
     linear: LinearEstimate
     source: InstrumentSource
     instruments: Instruments
-    least_squares: LinearEstimate
     steps: tuple[IterationStep, ...]
     converged: bool
-    failures: tuple[str, ...] = field(default=())
+    failures: tuple[str, ...]
 
 
 def idim_iv(
@@ -129,7 +130,11 @@ class _Iteration:
 
     def run(self, failures: tuple[str, ...]) -> IdimIvEstimate:
         sigma = self.least_squares.sigma
-        instruments = self._first()
+        values = self.start.values
+        if self.start.spread is None:
+            instruments = self.source.instruments(values, self.least_squares.values)
+        else:
+            instruments = self._as_it_is_or_scaled(values)
         linear = self._solve(instruments, sigma)
         steps: list[IterationStep] = []
         converged = not self.source.iterative
@@ -145,17 +150,10 @@ class _Iteration:
             linear,
             self.source,
             instruments,
-            self.least_squares,
             tuple(steps),
             converged,
             failures,
         )
-
-    def _first(self) -> Instruments:
-        """Simulate at the start, with the gains as they are or scaled to its inertia."""
-        if self.start.spread is not None:
-            return self._as_it_is_or_scaled(self.start.values)
-        return self.source.instruments(self.start.values, self.least_squares.values)
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.
@@ -228,4 +226,38 @@ class _Iteration:
         return IterationStep(float(change[worst]), worst)
 
     def _white_covariance(self, linear: LinearEstimate) -> FloatArray:
-        return WhiteCovariance(self.rows, linear.sigma, len(linear.values)).matrix
+        return white_covariance(self.rows, linear.sigma, len(linear.values))
+
+
+@dataclass(frozen=True)
+class RefinedIdimIv:
+    """Refined estimate with its covariance.
+
+    Attributes
+    ----------
+    values : (b,)
+    covariance : (b, b)
+    models : one AutoregressiveModel for each joint
+        Ĉ(z⁻¹), fitted on the unfiltered IV residual.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    models: tuple[AutoregressiveModel, ...]
+
+
+def refined_idim_iv(
+    rows: Sequence[JointRows], models: Sequence[AutoregressiveModel], parameters: int
+) -> RefinedIdimIv:
+    """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, each joint with its own filter and σ.
+
+    With the observation matrices as instruments it is the refined IDIM-LS. The filtered rows of
+    a joint are reduced and forgotten.
+    """
+    filtered = [joint.whitened(model).reduced for joint, model in zip(rows, models, strict=True)]
+    sigma = np.sqrt([max(model.innovation_variance, 1e-300) for model in models])
+    for _ in range(2):
+        linear = solve_instrumental_variables(filtered, parameters, sigma)
+        sigma = linear.sigma
+    covariance = refined_covariance(filtered, sigma, parameters)
+    return RefinedIdimIv(linear.values, covariance, tuple(models))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Motion
 
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.

@@ -18,7 +18,7 @@ from idim_iv_ros.identification.effort_statistics import (
     effort_statistics,
 )
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Cutoffs, Motion
 from idim_iv_ros.types import FloatArray
 

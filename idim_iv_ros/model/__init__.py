@@ -6,7 +6,6 @@ from idim_iv_ros.model.inverse_model import (
     build_inverse_model,
     configured_robot,
 )
-from idim_iv_ros.model.kinematics_digest import kinematics_digest
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
     ParameterLayout,
@@ -14,7 +13,7 @@ from idim_iv_ros.model.parameters import (
     parameter_layout,
 )
 from idim_iv_ros.model.regressor import StandardRegressor
-from idim_iv_ros.model.robot import JointLimits, RobotModel, load_robot
+from idim_iv_ros.model.robot import JointLimits, RobotModel, kinematics_digest, load_robot
 from idim_iv_ros.model.urdf_reader import read_urdf_file, read_urdf_text
 
 __all__ = [

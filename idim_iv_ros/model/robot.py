@@ -1,5 +1,6 @@
 """The robot that is identified: a URDF whose other joints are locked."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,8 @@ from idim_iv_ros.model.parameters import DynamicParameters, JointType
 from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, judge_urdf, quoted, refuse
 from idim_iv_ros.model.urdf_reader import read_urdf_text
 from idim_iv_ros.types import FloatArray
+
+_DIGITS = 9  # of lengths in m and of directions; what is rounded beyond is the same robot
 
 
 @dataclass(frozen=True)
@@ -244,3 +247,15 @@ def _given(
         coupling_viscous=np.zeros(len(couplings)),
         coupling_coulomb=np.zeros(len(couplings)),
     )
+
+
+def kinematics_digest(robot: RobotModel) -> str:
+    """SHA-256 of joints, their types, their order in the tree, placements and axes."""
+    model = robot.pinocchio
+    parts = [*robot.joints, *robot.joint_types, *map(str, robot.order), *map(str, model.parents)]
+    for place, joint in zip(model.jointPlacements[1:], model.joints[1:], strict=True):
+        axis = np.ravel(joint.createData().S)
+        numbers = np.concatenate([place.homogeneous[:3].ravel(), axis])
+        # Adding zero: no negative zeros.
+        parts += [f"{number:.{_DIGITS}f}" for number in np.round(numbers, _DIGITS) + 0.0]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.model.link_frames import link_frames
+from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
 

@@ -42,20 +42,21 @@ def read_urdf_file(path: Path) -> str:
     UsageError
         The file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
     """
-    text = read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
+    text = _description(path)
     return mjcf_as_urdf(path) if is_mjcf(text) else text
 
 
 def description_key(path: Path) -> str:
     """Key of the configuration under which a file that can be read is named: urdf or mjcf."""
-    return (
-        "mjcf"
-        if is_mjcf(read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded))
-        else "urdf"
-    )
+    return "mjcf" if is_mjcf(_description(path)) else "urdf"
 
 
-def _decoded(content: bytes) -> str:
+def _description(path: Path) -> str:
+    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=decoded_urdf)
+
+
+def decoded_urdf(content: bytes) -> str:
+    """Text of the bytes of a URDF: UTF-8, or the encoding that its first line declares."""
     declared = re.match(rb"<\?xml[^>]*encoding=[\"']([\w.-]+)[\"']", content)
     return content.decode(declared.group(1).decode() if declared else "utf-8-sig")
 
@@ -281,8 +282,3 @@ def _last_digit(texts: list[str]) -> float:
         if number and isinstance(exponent, int):
             finest.append(exponent)
     return float(Decimal(1).scaleb(min(finest))) if finest else 0.0
-
-
-def decoded_urdf(content: bytes) -> str:
-    """Text of the bytes of a URDF: UTF-8, or the encoding that its first line declares."""
-    return _decoded(content)

@@ -9,8 +9,13 @@ from idim_iv_ros.errors import IdimError
 from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
 from idim_iv_ros.prediction import JointSamples
-from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, MessageBatch
-from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL, SchemaText
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import (
+    FLOAT_ARRAY,
+    JOINT_STATE,
+    ROS2_CONTROL,
+    SchemaText,
+)
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 

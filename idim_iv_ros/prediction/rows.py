@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
-from idim_iv_ros.statistics.level import largest_share
+from idim_iv_ros.statistics.residuals import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 LEVEL_SECONDS = 10.0  # of rows that count, by which the residual is compared with its floor

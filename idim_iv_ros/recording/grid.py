@@ -8,7 +8,6 @@ acceleration that the robot never had.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -277,15 +276,10 @@ def _speed(samples: FloatArray, rate: float) -> float:
     """Slope at the first sample, of a parabola (a line through few); zero for a single one."""
     if len(samples) < 2:
         return 0.0
-    return float(rate * (_slope(len(samples)) @ samples))
-
-
-@cache
-def _slope(samples: int) -> FloatArray:
-    """Weights (samples,) that give the slope at the first sample, per sample."""
-    degree = 2 if samples >= _EDGE_SAMPLES else 1
-    powers = np.vander(np.arange(samples, dtype=float), degree + 1, increasing=True)
-    return np.asarray(np.linalg.pinv(powers)[1])
+    degree = 2 if len(samples) >= _EDGE_SAMPLES else 1
+    return rate * float(
+        np.polynomial.polynomial.polyfit(np.arange(len(samples)), samples, degree)[1]
+    )
 
 
 def _curve(
@@ -294,29 +288,16 @@ def _curve(
     ends: tuple[float, float],
     speeds: tuple[float, float],
 ) -> FloatArray:
-    """Positions at `seconds` of a motion between two positions with given speeds there."""
+    """Positions at `seconds` of a motion between two positions with given speeds there.
+
+    In a long gap evenly slowed down to rest, and evenly speeded up from it.
+    """
+    from scipy.interpolate import CubicHermiteSpline  # here, because it takes half a second
+
     if duration <= 4.0 * _STOP:
-        return _cubic(seconds, duration, ends, speeds)
-    # In a long gap evenly slowed down to rest, and evenly speeded up from it.
+        return np.asarray(CubicHermiteSpline([0.0, duration], ends, speeds)(seconds))
     rests = ends[0] + 0.5 * _STOP * speeds[0], ends[1] - 0.5 * _STOP * speeds[1]
-    stops = _cubic(seconds, _STOP, (ends[0], rests[0]), (speeds[0], 0.0))
-    moves = _cubic(seconds - _STOP, duration - 2.0 * _STOP, rests, (0.0, 0.0))
-    starts = _cubic(seconds - duration + _STOP, _STOP, (rests[1], ends[1]), (0.0, speeds[1]))
-    late = np.where(seconds > duration - _STOP, starts, moves)
-    return np.where(seconds < _STOP, stops, late)
-
-
-def _cubic(
-    seconds: FloatArray,
-    duration: float,
-    ends: tuple[float, float],
-    speeds: tuple[float, float],
-) -> FloatArray:
-    """Cubic polynomial with given values and slopes at 0 and `duration` (Hermite's form)."""
-    u = seconds / duration
-    step = ends[1] - ends[0]
-    first, last = speeds[0] * duration, speeds[1] * duration
-    return np.asarray(
-        ends[0]
-        + u * (first + u * (3.0 * step - 2.0 * first - last + u * (first + last - 2.0 * step)))
-    )
+    times = [0.0, _STOP, duration - _STOP, duration]
+    positions = [ends[0], *rests, ends[1]]
+    spline = CubicHermiteSpline(times, positions, [speeds[0], 0.0, 0.0, speeds[1]])
+    return np.asarray(spline(seconds))

@@ -194,10 +194,15 @@ def _checked(
     notes = []
     values = dict(messages.values)
     for name in reader.fields:
-        where = f"{path}: {topic}"
-        values[name], sentence = without_impossible(name, values[name], reader.joints, where)
+        values[name], sentence = without_impossible(
+            name,
+            values[name],
+            reader.joints,
+            f"{path}: {topic}",
+            "look at the driver, its units and its byte order",
+        )
         if sentence:
-            notes.append(Note(topic, sentence, 1, limits=True))
+            notes.append(Note(topic, f"{sentence}; left out", 1, limits=True))
         if name == "velocity" or optional:
             continue
         for column, joint in enumerate(reader.joints):

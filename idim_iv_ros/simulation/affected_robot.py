@@ -31,7 +31,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 # A step is at most this over the pulsation of the fastest shaft, rad.
 SHAFT_ANGLE = 0.4
 # Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
-_STICKS = 1e-9
+STICKS = 1e-9
 
 _Kind = TypeVar("_Kind", bound=Contribution)
 
@@ -52,15 +52,13 @@ class JointContributions:
         return [(a, b, each) for a, b, each in self.items if isinstance(each, CouplingTerm)]
 
 
-def contributions_of(
-    effects: Sequence[JointEffect], parameters: DynamicParameters
-) -> JointContributions:
-    """What effects add to a robot with these parameters."""
+def contributions_of(effects: Sequence[JointEffect], coulomb: FloatArray) -> JointContributions:
+    """What effects add to joints with this Coulomb friction, (n_joints,) N m (N)."""
     return JointContributions(
         tuple(
             (one.joint, one.other_joint, contribution)
             for one in effects
-            for contribution in one.contributions(float(parameters.coulomb[one.joint]))
+            for contribution in one.contributions(float(coulomb[one.joint]))
         )
     )
 
@@ -112,7 +110,7 @@ def affected_robot(
     for joint, term in added.of(TorqueTerm):
         level[place[joint]] -= term.replaced
     # Where bristles are all of the friction nothing sticks: they hold by themselves.
-    dry |= level[:n] > _STICKS * base.level[:n]
+    dry |= level[:n] > STICKS * base.level[:n]
     level[:n] = np.where(dry, level[:n], 0.0)
     grown = _coupled(_grown(base, level, damping, extra), added, place)
     # The plant's own level and damping are those of the instant.

@@ -8,8 +8,9 @@ does is in its file of `effects/`.
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from idim_iv_ros.documents import Unsaved
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
 from idim_iv_ros.effects.contribution import Contribution
 from idim_iv_ros.effects.registry import BY_NAME
@@ -38,10 +39,10 @@ class SimulatedEffect:
     """
 
     effect: str
-    joint: str | None
-    parameters: Mapping[str, float]
+    joint: str | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
     other_joint: str | None = None
-    source: str = ""
+    source: Unsaved[str] = ""
     native: bool = False
 
 

@@ -10,7 +10,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import RobotModel
-from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 
 # Gear flanks whose stiffness is not given: natural frequency of motor against link, Hz, and
@@ -102,6 +102,21 @@ def _link_share(robot: RobotModel, joint: int) -> FloatArray | None:
     return layout.dynamic_parameters(vector).inertial
 
 
+def completed_shaft(shaft: Shaft, reduced: float) -> tuple[Shaft, float]:
+    """Give a shaft the stiffness and damping that were not given; return its pulsation, rad/s, too.
+
+    `reduced`: inertia of motor and link against each other, kg m² (kg).
+    """
+    stiffness, damping = shaft.stiffness, shaft.damping
+    if np.isnan(stiffness):
+        stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
+    stiffness = min(stiffness, reduced * FASTEST**2)
+    if np.isnan(damping):
+        damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
+    complete = replace(shaft, stiffness=stiffness, damping=damping)
+    return complete, float(np.sqrt(stiffness / reduced))
+
+
 def fastest_shaft(
     robot: RobotModel,
     parameters: DynamicParameters,
@@ -123,14 +138,9 @@ def fastest_shaft(
     for shaft in shafts:
         link = max(float(mobility[shaft.joint]), 0.0)
         reduced = 1.0 / (1.0 / float(parameters.drive_inertia[shaft.joint]) + link)
-        stiffness, damping = shaft.stiffness, shaft.damping
-        if np.isnan(stiffness):
-            stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
-        stiffness = min(stiffness, reduced * FASTEST**2)
-        if np.isnan(damping):
-            damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
-        complete.append(replace(shaft, stiffness=stiffness, damping=damping))
-        fastest = max(fastest, float(np.sqrt(stiffness / reduced)))
+        shaft, pulsation = completed_shaft(shaft, reduced)
+        complete.append(shaft)
+        fastest = max(fastest, pulsation)
     return tuple(complete), fastest
 
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.mjcf import JointValues
-from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 
 
@@ -20,7 +20,7 @@ def isaac_lab_text(
     urdf_name: str,
     values: JointValues,
     law: DriveLaw,
-    effects: Sequence[PlantedEffect],
+    effects: Sequence[SimulatedEffect],
     origin: str,
 ) -> str:
     """Return the file.
@@ -125,7 +125,7 @@ def _entries(numbers: dict[str, float]) -> list[str]:
 
 
 def _inexpressible(
-    robot: RobotModel, values: JointValues, law: DriveLaw, effects: Sequence[PlantedEffect]
+    robot: RobotModel, values: JointValues, law: DriveLaw, effects: Sequence[SimulatedEffect]
 ) -> list[str]:
     found = []
     if not law.known:

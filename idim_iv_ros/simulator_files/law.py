@@ -7,8 +7,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.effects.registry import part_of
-from idim_iv_ros.simulation import control_law
-from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.simulation import SimulatedEffect, control_law
 from idim_iv_ros.types import FloatArray
 
 
@@ -55,7 +54,7 @@ class DriveLaw:
 
 
 def drive_law(
-    section: ControllerSection, joints: Sequence[str], effects: Sequence[PlantedEffect]
+    section: ControllerSection, joints: Sequence[str], effects: Sequence[SimulatedEffect]
 ) -> DriveLaw:
     """Return the configured law with the gains, delays and limits that the robot really has.
 
@@ -94,7 +93,7 @@ def drive_law(
     return law
 
 
-def _changed(law: DriveLaw, effect: PlantedEffect, joints: list[str]) -> DriveLaw:
+def _changed(law: DriveLaw, effect: SimulatedEffect, joints: list[str]) -> DriveLaw:
     places = range(len(joints)) if effect.joint is None else [joints.index(effect.joint)]
     numbers, part = effect.parameters, part_of(effect.effect)
     if part == "delay":

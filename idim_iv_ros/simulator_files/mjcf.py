@@ -3,22 +3,23 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
 
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.mjcf_ties import COUPLING
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.mjcf_effects import Coupled, NativeEffects
 from idim_iv_ros.simulator_files.named import Load
-from idim_iv_ros.simulator_files.xml_edits import comment_text, number_text, numbers_text
+from idim_iv_ros.simulator_files.xml_text import number_text, numbers_text
 from idim_iv_ros.types import FloatArray
 
 _IMPEDANCE = 0.95  # largest of MuJoCo's default solimpfriction
@@ -88,18 +89,18 @@ def mjcf_text(
     robot = answer.robot
     root = Element("mujoco", model=robot.name)
     for line in comments:
-        root.append(ElementTree.Comment(f" {comment_text(line)} "))
+        root.append(_comment(line))
     SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     SubElement(
         root,
         "option",
         timestep=_number(law.period),
-        gravity=_numbers(answer.gravity),
+        gravity=_numbers(answer.model.gravity),
         integrator="implicitfast",
     )
     custom = SubElement(root, "custom")
     _law_numbers(custom, robot, law)
-    _native_names(custom, robot, native)
+    _native_names(custom, native)
     world = SubElement(root, "worldbody")
     values = _behind_transmission(values, robot)
     bodies = _bodies(world, robot, urdf, values, law, native)
@@ -113,21 +114,16 @@ def mjcf_text(
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _native_names(custom: Element, robot: RobotModel, native: NativeEffects) -> None:
+def _comment(text: str) -> Any:
+    return ElementTree.Comment(f" {text.replace('--', '- -')} ")
+
+
+def _native_names(custom: Element, native: NativeEffects) -> None:
     """Elements that are effects: who reads the file as a nominal model leaves them out."""
-    for effect, joints in native.joints.items():
+    for effect, names in native.listed.items():
         listed = SubElement(custom, "tuple", name=effect)
-        for joint in joints:
-            SubElement(listed, "element", objtype="joint", objname=robot.joints[joint])
-    if native.couplings:
-        listed = SubElement(custom, "tuple", name=COUPLING)
-        for coupling in native.couplings:
-            name = _tendon_name(robot, coupling)
-            SubElement(listed, "element", objtype="tendon", objname=name)
-
-
-def _tendon_name(robot: RobotModel, coupled: Coupled) -> str:
-    return f"{robot.joints[coupled.first]}_{robot.joints[coupled.second]}"
+        for name in dict.fromkeys(names):
+            SubElement(listed, "element", objtype=BY_NAME[effect].element_of, objname=name)
 
 
 def _law_numbers(custom: Element, robot: RobotModel, law: DriveLaw) -> None:
@@ -182,7 +178,7 @@ def _bodies(
 
 def _payload(carrier: Element, name: str, load: Load) -> None:
     """A body of its own, in the frame of the one that carries it."""
-    carrier.append(ElementTree.Comment(f" {comment_text(load.words)} "))
+    carrier.append(_comment(load.words))
     SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))
 
 
@@ -256,17 +252,16 @@ def _drawn(body: Element, robot: RobotModel, tree: int, own: LinkBody) -> None:
 
 def _tendons(element: Element, robot: RobotModel, couplings: Sequence[Coupled]) -> None:
     for coupling in couplings:
-        first, second = robot.joints[coupling.first], robot.joints[coupling.second]
         tendon = SubElement(
             element,
             "fixed",
-            name=_tendon_name(robot, coupling),
+            name=coupling.name(robot.joints),
             armature=_number(coupling.inertia),
             damping=_number(coupling.damping),
             frictionloss=_number(coupling.friction),
         )
-        SubElement(tendon, "joint", joint=first, coef="1")
-        SubElement(tendon, "joint", joint=second, coef=_number(coupling.direction))
+        for joint, sign in ((coupling.first, 1.0), (coupling.second, coupling.direction)):
+            SubElement(tendon, "joint", joint=robot.joints[joint], coef=_number(sign))
 
 
 def _actuators(element: Element, robot: RobotModel, law: DriveLaw) -> None:

@@ -30,9 +30,9 @@ def sample(model, rng):
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     change, roots = _draw(rng)
-    apart = {model.body(name).id for kind, name, _ in BODIES if kind == "payload"}
+    apart = {model.body(name).id for kind, name, _ in BODIES if kind == "load"}
     for (kind, name, factor), root in zip(BODIES, roots):
-        if kind == "payload":
+        if kind == "load":
             body = model.body(name).id
             parts, origin = [body], data.xpos[body]
         else:
@@ -147,16 +147,16 @@ class Randomization:
         """
         uncertainty, robot = remainder.uncertainty, answer.robot
         coordinates, joints = uncertainty.coordinates, len(robot.joints)
-        kept = joints + len(answer.loads)
+        kept = joints + len(answer.model.loads)
         bodies, rows = [], list(range(10 * kept))
         for number in range(kept):
             root = uncertainty.root[10 * number : 10 * number + 10]
             own = number < joints
             if own:
                 name = robot.joints[number]
-                values = np.array([answer.values[f"{kind}{number + 1}"] for kind in INERTIAL])
+                values = np.array([answer.model.values[f"{kind}{number + 1}"] for kind in INERTIAL])
             else:
-                load = answer.loads[number - joints]
+                load = answer.model.loads[number - joints]
                 name, values = load.name, load.parameters
             spread = coordinates.links[number].to_parameters @ root
             mass, centre = float(values[9]), values[6:9] / values[9]
@@ -173,14 +173,14 @@ class Randomization:
                 )
             )
         ranges = []
-        for place, name in enumerate(answer.parameters[k].name for k in coordinates.drives):
+        for place, name in enumerate(answer.model.parameters[k].name for k in coordinates.drives):
             kind = name.rstrip("0123456789")
             if kind in _FIELDS:
                 row = 10 * len(coordinates.links) + place
                 rows.append(row)
                 std = float(np.linalg.norm(uncertainty.root[row]))
                 joint = robot.joints[int(name[len(kind) :]) - 1]
-                ranges.append(JointRange(joint, _FIELDS[kind], answer.values[name], std))
+                ranges.append(JointRange(joint, _FIELDS[kind], answer.model.values[name], std))
         return cls(
             tuple(bodies),
             tuple(ranges),
@@ -194,7 +194,7 @@ class Randomization:
         """Return `sample(model, rng)` as a file; `model`: name of the exported MJCF."""
         bodies = []
         for body, factor in zip(self.bodies, self.factors, strict=True):
-            kind, name = ("payload", body.link) if body.payload else ("joint", body.name)
+            kind, name = ("load", body.link) if body.payload else ("joint", body.name)
             numbers = ", ".join(
                 f"[{', '.join(f'{value:.9g}' for value in row)}]" for row in factor.tolist()
             )

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.refit.effect_rows import rows_of
+from idim_iv_ros.diagnosis.refit.baseline import rows_of
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.position_ripple import PositionRipple
 from idim_iv_ros.effects.waves import Waves

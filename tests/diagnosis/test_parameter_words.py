@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
-from idim_iv_ros.effects.registry import PARAMETRIC
+from idim_iv_ros.effects.registry import PARAMETRIC, parameter_words
 from idim_iv_ros.effects.torque_gain import TorqueGain
 from tests.diagnosis.test_effects import UNITS
 

@@ -1,15 +1,10 @@
-"""Thresholds: none without a reader, and their table."""
+"""Thresholds: none without a reader."""
 
 from idim_iv_ros.diagnosis import settings
 
 
 def test_every_setting_is_read_somewhere() -> None:
     assert [name for name, files in settings.readers().items() if not files] == []
-
-
-def test_the_table_has_a_line_for_every_setting() -> None:
-    lines = list(settings.table())
-    assert [line.split("`")[1] for line in lines[2:]] == list(settings.all_settings())
 
 
 def test_a_setting_is_a_number_and_keeps_what_it_says_at_another_value() -> None:

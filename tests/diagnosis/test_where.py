@@ -12,12 +12,12 @@ from idim_iv_ros.diagnosis.where import (
     Finding,
     MotionAtRows,
     axes_of,
-    bands,
     ends_of,
     joined,
     lifts,
     regimes_of,
     since_reversal,
+    spectral_lines,
     split,
 )
 from idim_iv_ros.recording import SessionPart
@@ -69,17 +69,17 @@ def test_energy_in_one_bin_is_found_there() -> None:
     speed = random.permutation((np.arange(4000) + 0.5) / 4000)
     residual = random.standard_normal(4000) * np.where(speed < 0.1, 3.0, 1.0)
     axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
-    parts = split(axis, residual, np.arange(4000) // 100)
-    energy, occupancy, _, limits = lifts(parts)
+    bins = split(axis, residual**2, np.arange(4000) // 100)
+    energy, occupancy, _, limits = lifts(bins)
     # 9 · 0.1 of 9 · 0.1 + 0.9
     assert energy[0] == pytest.approx(0.5, abs=0.04)
     assert occupancy[0] == pytest.approx(0.1, abs=1e-9)
     assert limits[0, 0] < 5.0 < limits[0, 1]
-    found = regimes_of("joint_2", parts, "rad/s")
+    found = regimes_of("joint_2", axis, bins, "rad/s")
     assert found[0].low == 0.0
     best = joined(found)
     assert best is not None
-    sentence = finding(Finding(best, *ends_of(best, parts.edges), False, 0.0), ())
+    sentence = finding(Finding(best, *ends_of(best, axis.edges), False, 0.0), ())
     assert sentence.startswith("joint_2, below 0.1 rad/s: ")
     assert " % of the gap in 10 % of the samples" in sentence
     assert energy.sum() == pytest.approx(1.0)
@@ -94,10 +94,10 @@ def test_an_end_of_the_axis_is_left_out_of_the_words(low: float, high: float, wo
     speed = random.uniform(0.0, 1.0, 4000)
     residual = random.standard_normal(4000) * np.where((speed > low) & (speed < high), 3.0, 1.0)
     axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
-    parts = split(axis, residual, np.arange(4000) // 100)
-    best = joined(regimes_of("joint_2", parts, "rad/s"))
+    bins = split(axis, residual**2, np.arange(4000) // 100)
+    best = joined(regimes_of("joint_2", axis, bins, "rad/s"))
     assert best is not None
-    sentence = finding(Finding(best, *ends_of(best, parts.edges), False, 0.0), ())
+    sentence = finding(Finding(best, *ends_of(best, axis.edges), False, 0.0), ())
     assert sentence.startswith(f"joint_2, {words} rad/s: ")
 
 
@@ -107,7 +107,7 @@ def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
     for _ in range(100):
         values, residual = random.uniform(0.0, 1.0, 2000), random.standard_normal(2000)
         axis = Axis("load", values, np.linspace(0.0, 1.0, 5))
-        limits = lifts(split(axis, residual, np.arange(2000) // 50))[3]
+        limits = lifts(split(axis, residual**2, np.arange(2000) // 50))[3]
         outside += int(np.sum((limits[:, 0] > 1.0) | (limits[:, 1] < 1.0)))
     assert outside / 400 < 0.12
 
@@ -128,12 +128,10 @@ def test_a_tone_is_found_in_its_band_and_white_noise_in_none() -> None:
     time = np.arange(4000) / rate
     noise = np.random.default_rng(5).standard_normal(4000)
     runs = (slice(0, 2500), slice(2500, 4000))
-    white = bands(noise, runs, rate, 0.8)
-    assert white is not None
-    np.testing.assert_allclose(lifts(white)[2], 1.0, atol=0.2)
-    tone = bands(0.1 * noise + np.sin(2 * np.pi * 8.0 * time), runs, rate, 0.8)
-    assert tone is not None  # bands end at 4, 12, 24 and 40 Hz
-    assert int(np.argmax(lifts(tone)[0])) == 1
+    (white,) = spectral_lines(noise, runs, rate, 0.8)
+    np.testing.assert_allclose(lifts(split(*white))[2], 1.0, atol=0.2)
+    (tone,) = spectral_lines(0.1 * noise + np.sin(2 * np.pi * 8.0 * time), runs, rate, 0.8)
+    assert int(np.argmax(lifts(split(*tone))[0])) == 1  # bands end at 4, 12, 24 and 40 Hz
 
 
 def _reference(seed: int, seconds: float) -> np.ndarray:
@@ -185,12 +183,11 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     if 1 < recordings < 6:  # no bin holds rows of two recordings
         place = np.searchsorted(axis.edges, time, side="right")
         assert all(len(set(which[place == k])) == 1 for k in set(place[:-1]))
-    parted = split(
-        axis, residual, time_blocks(which, np.tile(np.arange(rows), recordings), 100.0, 1.0)
-    )
-    best = joined(regimes_of("joint_2", parted, "s"))
+    blocks = time_blocks(which, np.tile(np.arange(rows), recordings), 100.0, 1.0)
+    bins = split(axis, residual**2, blocks)
+    best = joined(regimes_of("joint_2", axis, bins, "s"))
     assert best is not None
-    sentence = finding(Finding(best, *ends_of(best, parted.edges), False, 0.0), parts)
+    sentence = finding(Finding(best, *ends_of(best, axis.edges), False, 0.0), parts)
     assert f"s of run{recordings - 1}.mcap: " in sentence
     assert "session" not in sentence
     if recordings < 4:

@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.against.law import ShiftDifference
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
@@ -22,7 +21,6 @@ from idim_iv_ros.diagnosis.sentences import (
     spaced,
     with_interval,
 )
-from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 _WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
@@ -98,27 +96,25 @@ def changes(
 
 def structural(
     data: Baseline,
-    name: str,
-    place: Place,
+    term: Term,
     change: str,
-    numbers: Mapping[str, dict[str, EffectParameter]],
+    reference: Mapping[str, EffectParameter],
+    against: Mapping[str, EffectParameter],
     torques: Sequence[JointTorque],
     others: Sequence[Indistinguishable],
 ) -> str:
-    """An effect that one set has, or that the sets have otherwise."""
-    where = data.joints[place.joint]
-    if place.other is not None:
-        where += f" and {data.joints[place.other]}"
-    effect = spaced(name)
-    one, other = (listed_numbers(name, numbers[side]) for side in ("reference", "against"))
+    """An effect that one set has, or that the sets have otherwise, with its numbers in each."""
+    name, place = term.effect.name, term.place
+    effect = f"{spaced(name)} at {' and '.join(data.joints[joint] for joint in place.joints)}"
+    one, other = (listed_numbers(name, numbers) for numbers in (reference, against))
     if change == "changed" and one and other:
-        what = f"{effect} at {where} changed: {one} in the reference, {other} in the second set"
+        text = f"{effect} changed: {one} in the reference, {other} in the second set"
     elif change == "changed":
         more = "reference recordings" if one else "second set"
-        what = f"{effect} at {where} changed: more of it in the {more} ({one or other})"
+        text = f"{effect} changed: more of it in the {more} ({one or other})"
     else:
-        what = f"{effect} at {where} {_WHERE['reference' if one else 'against']}: {one or other}"
-    return f"{what}{_torques(data, torques)}{or_else(others)}"
+        text = f"{effect} {_WHERE['reference' if one else 'against']}: {one or other}"
+    return f"{text}{_torques(data, torques)}{or_else(others)}"
 
 
 def parametric(
@@ -157,9 +153,8 @@ def law(
     )
 
 
-def delay(difference: ShiftDifference) -> str:
-    """A time from the effort to the torque that changed for all joints."""
-    change = difference.change
+def delay(change: EffectParameter) -> str:
+    """A time from the effort to the torque, s, that changed for all joints."""
     half = settings.NORMAL_95 * (change.std or 0.0)
     later = "later" if change.value > 0.0 else "earlier"
     return (
@@ -168,31 +163,29 @@ def delay(difference: ShiftDifference) -> str:
     )
 
 
-def shift(difference: ShiftDifference) -> str:
-    """The effort's shift in both sets, which is taken out; empty where it is a cause."""
-    if difference.is_delay:
-        return ""
-    one, other = difference.reference, difference.against
-    if one.std is None or other.std is None:
+def shift(shifts: Mapping[str, EffectParameter]) -> str:
+    """The effort's shift in both sets, which is taken out."""
+    said = [
+        f"{round(1e3 * shift.value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * shift.std:.2g} ms"
+        for shift in shifts.values()
+        if shift.std is not None
+    ]
+    if len(said) < len(shifts):
         return "the effort's shift in time cannot be compared: it cannot be determined in each set"
-    first, second = (
-        f"{round(1e3 * value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * std:.2g} ms"
-        for value, std in ((one.value, one.std), (other.value, other.std))
-    )
     return (
-        f"the effort acts {first} after its stamp in the reference recordings, {second} in the "
+        f"the effort acts {said[0]} after its stamp in the reference recordings, {said[1]} in the "
         "second set: each was aligned by its own, since a command that is held over its period "
         "makes half a period"
     )
 
 
-def softened(found: Sequence[SoftFriction | None], joints: Sequence[str]) -> list[str]:
+def softened(frictions: Sequence[SoftFriction | None], joints: Sequence[str]) -> list[str]:
     """Dry friction that the solver of a simulator softens, of each set that has it."""
     names = ("the reference", "the second set")
     return [
-        f"{name}: {number.sentence(joints)}"
-        for name, number in zip(names, found, strict=True)
-        if number is not None
+        f"{name}: {friction.sentence(joints)}"
+        for name, friction in zip(names, frictions, strict=True)
+        if friction is not None
     ]
 
 

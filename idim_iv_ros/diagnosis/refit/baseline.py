@@ -9,22 +9,27 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Columns, Regression, width_of
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
 from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
-from idim_iv_ros.model import DynamicParameters, units
+from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.types import FloatArray
 
 SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
+_SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
+_PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
+_AT_ONCE = 32  # shapes: their columns together stay small
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,7 @@ class Baseline:
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
         joint_type = self.prepared.model.robot.joint_types[joint]
-        return units.unit_at(unit, joint_type, self.prepared.configuration.signals.effort_unit)
+        return unit_at(unit, joint_type, self.prepared.configuration.signals.effort_unit)
 
     def in_units_at(
         self, joint: int, parameters: dict[str, EffectParameter]
@@ -280,3 +285,82 @@ def smooth_regression(data: Baseline) -> Regression:
         for rows, part in zip(data.rows, parts, strict=True)
     )
     return Regression(joints, len(model.base.columns))
+
+
+def operating_range(data: Baseline) -> OperatingRange:
+    """What the recordings cover."""
+    motions = data.motions
+    kinds = data.prepared.model.robot.joint_types
+    speed = np.max([np.abs(m.velocity).max(axis=0) for m in motions], axis=0)
+    return OperatingRange(
+        low=np.min([m.position.min(axis=0) for m in motions], axis=0),
+        high=np.max([m.position.max(axis=0) for m in motions], axis=0),
+        slowest=data.slowest,
+        fastest=np.asarray(speed),
+        load=np.max([np.abs(m.load).max(axis=0) for m in motions], axis=0),
+        torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),
+        inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
+        duration=float(max(m.time[-1] for m in motions)),
+        longest=float(max(m.elapsed[-1] for m in motions)),
+        row_rate=data.row_rate,
+        lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
+        sticking=data.sticking,
+        left_out=data.left_out,
+    )
+
+
+def spread_shapes(effect: Effect, place: Place, covered: OperatingRange) -> list[Shape]:
+    """Return a few shapes from all over the effect's grid; none where no shape is possible."""
+    grid = effect.grid(place, covered)
+    if not grid:
+        return []
+    return [
+        grid[k]
+        for k in np.unique(np.linspace(0, len(grid) - 1, _SPREAD_SHAPES).round().astype(int))
+    ]
+
+
+def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
+    """Rows of the regression for each shape; many shapes are decimated at once.
+
+    Columns of shapes that follow each other lie one after the other in memory.
+    """
+    made: list[Columns] = []
+    for start in range(0, len(shapes), _AT_ONCE):
+        made += _rows_at_once(data, effect, place, shapes[start : start + _AT_ONCE])
+    return made
+
+
+def _rows_at_once(
+    data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]
+) -> list[Columns]:
+    """Rows for a few shapes, all columns of all joints filtered in one call."""
+    tables = []
+    for motion in data.motions:
+        joints, widths, lines = _side_by_side(effect, motion, place, shapes)
+        tables.append(motion.rows(lines.T).T)
+    ends = np.cumsum(widths)
+    blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
+    for number, joint in enumerate(joints):
+        own = slice(number * ends[-1], (number + 1) * ends[-1])
+        counting = [
+            table[own].compress(motion.kept[:, joint], axis=1)
+            for table, motion in zip(tables, data.motions, strict=True)
+        ]
+        rows = np.concatenate(counting, axis=1)
+        for block, end, width in zip(blocks, ends, widths, strict=True):
+            block[joint] = rows[end - width : end].T
+    return list(blocks)
+
+
+def _side_by_side(
+    effect: Effect, motion: SmoothMotion, place: Place, shapes: Sequence[Shape]
+) -> tuple[tuple[int, ...], list[int], FloatArray]:
+    """Joints of an effect, columns of each shape, and all of these as lines (joints × k, s).
+
+    The effect's own arrays are free again before the lines are filtered.
+    """
+    torques = effect.torques(motion, place, shapes)
+    joints = tuple(torques[0])
+    lines = np.concatenate([torque[joint].T for joint in joints for torque in torques])
+    return joints, [width_of(torque) for torque in torques], lines

@@ -17,16 +17,19 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.law_event import beside_no_event
-from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
+from idim_iv_ros.effects.contribution import CommandParts
+from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.signals import JointSignals, Motion
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
+from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
 _LIMITED = 0.98  # of the torque limit, from which on a command is limited
+_EDGE = 0.5  # of the peak of an event, where it begins and ends
+_LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
 
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
@@ -86,12 +89,6 @@ class LawSpeed:
         )
 
 
-def law_speeds(recorded: bool) -> tuple[LawSpeed, ...]:
-    """Ways to try, the plain one first; `recorded`: whether all recordings hold velocities."""
-    first = (LawSpeed(), *((LawSpeed("recorded"),) if recorded else ()))
-    return (*first, *(LawSpeed("filtered", factor) for factor in FACTORS))
-
-
 def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = False) -> LawSpeed:
     """Choose the speed of the law, one for all joints and recordings.
 
@@ -107,25 +104,25 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     if not law.torque_gains[1].any():
         return LawSpeed()
     recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
-    options = law_speeds(recorded)
+    early = [LawSpeed(), LawSpeed("recorded")] if recorded else [LawSpeed()]
+    options = early + [LawSpeed("filtered", factor) for factor in FACTORS]
     scores = _scores(motions, law, options)
     best = int(np.argmin(scores))
     chosen, score = options[best], scores[best]
     if chosen.kind == "filtered" and 0 < (place := FACTORS.index(chosen.factor)) < len(FACTORS) - 1:
-        found = scipy.optimize.minimize_scalar(
+        near = scipy.optimize.minimize_scalar(
             lambda factor: _scores(motions, law, [LawSpeed("filtered", float(factor))])[0],
             bounds=(FACTORS[place + 1], FACTORS[place - 1]),
             method="bounded",
             options={"xatol": 1e-3},
         )
-        if found.fun < score:
-            chosen, score = LawSpeed("filtered", float(found.x)), float(found.fun)
+        if near.fun < score:
+            chosen, score = LawSpeed("filtered", float(near.x)), float(near.fun)
     if score >= (1.0 - settings.LAW_SPEED_GAIN) * scores[0]:
         return options[0]
     if chosen.kind != "filtered":
         return chosen
     # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
-    early = law_speeds(recorded)[: 2 if recorded else 1]
     *forward, late = _scores(motions, law, [*early, chosen], feedforward=True)
     best = int(np.argmin(forward))
     return early[best] if forward[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
@@ -134,33 +131,24 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
 def with_law_speed(sources: InstrumentSources) -> InstrumentSources:
     """Give the laws of the simulated loop the speed that reproduces the recorded commands.
 
-    Nothing changes where the law is fitted (with what the recording holds of the speed), or where
-    no differences of the position reproduce the commands better than the plain ones.
+    The robot has one law: it is compared with the commands of all recordings. Its speed is filtered
+    so that it is as late as that of the robot's law; a recorded velocity that the law uses is
+    imitated by the filter that reproduces the commands best. Nothing changes where the law is
+    fitted (with what the recording holds of the speed), or where no differences of the position
+    reproduce the commands better than the plain ones.
     """
     first, *others = sources.sources
     if sources.fits or not isinstance(first, SimulatedLoop):
         return sources
-    laws = laws_with_speed(first.motions, first.laws)
-    return replace(sources, sources=(replace(first, laws=laws), *others))
-
-
-def laws_with_speed(
-    motions: Sequence[Motion], laws: Sequence[ControlLaw]
-) -> tuple[ControlLaw, ...]:
-    """Filter the speed of each recording's law so that it is as late as that of the robot's law.
-
-    The robot has one law: it is compared with the commands of all recordings. A recorded velocity
-    that the law uses is imitated by the filter that reproduces the commands best.
-    """
-    speed = law_speed(motions, laws[0], computed=True)
+    speed = law_speed(first.motions, first.laws[0], computed=True)
     if speed.kind != "filtered":
-        return tuple(laws)
-    made = []
-    for motion, law in zip(motions, laws, strict=True):
+        return sources
+    laws = []
+    for motion, law in zip(first.motions, first.laws, strict=True):
         rate = motion.signals.rate
         period = 1.0 / rate if law.period is None else law.period
-        made.append(replace(law, speed_factor=factor_of_lateness(speed.lateness(rate), period)))
-    return tuple(made)
+        laws.append(replace(law, speed_factor=factor_of_lateness(speed.lateness(rate), period)))
+    return replace(sources, sources=(replace(first, laws=tuple(laws)), *others))
 
 
 def _scores(
@@ -175,12 +163,9 @@ def _scores(
     Each joint counts by its own noise, as in a likelihood: one whose efforts are much off, whatever
     the speed, would decide in a mean of squares.
     """
-    joints = [joint for joint in range(len(law.kp)) if law.torque_gains[1][joint] > 0.0]
-    shares = [
-        share
-        for joint in joints
-        if (share := _shares(motions, law, joint, speeds, feedforward=feedforward)) is not None
-    ]
+    differentiating = np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist()
+    every = [_shares(motions, law, j, speeds, feedforward=feedforward) for j in differentiating]
+    shares = [share for share in every if share is not None]
     if not shares:
         return np.zeros(len(speeds))
     return np.asarray(np.exp(0.5 * np.mean(np.log(np.maximum(shares, 1e-30)), axis=0)))
@@ -196,7 +181,7 @@ def _shares(
 ) -> FloatArray | None:
     """Share of the energy of one joint's command that the law with each speed leaves.
 
-    With a feedforward over the acceleration of the reference beside it, where that is asked for.
+    `feedforward`: beside one over the acceleration of the reference. None: too few rows.
     """
     plain = LawSpeed()
     gain = float(law.torque_gains[1][joint])
@@ -204,7 +189,7 @@ def _shares(
     for number, motion in enumerate(motions):
         signals = motion.signals
         central = plain.of(signals, joint)
-        whole = ControllerMismatch().parts(signals, law, joint, central)
+        whole = CONTROL_LAW.parts(signals, law, joint, central)
         parts, free = limited(whole, float(law.torque_limit[joint]), signals.rate)
         recorded = signals.torque[:, joint]
         later = [(speed.of(signals, joint) - central) * free for speed in speeds]
@@ -225,7 +210,7 @@ def _shares(
     plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, known]])
     first = np.column_stack([plain_columns, table[:, 4]])
     rest = table[:, 1] - first @ np.linalg.lstsq(first, table[:, 1])[0]
-    steady = beside_no_event(rest, which, np.concatenate(times))
+    steady = away_from_events(rest, which, np.concatenate(times))
     table, plain_columns = table[steady], plain_columns[steady]
     left = []
     for change in table[:, 6:].T:
@@ -253,15 +238,92 @@ def limited(
 
 
 def comparable_rows(motion: Motion, law: ControlLaw, joint: int) -> NDArray[np.bool_]:
-    """Decimated samples (m,) at which a command is measured and not at the torque limit."""
+    """Decimated samples (m,) at which a command is measured and not at the torque limit.
+
+    Nor near a sample of which that is not so, nor near the ends.
+    """
     signals = motion.signals
     limit = _LIMITED * float(law.torque_limit[joint])
-    bad = ~signals.valid[:, joint] | (np.abs(signals.torque[:, joint]) >= limit)
-    return _apart(bad[motion.span], motion)
-
-
-def _apart(bad: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
-    """Decimated samples without a bad one near them, nor near the ends."""
-    kept = all_around(~bad[:, None], motion.decimation, motion.decimation.factor)[:, 0]
+    good = signals.valid[:, joint] & (np.abs(signals.torque[:, joint]) < limit)
+    factor = motion.decimation.factor
+    kept = all_around(good[motion.span, None], motion.decimation, factor)[:, 0]
     kept[:2] = kept[-2:] = False
     return np.asarray(kept)
+
+
+@dataclass(frozen=True)
+class LawEvent:
+    """A stretch of time in which commands hold something that their law does not.
+
+    Attributes
+    ----------
+    begin, end : float
+        s, of the recording.
+    recording : int
+    size : float
+        Its median, N m (N).
+    energy : float
+        Sum of squares over its rows.
+    """
+
+    begin: float
+    end: float
+    recording: int
+    size: float
+    energy: float
+
+
+def _in_events(rest: FloatArray) -> NDArray[np.bool_]:
+    """Rows (r,) that belong to events; none where what a model leaves acts all the time."""
+    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
+        return np.zeros(len(rest), dtype=bool)
+    size = np.abs(rest)
+    return np.asarray(size > settings.LAW_EVENT_SIZE * np.median(size))
+
+
+def events_in(rest: FloatArray, recording: NDArray[np.int64], time: FloatArray) -> list[LawEvent]:
+    """Find the events in what a model leaves, the largest first; none where it acts all the time.
+
+    An event begins and ends where it falls below a share of its own peak: filters smear it, and
+    the loop swings after it.
+
+    Parameters
+    ----------
+    rest, recording, time
+        (r,) N m (N); which recording a row belongs to; s.
+    """
+    large = np.flatnonzero(_in_events(rest))
+    if len(large) == 0:
+        return []
+    apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
+    events = []
+    for part in np.split(large, np.flatnonzero((np.diff(recording[large]) != 0) | apart) + 1):
+        size = np.abs(rest[part])
+        core = part[size >= _EDGE * size.max()]
+        events.append(
+            LawEvent(
+                begin=float(time[core[0]]),
+                end=float(time[core[-1]]),
+                recording=int(recording[core[0]]),
+                size=float(np.median(rest[core])),
+                energy=float(np.sum(rest[part] ** 2)),
+            )
+        )
+    events.sort(key=lambda event: -event.energy)
+    return [event for event in events if event.energy >= _LEAST_EVENT * events[0].energy]
+
+
+def away_from_events(
+    rest: FloatArray, recording: NDArray[np.int64], time: FloatArray
+) -> NDArray[np.bool_]:
+    """Rows (r,) half a second or more from the events in what the law leaves; all if few remain.
+
+    A pulse in the command pushes the robot, and the law answers: errors follow pulses, so that any
+    gain, a lag and a late speed take a part of them. What the law is shows between them.
+    Parameters are those of `events_in`.
+    """
+    kept = np.ones(len(rest), dtype=bool)
+    for row in np.flatnonzero(_in_events(rest)):
+        near = np.abs(time - time[row]) <= settings.LAW_EVENTS_APART
+        kept &= ~near | (recording != recording[row])
+    return kept if int(kept.sum()) >= settings.LEAST_ROWS else np.ones_like(kept)

@@ -6,19 +6,77 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, refit_of, smooth_regression
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
-from idim_iv_ros.diagnosis.refit.missing_gravity import MissingGravity, missing_gravity
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
-from idim_iv_ros.diagnosis.result import Cause, NotTestable
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
-from idim_iv_ros.identification.prepare import PreparedRegression
+from idim_iv_ros.model import RobotModel
 from idim_iv_ros.recording import Recording
+from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.types import FloatArray
+
+_STANDARD_GRAVITY = 9.81  # m/s², that is put in
+_LIKELY_GRAVITY = (4.0, 25.0)  # m/s², with the given masses, or it is something else
+_LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
+
+
+@dataclass(frozen=True)
+class MissingGravity:
+    """Gravity as the recordings show it, where the configuration has none.
+
+    Attributes
+    ----------
+    acceleration, deviation : (3,) m/s²
+        In the base frame, with the masses of the nominal model.
+    statistic : float
+        Wald, with the noise of the model that has gravity: without it a joint's residual is so
+        smooth that its noise model takes it for noise, and the likelihood hardly separates them.
+    """
+
+    acceleration: FloatArray
+    deviation: FloatArray
+    statistic: float
+
+    def corrected(self, configuration: Configuration) -> Configuration:
+        """Return the configuration with gravity of the usual size in this direction."""
+        vector = _STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
+        robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
+        return configuration.model_copy(update={"robot": robot})
+
+    def cause(self, without: HeldOut, with_gravity: HeldOut) -> Cause:
+        """Build the cause from the nominal models without and with gravity."""
+        joints = range(len(without.joints))
+        before, after = (
+            float(np.linalg.norm([tested.rms(0, joint)[0] for joint in joints]))
+            for tested in (without, with_gravity)
+        )
+        shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
+        return Cause(
+            effect=name_of("gravity"),
+            kind="parametric",
+            joint=None,
+            other_joint=None,
+            parameters={
+                f"gravity_{axis}": EffectParameter(float(value), float(std), "m/s²")
+                for axis, value, std in zip("xyz", self.acceleration, self.deviation, strict=True)
+            },
+            evidence=Evidence(self.statistic),
+            indistinguishable_from=(),
+            torque_gap=Gap(before, after, None, 1.0 - after / before, None),
+            simulation_gap=None,
+            sentence=(
+                f"the nominal model has no gravity, but the recordings show it: ({shown}) m/s² "
+                "with the masses of the nominal model. Everything else was diagnosed with gravity "
+                "in this direction"
+            ),
+        )
 
 
 @dataclass(frozen=True)
@@ -136,30 +194,26 @@ def _aligned_throughout(data: Baseline, regression: Regression, without: Collect
     early = on_likelier_motion(data, regression)
     if not early.shift.beyond_control:
         return early
-    before = [float(np.std(residual)) for residual in regression.fit().residuals]
-    shift, prepared = early.shift.shift, data.prepared
-    of_stamps = refit_of(prepared, shift)
+    delay, prepared = early.shift.shift, data.prepared
+    of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps, smooth_regression(of_stamps))
     support = 0.0
     if of_stamps.sticking:
-        of_loop = refit_of(_with_delay(prepared, shift), shift)
+        configuration = prepared.configuration
+        law = configuration.controller.model_copy(update={"delay": delay})
+        delayed = configuration.model_copy(update={"controller": law})
+        of_loop = refit_of(replace(prepared, configuration=delayed), delay)
         other = on_likelier_motion(of_loop, smooth_regression(of_loop))
         support = _likelihood(other) - _likelihood(refit)
         refit = max(refit, other, key=_likelihood)
-    found = replace(refit.shift, configured=early.shift.configured)
-    if name_of("delay") in without or not found.beyond_control:
+    shift = replace(refit.shift, configured=early.shift.configured)
+    if name_of("delay") in without or not shift.beyond_control:
         return refit
-    after = [float(np.std(residual)) for residual in refit.regression.fit().residuals]
-    return replace(refit, delays=(found.cause(refit.data, before, after, support),))
-
-
-def _with_delay(prepared: PreparedRegression, delay: float) -> PreparedRegression:
-    """Return the same with a law whose commands take as long, s."""
-    configuration = prepared.configuration
-    controller = configuration.controller.model_copy(update={"delay": delay})
-    return replace(
-        prepared, configuration=configuration.model_copy(update={"controller": controller})
+    before, after = (
+        [float(np.std(residual)) for residual in rows.fit().residuals]
+        for rows in (regression, refit.regression)
     )
+    return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
 
 
 def on_likelier_motion(data: Baseline, regression: Regression) -> Refit:
@@ -195,3 +249,51 @@ def _nominal_and_refit(data: Baseline, regression: Regression) -> HeldOut:
     fit, repeats = regression.fit(), repeats_of(data)
     floors = noise_floors(data, regression, fit, repeats)
     return held_out(data, regression, fit, [], floors, repeats, data.prepared.given)
+
+
+def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | None:
+    """Look for gravity where the configuration has none; None where it has, or none shows."""
+    robot = data.prepared.model.robot
+    if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
+        return None
+    columns = unit_gravity_rows(data, np.eye(3))
+    plain = regression.fit()
+    heavy = regression.with_columns(dict(enumerate(columns))).fit()
+    wald = float(
+        heavy.coefficients @ np.linalg.solve(heavy.coefficient_covariance, heavy.coefficients)
+    )
+    rows = sum(len(joint.torque) for joint in regression.joints)
+    share = max(
+        1.0 - float(after @ after) / max(float(before @ before), 1e-300)
+        for before, after in zip(plain.residuals, heavy.residuals, strict=True)
+    )
+    if 0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT or share < _LEAST_SHARE:
+        return None
+    low, high = _LIKELY_GRAVITY
+    if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
+        return None
+    return MissingGravity(
+        acceleration=heavy.coefficients,
+        deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
+        statistic=wald,
+    )
+
+
+def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
+    """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
+    robot = data.prepared.model.robot
+    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
+    bodies = robot.given.of_links
+    parts = []
+    for motion in data.motions:
+        still = np.zeros_like(motion.position)
+        torques = [inverse_dynamics(tilt, bodies, motion.position, still, still) for tilt in tilted]
+        parts.append(motion.rows(np.concatenate(torques, axis=1)))
+    n = len(robot.joints)
+    return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]
+
+
+def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
+    model = robot.pinocchio.copy()
+    model.gravity.linear = gravity
+    return replace(robot, pinocchio=model)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, CdrLayout, read_layout
+from idim_iv_ros.recording.bags.cdr import CdrLayout
+from idim_iv_ros.recording.bags.definitions import JOINT_STATE
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.types import IntArray
 
 Taken = tuple[bytes, dict[str, int | None]]
@@ -97,14 +99,13 @@ class JointContent:
 
     def _read(self, message: bytes) -> None:
         try:
-            layout = read_layout(message, self._type)
+            layout = JointMessageType(self._type).layout(message, self._needed)
         except DataError:
             self.malformed += 1
             return
         end = _NAMES_START
-        if self._type == JOINT_STATE:  # behind the count of positions, which follows the names
-            before = layout.structure < layout.fields["position"][0]
-            end = int(layout.structure[before][-1]) + 1
+        if self._type == JOINT_STATE:  # behind the count of positions; two other counts follow
+            end = int(layout.structure[-9]) + 1
         if len(self._known) >= _KEPT:
             self._known.clear()
             self._ends.clear()
@@ -129,8 +130,7 @@ class JointContent:
         rows = np.frombuffer(message, dtype=np.uint8)[None, :]
         missing = []
         for field in self._needed:
-            source = "data" if self._type == FLOAT_ARRAY else field
-            values = layout.numbers(rows, source)[0]
+            values = layout.numbers(rows, field)[0] if field in layout.columns else np.zeros(0)
             names = layout.names or self._joints
             if len(values) != len(names):
                 missing.append(f"{len(values)} values of {field} for {len(names)} joints")

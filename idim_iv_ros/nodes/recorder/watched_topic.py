@@ -14,8 +14,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
-from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE
-from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
+from idim_iv_ros.recording.bags.definitions import FLOAT_ARRAY, JOINT_STATE, ROS2_CONTROL
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 
 _AT_ONCE = 20_000

@@ -14,7 +14,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
-from idim_iv_ros.recording.bags.cdr import JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.definitions import JOINT_STATE
+from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES, JointMessageType
 from idim_iv_ros.recording.topic_names import in_root
 from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.types import FloatArray, IntArray
@@ -263,7 +264,7 @@ def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
 def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Serialised messages (n, size): one template, its numbers filled in for all at once."""
     template = _template(topic)
-    layout = read_layout(template, JOINT_STATE)
+    layout = JointMessageType(JOINT_STATE).layout(template, QUANTITIES)
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
     assert layout.stamp is not None
@@ -271,9 +272,9 @@ def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     messages[:, place : place + 4] = seconds.astype("<i4")[:, None].view(np.uint8)
     messages[:, place + 4 : place + 8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
     for name, values in _fields(topic).items():
-        offset, count = layout.fields[name]
-        numbers = np.ascontiguousarray(values, dtype="<f8")
-        messages[:, offset : offset + 8 * count] = numbers.view(np.uint8)
+        offset = layout.columns[name].offsets[0]
+        numbers = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
+        messages[:, offset : offset + numbers.shape[1]] = numbers
     return messages
 
 

@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from idim_iv_ros.diagnosis.parameter_words import parameter_words, surest
 from idim_iv_ros.diagnosis.result import Cause, Gap, GapResult, Hint, JointChange, Stage
-from idim_iv_ros.effects.registry import part_of
+from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES
 from idim_iv_ros.report.gap_words import (

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from idim_iv_ros.diagnosis.parameter_words import parameter_words
 from idim_iv_ros.diagnosis.result import ContrastCause, ContrastResult, EffectParameter, GapResult
+from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.report.gap_words import effect_at, torque_unit
 from idim_iv_ros.report.numerals import number, percent, sentence, with_unit
 from idim_iv_ros.report.section import Report, Section
