@@ -101,7 +101,7 @@ class Regression:
             return self.joints
         places = np.arange(self.before.total, self.total)
         return tuple(
-            rows.beside(self.block[joint], places) if joint in self.block else rows
+            rows.with_columns(self.block[joint], places) if joint in self.block else rows
             for joint, rows in enumerate(self.before.extended)
         )
 

@@ -343,13 +343,15 @@ def _series(
 ) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
-    for joint, (own, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
+    for joint, (of_joint, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
         time = [
             part.start + motion.time[motion.kept[:, joint]]
             for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
-            JointSeries(own.name, np.concatenate(time), own.torque, own.torque - residual)
+            JointSeries(
+                of_joint.name, np.concatenate(time), of_joint.torque, of_joint.torque - residual
+            )
         )
     return tuple(series)
 

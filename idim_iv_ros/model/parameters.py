@@ -165,8 +165,8 @@ class ParameterLayout:
 
     def vector(self, values: DynamicParameters) -> FloatArray:
         """Write values into a vector (n_standard,) of this layout; other terms are left out."""
-        found = [values.value_of(parameter) for parameter in self.parameters]
-        return np.array([0.0 if value is None else float(value) for value in found])
+        given = [values.value_of(parameter) for parameter in self.parameters]
+        return np.array([0.0 if value is None else float(value) for value in given])
 
     def dynamic_parameters(self, vector: FloatArray) -> DynamicParameters:
         """Shape a vector (n_standard,) for dynamics; terms outside the layout are zero."""

@@ -86,6 +86,13 @@ def read_recordings(
         link_states,
         own_topics or {},
     )
+    return read_requested(bags, request, progress)
+
+
+def read_requested(
+    bags: FilePaths, request: Request, progress: Progress | None = None
+) -> tuple[Recording, ...]:
+    """Read one recording from each bag; see `read_recordings`."""
     recordings: list[Recording] = []
     opened = bags_of(bags)
     for number, bag in enumerate(opened):

@@ -59,14 +59,14 @@ def split_drives(
         The drive inertia of one of `joints` is in neither of them, or not positive.
     """
     for joint in joints:
-        own, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
-        if own > 0.0:
+        inertia, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
+        if inertia > 0.0:
             continue
         name = robot.joints[joint]
-        if own < 0.0:
+        if inertia < 0.0:
             raise UsageError(
                 f"elasticity or backlash at {name} needs a positive drive inertia, "
-                f"not {own:.3g} (Ia{joint + 1})"
+                f"not {inertia:.3g} (Ia{joint + 1})"
             )
         taken = None if given <= 0.0 else _link_share(robot, joint)
         if taken is None:
