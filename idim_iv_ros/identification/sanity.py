@@ -179,8 +179,8 @@ class _Signals:
             sentence = (
                 f"damping {given.viscous[self.joint]:.3g} and friction "
                 f"{given.coulomb[self.joint]:.3g} of the nominal model would take "
-                f"{effort.given_friction:.3g} {self._torque} (rms) of a measured {effort.size:.3g}: "
-                "are they the gains of a simulated servo? Correct them in the robot's file"
+                f"{effort.given_friction:.3g} {self._torque} (rms) of a measured "
+                f"{effort.size:.3g}: are they the gains of a simulated servo? Correct them in the robot's file"
             )
             yield JointFinding(self.joint, "limited", sentence)
 
@@ -193,8 +193,8 @@ class _Signals:
             return ""
         return (
             "the effort never changes its sign, and a torque that does explains it better "
-            f"(residual {effort.unsigned:.3g} instead of {effort.signed:.3g}): the driver publishes "
-            "its size alone; record one with a sign"
+            f"(residual {effort.unsigned:.3g} instead of {effort.signed:.3g}): the driver "
+            "publishes its size alone; record one with a sign"
         )
 
     def _opposite(self, effort: EffortStatistics) -> str:
