@@ -6,13 +6,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import (
-    LEAST_SPEED,
-    CouplingTerm,
-    Instant,
-    Torque,
-    TorqueLaw,
-)
+from idim_iv_ros.effects.contribution import LEAST_SPEED, CouplingTerm, Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray

@@ -180,7 +180,8 @@ class _Signals:
                 f"damping {given.viscous[self.joint]:.3g} and friction "
                 f"{given.coulomb[self.joint]:.3g} of the nominal model would take "
                 f"{effort.given_friction:.3g} {self._torque} (rms) of a measured "
-                f"{effort.size:.3g}: are they the gains of a simulated servo? Correct them in the robot's file"
+                f"{effort.size:.3g}: are they the gains of a simulated servo? Correct them in the "
+                "robot's file"
             )
             yield JointFinding(self.joint, "limited", sentence)
 
