@@ -146,14 +146,7 @@ class _Iteration:
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
             converged = steps[-1].change <= self.tolerance
-        return IdimIvEstimate(
-            linear,
-            self.source,
-            instruments,
-            tuple(steps),
-            converged,
-            failures,
-        )
+        return IdimIvEstimate(linear, self.source, instruments, tuple(steps), converged, failures)
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.

@@ -148,10 +148,7 @@ class InstrumentSources:
 
 
 def instrument_sources(
-    configuration: Configuration,
-    model: InverseModel,
-    motions: Sequence[Motion],
-    cutoffs: Cutoffs,
+    configuration: Configuration, model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs
 ) -> InstrumentSources:
     """List the sources of instruments that the configuration and the recordings allow."""
     sources: list[InstrumentSource] = []

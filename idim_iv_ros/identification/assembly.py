@@ -86,10 +86,7 @@ def assemble_result(
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
     essential = essential_parameters(
-        refined.values,
-        refined.covariance,
-        total,
-        alpha=configuration.identification.significance,
+        refined.values, refined.covariance, total, alpha=configuration.identification.significance
     )
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(identified, covariance, essential)
@@ -172,9 +169,7 @@ def assemble_result(
 
 
 def _parameters(
-    identified: Identified,
-    covariance: AutocorrelatedCovariance,
-    essential: EssentialParameters,
+    identified: Identified, covariance: AutocorrelatedCovariance, essential: EssentialParameters
 ) -> tuple[ParameterEstimate, ...]:
     """Every base parameter with its standard deviations, alone and among the essential ones."""
     base, given = identified.prepared.model.base, identified.prepared.given

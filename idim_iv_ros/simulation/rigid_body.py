@@ -194,11 +194,7 @@ _torques, _masses = _entries(source_digest(link_motion))
 
 
 def inverse_dynamics(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    q: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> FloatArray:
     """Torques that a motion needs: IDM(q, dq, ddq) β (paper, equation 3).
 

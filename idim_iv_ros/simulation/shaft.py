@@ -77,9 +77,7 @@ def split_drives(
         drive_inertia = parameters.drive_inertia.copy()
         drive_inertia[joint] = given
         parameters = replace(
-            parameters,
-            inertial=parameters.inertial - given * taken,
-            drive_inertia=drive_inertia,
+            parameters, inertial=parameters.inertial - given * taken, drive_inertia=drive_inertia
         )
     return parameters
 
@@ -118,10 +116,7 @@ def completed_shaft(shaft: Shaft, reduced: float) -> tuple[Shaft, float]:
 
 
 def fastest_shaft(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Sequence[Shaft],
-    position: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
 ) -> tuple[tuple[Shaft, ...], float]:
     """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
 
@@ -145,10 +140,7 @@ def fastest_shaft(
 
 
 def link_positions(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Sequence[Shaft],
-    position: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
 ) -> FloatArray:
     """Positions (n_joints,) of the links at rest under gravity behind motors at `position`."""
     zeros = np.zeros_like(parameters.drive_inertia)

@@ -52,10 +52,7 @@ def shared_functions(
         position += [a * b for a in first for b in second]
     joints = range(dq.shape[1])
     products = [dq[:, i] * dq[:, k] for i in joints for k in joints if i <= k]
-    return {
-        POSITION: np.column_stack(position),
-        ACCELERATION: np.column_stack([ddq, *products]),
-    }
+    return {POSITION: np.column_stack(position), ACCELERATION: np.column_stack([ddq, *products])}
 
 
 def speed_functions(joint: int, dq: FloatArray, peak: float) -> FloatArray:

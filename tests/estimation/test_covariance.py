@@ -74,8 +74,7 @@ def test_a_white_residual_makes_the_sandwich_the_white_covariance(two_joints):
     ]
     models = [AutoregressiveModel(np.zeros(0), each**2) for each in sigma]
     np.testing.assert_allclose(
-        AutocorrelatedCovariance(rows, sigma, models, B).matrix,
-        white_covariance(rows, sigma, B),
+        AutocorrelatedCovariance(rows, sigma, models, B).matrix, white_covariance(rows, sigma, B)
     )
 
 

@@ -7,11 +7,7 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import (
-    SimulatedEffect,
-    inverse_dynamics,
-    mass_matrix,
-)
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
 from tests.simulation.laws import followed
 
 JOINTS = ("joint_1", "joint_2")

@@ -7,11 +7,7 @@ import pytest
 import scipy
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.simulation import (
-    ClosedLoopResult,
-    SimulatedEffect,
-    factor_of_lateness,
-)
+from idim_iv_ros.simulation import ClosedLoopResult, SimulatedEffect, factor_of_lateness
 from tests.simulation.laws import followed
 
 
