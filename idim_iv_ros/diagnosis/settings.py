@@ -121,19 +121,14 @@ LEAST_NONPARAMETRIC = Setting(0.01, "torque of the joint (rms)",
     "recordings: long ones reject every model", CHOSEN)
 
 # Held-out confirmation.
-FEWEST_FOLDS = Count(4, "folds",
-    "folds where recordings are divided, at least, and folds that take turns", CHOSEN)
-MOST_FOLDS = Count(6, "folds", "the same, at most, and of a twist", CHOSEN)
-FOLD_GUARD = Setting(0.25, "s",
-    "rows on either side of a border inside a recording that belong to no fold", CHOSEN)
+FOLDS = Count(4, "folds", "parts of the time, each of which is predicted from the others", CHOSEN)
 INTERLEAVED_FOLD = Setting(3.0, "s",
     "length of the blocks that take turns where an effect changes with time", CHOSEN)
 LEAST_TIME_BLOCK = Setting(1.0, "s",
-    "blocks of the bootstrap, at least, and pieces of a residual's spectrum", CHOSEN)
+    "blocks of the bootstrap, at least", CHOSEN)
 TIME_BLOCK = Setting(5.0, "s",
-    "blocks of the bootstrap, and folds at least, where the session is long enough: torques are "
+    "blocks of the bootstrap where the session is long enough: torques are "
     "predictable over seconds", PHYSICS)
-MOST_TIME_BLOCKS = Count(20, "blocks", "blocks of the bootstrap in one recording, at most", CHOSEN)
 LEAST_ROOM = Setting(1e-3, "gap",
     "what must lie above the noise floor for a shrinkage to be said", NUMERICAL)
 

@@ -397,8 +397,7 @@ def _errors(
     squares, lengths = [], []
     for motion, one, other in zip(motions, simulated, recorded, strict=True):
         error = (one - other)[motion.span]
-        places = np.arange(len(error))
-        blocks = time_blocks(np.zeros_like(places), places, motion.signals.rate)
+        (blocks,) = time_blocks([len(error)], motion.signals.rate)
         known = np.nan_to_num(error**2)
         squares.append(np.column_stack([block_sums(blocks, column) for column in known.T]))
         lengths.append(block_sums(blocks, np.ones(len(error))))

@@ -219,7 +219,7 @@ def held_out(found: TwistFit, term: str) -> tuple[float | None, int, int]:
     extended = found.regression.extended[0]
     table = noise.whiten(np.column_stack([extended.matrix, extended.torque]), rows.segments)
     without = np.delete(table, np.r_[own], axis=1)
-    count = int(settings.MOST_FOLDS)
+    count = int(settings.FOLDS)
     block = np.zeros(len(table), dtype=np.int64)
     for number in np.unique(rows.recording):
         places = np.flatnonzero(rows.recording == number)
