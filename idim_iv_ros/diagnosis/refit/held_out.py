@@ -171,10 +171,11 @@ class HeldOut:
         """
         joints = self.own_joints[effect]
         count = 1 + max(int(self.folds[j].max()) for j in joints)
-        before, after = (
-            sum(np.bincount(self.folds[j], self.whitened[stage][j] ** 2, count) for j in joints)
+        energies = [
+            [np.bincount(self.folds[j], self.whitened[stage][j] ** 2, count) for j in joints]
             for stage in (effect, effect + 1)
-        )
+        ]
+        before, after = np.sum(energies, axis=1)
         present = before > 0.0
         helped = int(np.sum(after[present] < before[present]))
         return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
