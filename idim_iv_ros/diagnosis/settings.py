@@ -64,14 +64,8 @@ NARROWEST_BAND = Setting(0.5, "decimation cut-off of the identification",
     CHOSEN)
 POSITION_OVER_DECIMATION = Setting(2.5, "",
     "cut-off of the positions over that of the decimation", PAPER)
-NYQUIST_MARGIN = Setting(1.3, "",
-    "distance of the proposed cut-off of the positions from half of the sampling rate", NUMERICAL)
-HIGHEST_CUTOFF = Setting(0.4, "sampling rate",
-    "cut-off of the positions that is proposed at most", NUMERICAL)
 ACCELERATION_NOISE = Setting(2.0, "standard deviation of the torque's noise",
     "what noise of the acceleration may add in the band that is proposed", CHOSEN)
-NOISE_SEGMENT = Setting(2.0, "s",
-    "segments of the spectrum from which the noise of the sensors is read", NUMERICAL)
 LEAST_SPEED_SHARE = Setting(0.005, "largest speed of the joint",
     "speed below which the direction of a joint is unknown, where the configuration names none",
     CHOSEN)
@@ -94,11 +88,6 @@ SHIFT_AGREEMENT = Setting(0.15, "control period",
 CLEAR_DEVIATIONS = Setting(3.0, "standard deviations",
     "distance that is no noise: of a shift, a lag, a changed gain, of what encoders behind the "
     "gears measure", CONVENTION)
-GAIN_RIPPLE_LEVEL = Setting(0.01, "",
-    "probability, times the waves and joints, up to which the gain ripples", CONVENTION)
-GAIN_RIPPLE_SUPPORT = Setting(6.0, "chi-square",
-    "what a ripple of the gain must take beyond the likeliest ripple of the torque: odds of 20",
-    CONVENTION)
 GAIN_RIPPLE_ALONE = Setting(3.0, "chi-square of the next likely ripple of the gain",
     "what a ripple of the gain must take, at least: structure that the model lacks correlates with "
     "many waves, a ripple with one", CHOSEN)

@@ -220,12 +220,8 @@ class SmoothMotion:
     def slope(self, joint: int) -> FloatArray:
         """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
         if joint not in self._slopes:
-            position = self.position.copy()
-            position[:, joint] += _SLOPE_STEP
-            moved = inverse_dynamics(
-                self.robot, self.links, position, self.velocity, self.acceleration
-            )
-            self._slopes[joint] = (moved - self.load) / _SLOPE_STEP
+            step = np.full(len(self.time), _SLOPE_STEP)
+            self._slopes[joint] = self.moved(joint, step, links=True) / _SLOPE_STEP
         return self._slopes[joint]
 
     @cached_property
