@@ -39,8 +39,6 @@ class Fit:
     residuals : one (r_j,) array for each joint, N m, not whitened
     log_likelihood : float
         Concentrated, less one for each coefficient of a noise model (Akaike).
-    factor : (≤ b + k + 1, b + k + 1)
-        R factor of the whitened [X y].
     """
 
     values: FloatArray
@@ -49,7 +47,6 @@ class Fit:
     noise_models: tuple[AutoregressiveModel, ...]
     residuals: tuple[FloatArray, ...]
     log_likelihood: float
-    factor: FloatArray
 
     @property
     def coefficient_covariance(self) -> FloatArray:
@@ -114,13 +111,12 @@ class Regression:
         self,
         noise_models: Sequence[AutoregressiveModel] | None = None,
         *,
-        steps: int | None = None,
+        steps: int = _NOISE_MODEL_STEPS,
     ) -> Fit:
         """Fit everything by QR; noise models are refined `steps` times from those given.
 
         Columns of which less than 1e-6 is independent of those before them are left out.
         """
-        steps = _NOISE_MODEL_STEPS if steps is None else steps
         current = self._first_noise_models() if noise_models is None else tuple(noise_models)
         for step in range(steps + 1):
             factor = stacked_r_factor(
@@ -151,7 +147,6 @@ class Regression:
                 for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
                 if not rows.left_out
             ),
-            factor=factor,
         )
 
     def gain_of_last(self, fit: Fit) -> float:
@@ -161,19 +156,15 @@ class Regression:
         would take slow structure for noise: an offset, or gravity, that is left out is
         predictable from its past.
         """
-        kept = self.total - self.widths[-1]
-        basis = independent_basis(fit.factor[:, :kept], tolerance=NOT_SHOWN)
-        without = basis.solve(fit.factor[:, -1], self.total)
+        assert self.before is not None
+        without = self.before.fit(fit.noise_models, steps=0)
         gain = 0.0
-        for rows, noise, residual in zip(
-            self.extended, fit.noise_models, fit.residuals, strict=True
-        ):
-            if rows.left_out:
-                continue
-            both = np.column_stack([residual, rows.residual(without)])
-            energies = np.mean(noise.standardized(both, rows.segments) ** 2, axis=0)
-            energies = np.maximum(energies, 1e-300)
-            gain += 0.5 * len(residual) * float(np.log(energies[1] / energies[0]))
+        pairs = zip(without.residuals, fit.residuals, strict=True)
+        for rows, noise, both in zip(self.joints, fit.noise_models, pairs, strict=True):
+            if not rows.left_out:
+                white = noise.standardized(np.column_stack(both), rows.segments)
+                energies = np.maximum(np.mean(white**2, axis=0), 1e-300)
+                gain += 0.5 * len(rows) * float(np.log(energies[0] / energies[1]))
         return gain
 
     def _first_noise_models(self) -> tuple[AutoregressiveModel, ...]:

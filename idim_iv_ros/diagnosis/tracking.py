@@ -63,8 +63,7 @@ class Tracking:
         """Squared errors of the joints over time (b,) in blocks of time, and all seconds."""
         sums = []
         for error, rate in zip(self.errors, self.rates, strict=True):
-            places = np.arange(len(error))
-            blocks = time_blocks(np.zeros_like(places), places, rate)
+            (blocks,) = time_blocks([len(error)], rate)
             squares = np.sum(error[:, list(joints)] ** 2, axis=1)
             sums.append(block_sums(blocks, squares) / rate)
         return np.concatenate(sums), self._seconds

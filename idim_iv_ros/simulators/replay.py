@@ -379,8 +379,7 @@ class _Comparison:
         sums = []
         for motion, one, other in zip(self.motions, simulated, recorded, strict=True):
             squares = np.nan_to_num((one - other)[motion.span] ** 2)
-            places = np.arange(len(squares))
-            blocks = time_blocks(np.zeros_like(places), places, motion.signals.rate)
+            (blocks,) = time_blocks([len(squares)], motion.signals.rate)
             columns = (*squares.T, np.ones(len(squares)))
             sums.append(np.column_stack([block_sums(blocks, column) for column in columns]))
         table = np.concatenate(sums)

@@ -247,7 +247,7 @@ def held_out(fit: TwistFit, term: str) -> tuple[float | None, int, int]:
     int, int
         On how many blocks it helps, of how many.
     """
-    rows, regression, count = fit.rows, fit.regression, int(settings.MOST_FOLDS)
+    rows, regression, count = fit.rows, fit.regression, int(settings.FOLDS)
     first = regression.parameters + sum(regression.widths[: fit.terms.index(term)])
     joint = regression.extended[0]
     table = np.column_stack([joint.matrix, joint.torque])
