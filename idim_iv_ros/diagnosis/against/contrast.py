@@ -1,6 +1,7 @@
 """What changed between two sets of recordings: the whole of `diagnose --against`."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -192,9 +193,8 @@ def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) ->
     change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
     if (one and other) or any(term.key[:3] == first.key[:3] for term in changes.common):
         change = "changed"
-    torques, others = _torques(sets, terms), rivals_of(data.joints, terms)
     second_joint = first.place.other
-    return ContrastCause(
+    cause = ContrastCause(
         effect=first.effect.name,
         kind="structural",
         joint=data.joints[first.place.joint],
@@ -205,10 +205,11 @@ def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) ->
         reference=one,
         against=other,
         evidence=_evidence(changes, terms),
-        indistinguishable_from=others,
-        torques=torques,
-        sentence=words.structural(data, first, change, one, other, torques, others),
+        indistinguishable_from=rivals_of(data.joints, terms),
+        torques=_torques(sets, terms),
+        sentence="",
     )
+    return replace(cause, sentence=words.structural(data, cause))
 
 
 def _parametric_cause(
@@ -216,24 +217,20 @@ def _parametric_cause(
 ) -> ContrastCause:
     """Numbers that changed; `several`: not all recordings of the second set have these."""
     data, joint, parameters = sets.data, change.joint, change.parameters
-    if joint is not None:
-        parameters = data.in_units_at(joint, parameters)
-    torques, bags = _torques(sets, change.terms, change.recordings), sets.bags(change.recordings)
-    others = rivals_of(data.joints, change.terms)
-    return ContrastCause(
+    cause = ContrastCause(
         effect=change.effect.name,
         kind="parametric",
         joint=None if joint is None else data.joints[joint],
         change="changed",
-        bags=bags,
-        parameters=parameters,
+        bags=sets.bags(change.recordings),
+        parameters=parameters if joint is None else data.in_units_at(joint, parameters),
         evidence=_evidence(changes, change.terms),
-        indistinguishable_from=others,
-        torques=torques,
-        sentence=words.parametric(
-            data, change.effect, joint, parameters, torques, others, bags if several else ()
-        ),
+        indistinguishable_from=rivals_of(data.joints, change.terms),
+        torques=_torques(sets, change.terms, change.recordings),
+        sentence="",
     )
+    which = "" if joint is None else change.effect.which(joint)
+    return replace(cause, sentence=words.parametric(data, cause, which, several=several))
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:

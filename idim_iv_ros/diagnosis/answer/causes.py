@@ -64,31 +64,28 @@ def structural_causes(
         gain, helped, folds = tested.gain(number)
         start = found.block(number).start
         numbers = parameters_of(data, found.regression, fit, term, start)
-        numbers = data.in_units_at(place.joint, numbers)
-        others = rivals_of(data.joints, [term])
-        causes.append(
-            Cause(
-                effect=term.effect.name,
-                kind="structural",
-                joint=data.joints[place.joint],
-                other_joint=None if place.other is None else data.joints[place.other],
-                parameters=numbers,
-                probability=judged.probability,
-                evidence=Evidence(
-                    statistic=max(2.0 * term.evidence, 0.0),
-                    held_out_gain=gain,
-                    folds_positive=f"{helped} of {folds}",
-                    chosen_in_folds=judged.chosen,
-                ),
-                indistinguishable_from=others,
-                torque_gap=gap,
-                simulation_gap=simulation,
-                sentence=sentences.structural_cause(
-                    data, term, numbers, others, gap, judged.probability
-                ),
-                joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
-            )
+        cause = Cause(
+            effect=term.effect.name,
+            kind="structural",
+            joint=data.joints[place.joint],
+            other_joint=None if place.other is None else data.joints[place.other],
+            sentence="",
+            parameters=data.in_units_at(place.joint, numbers),
+            probability=judged.probability,
+            evidence=Evidence(
+                statistic=max(2.0 * term.evidence, 0.0),
+                held_out_gain=gain,
+                folds_positive=f"{helped} of {folds}",
+                chosen_in_folds=judged.chosen,
+            ),
+            indistinguishable_from=rivals_of(data.joints, [term]),
+            torque_gap=gap,
+            simulation_gap=simulation,
+            joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
         )
+        meaning = term.effect.meaning(term.shape)
+        said = sentences.structural_cause(data, cause, meaning)
+        causes.append(replace(cause, sentence=said))
     return causes
 
 
@@ -175,25 +172,23 @@ def _parametric_cause(
         if change.joint == name or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
-    numbers = numbers_of(term, found)
     which = list(range(len(data.joints))) if joint is None else [joint]
     one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
     floor = common_floor([found.floors[number] for number in which])
     taken = float(shrinkage(np.array(one), np.array(two), floor))
-    return Cause(
+    cause = Cause(
         effect=effect.name,
         kind="parametric",
         joint=name,
-        parameters=numbers,
+        sentence="",
+        parameters=numbers_of(term, found),
         probability=judged.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judged.chosen),
         indistinguishable_from=others,
         torque_gap=Gap(one, two, floor, taken if np.isfinite(taken) else None, None),
-        sentence=sentences.parametric_cause(
-            data, effect, name, numbers, others, changed, judged.probability
-        ),
         joint_gaps=tuple(changed),
     )
+    return replace(cause, sentence=sentences.parametric_cause(data, cause, effect))
 
 
 def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterError]:
