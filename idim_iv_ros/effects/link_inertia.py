@@ -50,14 +50,14 @@ class LinkInertia(ParametricEffect):
         return f" (link {joint + 1})"
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """Mass and moments of inertia stay positive where the URDF gives them."""
         assert joint is not None
         given = space.model.robot.given.inertial[joint]
         for kind in _POSITIVE:
             value = float(given[REGRESSOR_ORDER[INERTIAL.index(kind)]])
-            each = estimated(found, f"change_of_{kind}{joint + 1}")
-            if each is not None and value > 0.0 and each.above(-value) is False:
+            estimate = estimated(estimates, f"change_of_{kind}{joint + 1}")
+            if estimate is not None and value > 0.0 and estimate.exceeds(-value) is False:
                 return False
         return True
