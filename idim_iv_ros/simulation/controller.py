@@ -1,4 +1,4 @@
-"""Control laws of the recorded robot, as the simulated loop runs them."""
+"""Control laws of the recorded robot: as configured, or fitted to its logged signals."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -22,10 +22,10 @@ from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
 VALID = "the instruments are valid (Π = I)"
+EXOGENOUS = "the regressor is exogenous (γ = 0)"
 _ROWS_PER_COLUMN = 5
 _EQUAL = 1e-10
 LARGEST_STANDARD_ERROR = 0.05
-EXOGENOUS = "the regressor is exogenous (γ = 0)"
 
 
 def wald_test_of_instruments(
