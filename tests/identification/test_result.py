@@ -123,4 +123,6 @@ def test_the_committed_schema_describes_what_is_written(case: str) -> None:
     validator.validate(document)
     assert not validator.is_valid({**document, "later": 1})
     for key in document:
-        assert not validator.is_valid({each: document[each] for each in document if each != key})
+        assert not validator.is_valid(
+            {other: document[other] for other in document if other != key}
+        )

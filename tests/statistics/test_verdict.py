@@ -36,25 +36,25 @@ def test_valid_and_white_stands(white):
 def test_valid_and_autocorrelated_is_oversampled_and_says_by_how_much_sigma_is_wrong(
     autocorrelated,
 ):
-    judged = judge_joint(VALID, autocorrelated)
-    assert judged.verdict == "autocorrelated"
-    assert f"AR({autocorrelated.ar_order})" in judged.sentence
-    assert "times too small" in judged.sentence
+    joint = judge_joint(VALID, autocorrelated)
+    assert joint.verdict == "autocorrelated"
+    assert f"AR({autocorrelated.ar_order})" in joint.sentence
+    assert "times too small" in joint.sentence
 
 
 def test_rejected_is_a_model_error_whatever_the_residual(white, autocorrelated):
     """The paper's point: an autocorrelated residual means oversampling only if Z is valid."""
     for residual in (white, autocorrelated):
-        judged = judge_joint(rejected(12.0), residual)
-        assert judged.verdict == "misspecified"
-        assert "12 %" in judged.sentence
-        assert "idim-iv diagnose" in judged.sentence
+        joint = judge_joint(rejected(12.0), residual)
+        assert joint.verdict == "misspecified"
+        assert "12 %" in joint.sentence
+        assert "idim-iv diagnose" in joint.sentence
 
 
 def test_a_tiny_deviation_is_still_a_model_error_and_is_not_called_harmless(white):
-    judged = judge_joint(rejected(0.25), white)
-    assert judged.verdict == "misspecified"
-    assert "0.25 %" in judged.sentence
+    joint = judge_joint(rejected(0.25), white)
+    assert joint.verdict == "misspecified"
+    assert "0.25 %" in joint.sentence
 
 
 def noise_below(residual, percent):
@@ -64,11 +64,11 @@ def noise_below(residual, percent):
 
 def test_a_rejection_for_next_to_nothing_is_a_note(white, autocorrelated):
     for residual, verdict in ((white, "valid"), (autocorrelated, "autocorrelated")):
-        judged = judge_joint(rejected(0.008), residual, [], noise_below(residual, 0.05))
-        assert judged.verdict == verdict
-        assert "0.008 %" in judged.note
-        assert judged.torque_percent == pytest.approx(0.05)
-        assert judge_all([judged], rejected(0.008)).verdict == verdict
+        joint = judge_joint(rejected(0.008), residual, [], noise_below(residual, 0.05))
+        assert joint.verdict == verdict
+        assert "0.008 %" in joint.note
+        assert joint.torque_percent == pytest.approx(0.05)
+        assert judge_all([joint], rejected(0.008)).verdict == verdict
 
 
 def test_a_stiff_loop_does_not_make_a_large_residual_small(white):
@@ -96,15 +96,15 @@ def test_a_note_at_one_joint_does_not_hide_what_all_rows_reject(white):
 
 
 def test_a_note_promises_no_standard_deviations(white):
-    judged = judge_joint(rejected(0.3), white, [], noise_below(white, 0.5))
-    assert "hold" not in judged.sentence
-    assert "hold" not in judge_all([judged], rejected(0.3)).sentence
+    joint = judge_joint(rejected(0.3), white, [], noise_below(white, 0.5))
+    assert "hold" not in joint.sentence
+    assert "hold" not in judge_all([joint], rejected(0.3)).sentence
 
 
 def test_untested_instruments_tell_nothing_and_say_why(white):
-    judged = judge_joint(UNTESTED, white)
-    assert judged.verdict == "inconclusive"
-    assert "smoothed measurements" in judged.sentence
+    joint = judge_joint(UNTESTED, white)
+    assert joint.verdict == "inconclusive"
+    assert "smoothed measurements" in joint.sentence
 
 
 def left(percent, p_value=1e-9):
