@@ -63,8 +63,8 @@ def test_a_resting_joint_breaks_away_at_the_raised_level_only(effect):
     robot, parameters = disc(coulomb=2.0)
     raised = on(robot, **effect)
     push = np.linspace(0.0, 2.999, 2000)
-    held = driven(robot, parameters, push, raised)
-    assert np.all(held.position == 0.0)
+    resting = driven(robot, parameters, push, raised)
+    assert np.all(resting.position == 0.0)
     assert np.all(driven(robot, parameters, -push, raised).position == 0.0)
     moved = driven(robot, parameters, np.linspace(2.0, 3.05, 2000), raised)
     first = np.flatnonzero(moved.velocity)[0]
@@ -330,8 +330,8 @@ def test_encoder_error_is_what_the_control_sees():
 
 def test_the_robots_own_gains_and_feedforward_replace_those_configured():
     arm = arm2(seconds=2.0)
-    own = {"kp": 900.0, "feedforward_acceleration": 0.5, "feedforward_velocity": 1.5}
-    result = followed(arm, SimulatedEffect("controller_mismatch", "joint_1", own))
+    gains = {"kp": 900.0, "feedforward_acceleration": 0.5, "feedforward_velocity": 1.5}
+    result = followed(arm, SimulatedEffect("controller_mismatch", "joint_1", gains))
     kp = np.array([900.0, arm.law.kp[1]])
     command = kp * (arm.position_reference - result.position) + arm.law.kd * (
         arm.velocity_reference - result.velocity
