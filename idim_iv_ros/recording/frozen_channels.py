@@ -113,7 +113,7 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
         return np.zeros(len(effort), dtype=bool)
     # At its limits a driver clips; zero is what it shows without torque.
     inside = (effort > finite.min()) & (effort < finite.max()) & (effort != 0.0)
-    return inside & _frozen(effort, position, speed, needs_jump=not _is_noisy(effort))
+    return np.asarray(inside & _frozen(effort, position, speed, needs_jump=not _is_noisy(effort)))
 
 
 def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
