@@ -110,13 +110,13 @@ def on_grid(
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
     for joint in range(values.shape[1]):
         finite = np.isfinite(values[:, joint])
-        known = seconds[finite]
-        if len(known) == 0:
+        stamps = seconds[finite]
+        if len(stamps) == 0:
             out[:, joint], invented[:, joint] = 0.0, True
             continue
         gap = GAP * max(median, 1.0 / grid.rate)
-        out[:, joint] = _between(target, known, values[finite, joint], gap)
-        invented[:, joint] = _unsupported(target, known, gap)
+        out[:, joint] = _between(target, stamps, values[finite, joint], gap)
+        invented[:, joint] = _unsupported(target, stamps, gap)
         if smooth:
             bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(read_only(out), read_only(invented), origin)
@@ -135,7 +135,7 @@ def _held(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: s
     return Signal(read_only(out), read_only(invented), origin)
 
 
-def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: float) -> FloatArray:
+def _between(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: float) -> FloatArray:
     """Values (m,) at `target` s from those at `known` (n,) s: cubic splines, linear across gaps.
 
     Halfway between samples a line keeps cos(π f / rate) of a signal at f: 3 % are lost at 20 Hz of
@@ -143,14 +143,14 @@ def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: flo
     """
     from scipy.interpolate import make_interp_spline  # here, because it takes half a second
 
-    out = np.interp(target, known, values)
-    cuts = np.flatnonzero(np.diff(known) > gap) + 1
-    for part in np.split(np.arange(len(known)), cuts):
+    out = np.interp(target, stamps, values)
+    cuts = np.flatnonzero(np.diff(stamps) > gap) + 1
+    for part in np.split(np.arange(len(stamps)), cuts):
         if len(part) < _SPLINE_SAMPLES:
             continue
-        first, last = np.searchsorted(target, known[part[[0, -1]]], side="left")
+        first, last = np.searchsorted(target, stamps[part[[0, -1]]], side="left")
         inside = slice(int(first), int(last))
-        spline = make_interp_spline(known[part], values[part], k=3)
+        spline = make_interp_spline(stamps[part], values[part], k=3)
         out[inside] = spline(target[inside])
     return np.asarray(out)
 
@@ -162,13 +162,13 @@ def _lies_on(grid: Grid, seconds: FloatArray) -> bool:
     return bool(np.all(np.abs(place - first - np.arange(len(place))) < _ON_GRID))
 
 
-def _unsupported(target: FloatArray, known: FloatArray, gap: float) -> NDArray[np.bool_]:
-    after = np.searchsorted(known, target, side="left")
-    before = np.clip(after - 1, 0, len(known) - 1)
-    after = np.clip(after, 0, len(known) - 1)
-    nearest = np.minimum(np.abs(target - known[before]), np.abs(known[after] - target))
-    wide = (known[after] - known[before]) > gap
-    outside = (target < known[0]) | (target > known[-1])
+def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
+    after = np.searchsorted(stamps, target, side="left")
+    before = np.clip(after - 1, 0, len(stamps) - 1)
+    after = np.clip(after, 0, len(stamps) - 1)
+    nearest = np.minimum(np.abs(target - stamps[before]), np.abs(stamps[after] - target))
+    wide = (stamps[after] - stamps[before]) > gap
+    outside = (target < stamps[0]) | (target > stamps[-1])
     exact = nearest < 1e-3 * gap
     return np.asarray((wide & ~exact) | (outside & (nearest > gap)))
 
