@@ -203,7 +203,7 @@ def _still_joints(
         for record in signals
         if (jump := _jump(record.position[:, joint], record.rate))
     }
-    found = [
+    sentences = [
         (f"{joints[joint]} stands still beside a jump{where}", "this")
         for joint, where in jumps.items()
     ]
@@ -211,8 +211,8 @@ def _still_joints(
         joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
     )
     if names:
-        found.append((f"{names} stands still", "its noise"))
-    return found
+        sentences.append((f"{names} stands still", "its noise"))
+    return sentences
 
 
 def _why_still(
