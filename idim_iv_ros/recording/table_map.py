@@ -391,7 +391,7 @@ def _named_unit(units: Mapping[str, float], names: list[str]) -> str:
     spelt = {unit.replace(" ", "").lower(): unit for unit in units} | {"°": "deg", "°/s": "deg/s"}
     for name in names:
         for text in re.findall(r"[\[(]([^\])]+)[\])]", name):
-            unit = spelt.get(re.sub(r"[\s.·*]", "", text).lower())
+            unit = spelt.get(re.sub(r"[\s.·*]", "", text).lower(), "")
             if unit in units:
                 return unit
     return next(iter(units))
