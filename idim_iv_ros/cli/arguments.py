@@ -4,10 +4,13 @@ Nothing here or in the modules of the commands imports what computes or draws: `
 completion load them all. Each command imports what it needs when it runs.
 """
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from idim_iv_ros.errors import UsageError
 
 Bags = Annotated[
     list[Path],
@@ -40,3 +43,14 @@ Picture = Annotated[
         help="Write the summary as one picture, too; PNG needs the extra `picture`.",
     ),
 ]
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """Read finite numbers separated by commas."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise UsageError(f"{option} {text}: numbers separated by commas are needed") from error
+    if not all(map(math.isfinite, values)):
+        raise UsageError(f"{option} {text}: finite numbers are needed")
+    return values

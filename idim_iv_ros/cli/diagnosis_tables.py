@@ -8,7 +8,6 @@ from rich.text import Text
 from idim_iv_ros.cli.output import print_marked
 from idim_iv_ros.cli.table import print_table
 from idim_iv_ros.diagnosis.result import (
-    Cause,
     ContrastResult,
     EffectParameter,
     GapResult,
@@ -31,12 +30,8 @@ from idim_iv_ros.report.sections.contrast import contrast_badge
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 # Columns of the tables.
-_CAUSES = (
-    *("effect, joint", "parameters (± 95 %)", "torque gap, shrinkage", "probable"),
-    "indistinguishable from",
-)
 _LACKING = ("effect", ">torque gap there, rms", ">removed (95 %)", ">probable", "or else")
-_WRONG = ("number", "by (± 95 %)", ">probable", "or else")
+_NUMBERS = ("cause", "by (± 95 %)", ">probable", "or else")
 _CHANGES = (
     *("what changed", "second set less reference (± 95 %)", "torque that it makes"),
     "indistinguishable from",
@@ -62,48 +57,55 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
     tone, _, words = VERDICTS[result.verdict]
     words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(Text(f"Verdict: {words}.", style=f"bold {_STYLES[tone]}"))
+    console.print(Text(result.own_summary if whole else " ".join(diagnosis_headline(result))))
+    for finding in result.findings if whole else ():
+        console.print(Text(f"  {finding}"))
+    _print_causes(console, result, whole)
+    if result.stages:
+        (_print_stages if whole else _print_gaps)(console, result)
     if whole:
-        _print_whole(console, result)
+        _print_details(console, result)
     else:
-        _print_first_screen(console, result)
+        _print_what_is_left(console, result)
 
 
-def _print_first_screen(console: Console, result: GapResult) -> None:
-    console.print(Text(" ".join(diagnosis_headline(result))))
-    causes = [(lacking_row(result, cause), cause) for cause in result.causes]
-    lacking = [row for row, cause in causes if cause.kind == "structural"]
+def _print_causes(console: Console, result: GapResult, whole: bool) -> None:
+    """Print what the simulator cannot do, and the numbers of parametric causes, or of all."""
+    rows = [(lacking_row(result, cause), cause) for cause in result.causes]
+    lacking = [row for row, cause in rows if cause.kind == "structural"]
     if lacking:
         print_table(console, "What the simulator cannot do", _LACKING, lacking)
-    wrong = [(row[0], _parameters(cause.parameters, 2), row[3], row[4])
-             for row, cause in causes if cause.kind == "parametric"]  # fmt: skip
-    if wrong:
-        print_table(console, "Numbers of the model that are wrong", _WRONG, wrong)
-    if result.stages:
-        _print_gaps(console, result)
+    numbers = [
+        (row[0], _parameters(cause.parameters, 4 if whole else 2), row[3], row[4])
+        for row, cause in rows
+        if whole or cause.kind == "parametric"
+    ]
+    if numbers:
+        title = "Causes, strongest first" if whole else "Numbers of the model that are wrong"
+        print_table(console, title, _NUMBERS, numbers)
+
+
+def _print_what_is_left(console: Console, result: GapResult) -> None:
+    """Name the first hints, and count what --verbose prints."""
     names = [effect_at(hint.effect, hint.joint, hint.other_joint) for hint in result.hints]
     if names:
         more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
         console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))
+    folded = {
+        "findings": result.findings,
+        "untestable effects": untestable(result),
+        "notes": result.notes,
+    }
     left = [
         f"{len(items)} {words if len(items) > 1 else words[:-1]}"
-        for items, words in (
-            (result.findings, "findings"),
-            (untestable(result), "untestable effects"),
-            (result.notes, "notes"),
-        )
+        for words, items in folded.items()
         if items
     ]
     console.print(Text(f"--verbose adds {', '.join(['all numbers', *left])}"))
 
 
-def _print_whole(console: Console, result: GapResult) -> None:
-    for text in (result.own_summary, *(f"  {finding}" for finding in result.findings)):
-        console.print(Text(text))
-    if result.causes:
-        rows = [_cause_row(result, cause) for cause in result.causes]
-        print_table(console, "Causes, strongest first", _CAUSES, rows)
-    if result.stages:
-        _print_stages(console, result)
+def _print_details(console: Console, result: GapResult) -> None:
+    """Print hints with their reasons, what could not be tested, and notes."""
     if result.hints:
         rows = [
             (
@@ -114,14 +116,12 @@ def _print_whole(console: Console, result: GapResult) -> None:
             for hint in result.hints
         ]
         print_table(console, "Hints, no causes", _HINTS, rows)
-    groups = untestable(result)
+    groups = [
+        (effect_words(group.effect), group.joints or "all", group.reason, group.excitation_needed)
+        for group in untestable(result)
+    ]
     if groups:
-        rows = [
-            (effect_words(group.effect), group.joints or "all", group.reason,
-             group.excitation_needed)
-            for group in groups
-        ]  # fmt: skip
-        print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
+        print_table(console, "Not testable on this recording", _UNTESTABLE, groups)
     print_marked(console, "Note", result.notes)
 
 
@@ -152,25 +152,6 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
         joints.append((joint.joint, *(f"{torque:.3g} {unit}" for torque in torques)))
     print_table(console, "Torque left in the second set, rms", _LEFT, joints)
     print_marked(console, "Note", contrast.notes)
-
-
-def _cause_row(result: GapResult, cause: Cause) -> tuple[str, ...]:
-    """Return the cells of a cause; its gap is that of its joint and of others that it changes."""
-    joints = ", ".join(filter(None, (cause.joint, cause.other_joint))) or "all joints"
-    _, sizes, share, probable, _ = lacking_row(result, cause)
-    lines = [sizes, f"{share} less" if cause.torque_gap.shrinkage is not None else "share unknown"]
-    for other in sorted(cause.joint_gaps, key=lambda other: -other.share_of_torque):
-        if other.joint != cause.joint:
-            unit = torque_unit(result, other.joint)
-            lines.append(f"{other.joint}: {other.before:.3g} → {other.after:.3g} {unit}")
-        lines.append(f"{100.0 * other.share_of_torque:.3g} % of its torque")
-    return (
-        f"{effect_words(cause.effect)}\n{joints}",
-        _parameters(cause.parameters),
-        "\n".join(lines),
-        probable,
-        _alternatives(cause.indistinguishable_from, cause.joint),
-    )
 
 
 def _parameters(parameters: dict[str, EffectParameter], most: int = 4) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +9,6 @@ from typing import Annotated, Literal
 import typer
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.errors import UsageError
 
 _fourier = partial(typer.Option, rich_help_panel="For identification")
 _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0, "servo": 100.0}
@@ -92,14 +90,15 @@ def excite_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     model = motions.load_model(configuration)
+    given = None if acceleration is None else shared.numbers("--acceleration", acceleration)
     limits = motions.motion_limits(
         model,
         configuration,
         margin=margin,
-        acceleration=None if acceleration is None else _numbers("--acceleration", acceleration),
+        acceleration=given,
         floor=floor,
     )
-    posture = None if start is None else np.array(_numbers("--start", start))
+    posture = None if start is None else np.array(shared.numbers("--start", start))
     if message_rate is not None:
         motions.require_message_rate(message_rate, rate)
     print_marked(output.console, "Warning", model.robot.doubts, "yellow")
@@ -150,14 +149,3 @@ def excite_command(
         f"Next: run {paths[0].name} on the robot and record it: "
         f"idim-iv record --config {config} --out bags"
     )
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    """Read finite numbers separated by commas."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError as error:
-        raise UsageError(f"{option} {text}: numbers separated by commas are needed") from error
-    if not all(map(math.isfinite, values)):
-        raise UsageError(f"{option} {text}: finite numbers are needed")
-    return values

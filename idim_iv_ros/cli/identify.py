@@ -121,8 +121,10 @@ def print_parameters(
         rest="--verbose prints all, and the report has them",
     )
     console.print(
-        "Names by joint: M mass, MX … first moments, XX … inertias, Ia drive inertia, Fv and Fc "
-        "friction, off offset; each with what is grouped with it.",
+        "A base parameter is what a motion can show: the parameter of its name (M mass, MX … first "
+        "moments, XX … inertias, Ia drive inertia, Fv viscous and Fc Coulomb friction, off "
+        "constant torque; joint last) with what is grouped with it. Essential: the recording "
+        "determines it.",
         style="dim",
     )
 

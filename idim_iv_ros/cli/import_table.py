@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,10 +13,6 @@ from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import IMPORT_FORMAT
-
-if TYPE_CHECKING:
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.recording.table import ImportSummary
 
 _table = partial(typer.Option, metavar="FILE[:KEY]")
 
@@ -73,10 +69,8 @@ def import_command(
         raise UsageError(f"--joints {joints}: different names separated by commas are needed")
     described = None if urdf is None else read_urdf_file(urdf)
     if columns is not None:
-        mapped = import_mapped(out, columns, robot_description=described, force=force)
-        _print_summary(output, out, mapped, described is not None)
-        return
-    if lerobot is not None:
+        summary = import_mapped(out, columns, robot_description=described, force=force)
+    elif lerobot is not None:
         summary = import_lerobot(
             out,
             lerobot,
@@ -86,30 +80,24 @@ def import_command(
             robot_description=described,
             force=force,
         )
-        _print_summary(output, out, summary, described is not None)
-        return
-    if position is None or not names:
+    elif position is None or not names:
         raise UsageError("give --columns MAP.yaml, --position and --joints, or --lerobot FOLDER")
-    summary = import_table(
-        out,
-        joints=names,
-        position=position,
-        effort=effort,
-        rate=rate,
-        time=time,
-        velocity=velocity,
-        reference=reference,
-        velocity_reference=velocity_reference,
-        reference_time=reference_time,
-        link=link,
-        robot_description=described,
-        force=force,
-    )
-    _print_summary(output, out, summary, described is not None)
-
-
-def _print_summary(output: Output, out: Path, summary: ImportSummary, described: bool) -> None:
-    """Say what was written, and what comes next."""
+    else:
+        summary = import_table(
+            out,
+            joints=names,
+            position=position,
+            effort=effort,
+            rate=rate,
+            time=time,
+            velocity=velocity,
+            reference=reference,
+            velocity_reference=velocity_reference,
+            reference_time=reference_time,
+            link=link,
+            robot_description=described,
+            force=force,
+        )
     signals = list(summary.signals)
     output.warn(summary.warnings)
     about = asdict(summary) | {"path": str(out), "signals": signals}
@@ -118,5 +106,5 @@ def _print_summary(output: Output, out: Path, summary: ImportSummary, described:
         f"{out}: {summary.samples} samples, {summary.duration:.4g} s at "
         f"{summary.rate:.5g} per second: {', '.join(signals)}"
     )
-    urdf = "" if described else " --urdf FILE"
-    output.line(f"Next: idim-iv init {shell_command(str(out))}{urdf} --out my_arm.yaml")
+    option = " --urdf FILE" if described is None else ""
+    output.line(f"Next: idim-iv init {shell_command(str(out))}{option} --out my_arm.yaml")

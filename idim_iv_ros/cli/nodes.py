@@ -134,13 +134,6 @@ def _run(
 
     The node gets the robot's file, ROS parameters by name, the arguments of ROS that the user
     gave, and `settings`.
-
-    Raises
-    ------
-    UsageError
-        rclpy or the messages are not installed, the robot's file cannot be read, or an argument is
-        neither the command's nor ROS's.
-    typer.Exit
     """
     if config is not None:
         from idim_iv_ros.configuration import load_configuration

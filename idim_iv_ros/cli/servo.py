@@ -48,10 +48,7 @@ def servo_command(
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    try:
-        settings = None if gains is None else [float(word) for word in gains.split(",")]
-    except ValueError:
-        raise UsageError(f"--gains {gains}: numbers with commas between them are needed") from None
+    settings = None if gains is None else shared.numbers("--gains", gains)
     if settings is not None and not all(setting > 0.0 for setting in settings):
         raise UsageError(f"--gains {gains}: gains are above zero")
     from functools import partial

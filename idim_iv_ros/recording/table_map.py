@@ -5,6 +5,7 @@ A first map is proposed from the names of the columns, to be corrected by whoeve
 
 import io
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -32,7 +33,10 @@ SUFFIXES = (*TEXT, *HDF5, ".parquet", ".npz", ".mat")
 SIGNALS = ("position", "velocity", "effort", "reference", "velocity_reference", "link")
 _EMPTY = ["", "NA", "N/A", "na", "nan", "NaN", "NAN", "null", "NULL", "None", "-", "#N/A"]
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
+_NUMBERS = ("int64", "double", "null")  # types of columns that are read as numbers
+_POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
+_SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
+_SPEEDS["rpm"] = 2.0 * np.pi / 60.0
 _EFFORTS = {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "kN": 1e3, "A": 1.0, "mA": 1e-3}
 
 _TIME = re.compile(r"^(t|time|times|timestamp|stamp|sec|secs|seconds|clock)([_ .(\[]|$)", re.I)
@@ -174,11 +178,7 @@ def mapped_columns(
 def _scale(signal: str, units: Units) -> float:
     if signal == "effort":
         return _EFFORTS[units.effort]
-    if "velocity" in signal:
-        if units.velocity == "rpm":
-            return 2.0 * np.pi / 60.0
-        return _ANGLES[units.velocity.removesuffix("/s")]
-    return _ANGLES[units.position]
+    return _SPEEDS[units.velocity] if "velocity" in signal else _POSITIONS[units.position]
 
 
 def read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
@@ -247,7 +247,7 @@ def _text_columns(
         kind = str(column.type)
         if name == iso and kind.startswith("timestamp"):
             made[name] = column.cast("timestamp[ns]").cast("int64").to_numpy() * 1e-9
-        elif kind in ("int64", "double", "null"):
+        elif kind in _NUMBERS:
             made[name] = column.cast("double").to_numpy(zero_copy_only=False)
         else:
             shown = next((str(v) for v in column.to_pylist() if not is_number(v)), "")
@@ -341,26 +341,60 @@ def proposed_map(table: Path) -> str:
         "# Which column is what: correct it, then idim-iv import OUT.mcap --columns THIS_FILE",
         f"file: {_quoted(table.name)}  # beside this map",
     ]
+    positions = [columns["position"] for columns in joints.values()]
+    decimal, iso = _text_format(table, time, positions)
     if time is None:
         lines.append("rate: 1000.0  # rows per second: no column is named like a time; CHECK")
     else:
-        unit = next((u for u, words in _UNITS if re.search(words, time, re.I)), "s")
+        named = next((u for u, words in _UNITS if re.search(words, time, re.I)), "s")
+        unit = "iso" if iso else named
         lines.append(f"time: {{column: {_quoted(time)}, unit: {unit}}}  # s, ms, us, ns or iso")
     lines.append("joints:  # names as the URDF has them")
     for joint, columns in joints.items():
         shown = f"joint_{joint}" if joint.isdigit() else joint or "joint_1"
         pairs = ", ".join(f"{s}: {_quoted(columns[s])}" for s in SIGNALS if s in columns)
         lines.append(f"  {shown}: {{{pairs}}}")
+    position, velocity, effort = (
+        _named_unit(units, [columns[signal] for columns in joints.values() if signal in columns])
+        for signal, units in (("position", _POSITIONS), ("velocity", _SPEEDS), ("effort", _EFFORTS))
+    )
     lines += [
         "units:",
-        "  position: rad  # rad, deg, rev, m or mm; of references and link, too",
-        "  velocity: rad/s  # rad/s, deg/s, rev/s, rpm, m/s or mm/s",
-        "  effort: N m  # N m, mN m, N, kN, A or mA",
-        "# Of text: delimiter: ';'   decimal: ','   comment: '#'",
+        f"  position: {position}  # rad, deg, rev, m or mm; of references and link, too",
+        f"  velocity: {velocity}  # rad/s, deg/s, rev/s, rpm, m/s or mm/s",
+        f"  effort: {effort}  # N m, mN m, N, kN, A or mA",
     ]
+    if table.suffix.lower() in TEXT:
+        lines.append(
+            f"decimal: '{decimal}'  # and where they are others, delimiter: ';' comment: '#'"
+        )
     if unknown:
         lines.append(f"# Not used: {', '.join(unknown)}")
     return "\n".join(lines) + "\n"
+
+
+def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[str, bool]:
+    """Decimal sign with which positions of a text are numbers; whether stamps are ISO 8601."""
+    iso = False
+    if table.suffix.lower() in TEXT:
+        for decimal in (".", ","):
+            read = _text_table(table, decimal=decimal, iso=True)
+            kinds = {n: str(c.type) for n, c in zip(read.column_names, read.columns, strict=True)}
+            iso = iso or kinds.get(time or "", "").startswith("timestamp")
+            if all(kinds[name] in _NUMBERS for name in positions):
+                return decimal, iso
+    return ".", iso
+
+
+def _named_unit(units: Mapping[str, float], names: list[str]) -> str:
+    """The unit that stands in brackets in a name, as in ``Pos J1 [deg]``; else the first one."""
+    spelt = {unit.replace(" ", "").lower(): unit for unit in units} | {"°": "deg", "°/s": "deg/s"}
+    for name in names:
+        for text in re.findall(r"[\[(]([^\])]+)[\])]", name):
+            unit = spelt.get(re.sub(r"[\s.·*]", "", text).lower(), "")
+            if unit in units:
+                return unit
+    return next(iter(units))
 
 
 def _quoted(name: str) -> str:

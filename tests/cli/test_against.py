@@ -6,6 +6,7 @@ import pytest
 
 from idim_iv_ros.cli.diagnose import separated_sets
 from idim_iv_ros.report import gap_report_html
+from tests.cli.test_bad_input import refused
 from tests.report.sample_contrast import sample_contrast
 
 
@@ -52,17 +53,15 @@ def test_the_report_begins_with_what_changed() -> None:
     assert "the sets differ" in text
 
 
-def test_a_recording_in_both_sets_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
-    command = f"diagnose {bag} --against {bag} --config {config()} --out {tmp_path / 'why'}"
-    outcome = run(command, status=2)
-    assert bag.name in outcome.error
-    assert len(outcome.error.strip().splitlines()) == 1
-    assert not (tmp_path / "why" / "gap.json").exists()
-
-
-def test_a_file_that_is_no_result_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("option", "word"), [("--against BAG", "arm2.mcap"), ("--nominal WRONG", "wrong.json")]
+)
+def test_a_recording_in_both_sets_and_a_file_that_is_no_result_are_refused(
+    run, bag: Path, config, tmp_path: Path, option: str, word: str
+) -> None:
     wrong = tmp_path / "wrong.json"
     wrong.write_text("{}")
-    command = f"diagnose {bag} --nominal {wrong} --config {config()} --out {tmp_path / 'why'}"
-    outcome = run(command, status=2)
-    assert "wrong.json" in outcome.error
+    option = option.replace("BAG", str(bag)).replace("WRONG", str(wrong))
+    outcome = run(f"diagnose {bag} {option} --config {config()} --out {tmp_path / 'why'}")
+    refused(outcome, 2, word)
+    assert not (tmp_path / "why" / "gap.json").exists()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bags import simulated_arms
+from idim_iv_ros.recording import read_recordings
 from tests.cli.conftest import write_arm
 
 
@@ -36,6 +37,21 @@ def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_
         *("parameters", "instruments", "exogeneity", "residuals", "fit", "refined", "timing"),
     }
     assert expected <= set(document)
+
+
+def test_init_proposes_a_map_that_imports(run, record, tmp_path: Path) -> None:
+    header = "Time (ms),Pos J1,Pos J2,q_ref1,q_ref2,Vel J1,Vel J2,Tau J1,Tau J2,mode"
+    table = np.column_stack(
+        [1e3 * record.time, *[record.position] * 2, *[record.effort] * 2, 0.0 * record.time]
+    )
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="")
+    map_path, bag = tmp_path / "map.yaml", tmp_path / "log.mcap"
+    run("init", tmp_path / "log.csv", "--out", map_path, status=0)
+    assert "# Not used: mode" in map_path.read_text()
+    run("import", bag, "--columns", map_path, status=0)
+    (recording,) = read_recordings([bag], joints=["joint_1", "joint_2"])
+    np.testing.assert_allclose(recording.position.values, record.position, atol=1e-9)
+    assert recording.unused_references == ("/joint_reference",)
 
 
 def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:

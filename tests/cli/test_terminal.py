@@ -64,16 +64,6 @@ def test_a_poor_recording_prints_no_warning_of_a_library(odd, record, tmp_path: 
     assert all(line.startswith("idim-iv: ") for line in said), done.stderr
 
 
-def test_a_joint_that_stands_still_is_named_by_the_diagnosis(
-    run, config, record, tmp_path: Path
-) -> None:
-    position = np.column_stack([record.position[:, 0], np.full(len(record.time), 0.4)])
-    bag = write_arm(tmp_path / "still.mcap", record, position=position)
-    outcome = run("diagnose", bag, "--config", config(), "--out", tmp_path / "out", status=1)
-    assert "joint_2 stands still" in outcome.error
-    assert not (tmp_path / "out").exists()
-
-
 def test_warnings_of_libraries_are_not_shown_but_can_be_asked_for(tmp_path: Path) -> None:
     broken = (
         "import warnings, idim_iv_ros.configuration as read, idim_iv_ros.cli.main as main_module\n"

@@ -73,6 +73,22 @@ def test_a_messy_text_is_the_same_recording(tmp_path: Path, comma: bool, unit: s
     assert "row 77 holds nan for b" in warnings[0]
 
 
+@pytest.mark.parametrize("comma", [False, True])
+def test_a_proposed_map_has_the_signs_and_units_of_the_text(tmp_path: Path, comma: bool) -> None:
+    start = np.datetime64("2026-03-01T08:00:00.000")
+    stamps = [str(start + np.timedelta64(2 * k, "ms")) for k in range(len(TIME))]
+    if comma:
+        stamps = [f"{2 * k}" for k in range(len(TIME))]
+    text = _text(stamps, comma).replace("Pos A", "Pos A [°]").replace("Stamp", "Stamp (ms)")
+    (tmp_path / "log.csv").write_text(text)
+    proposed = proposed_map(tmp_path / "log.csv")
+    assert f"unit: {'ms' if comma else 'iso'}}}" in proposed
+    assert "position: deg" in proposed
+    position, effort, _ = _imported(tmp_path, proposed)
+    np.testing.assert_allclose(position, POSITION, atol=1e-5)
+    np.testing.assert_allclose(effort, EFFORT, atol=1e-7)
+
+
 @pytest.mark.parametrize("suffix", ["h5", "npz", "mat", "parquet"])
 def test_arrays_are_named_by_their_datasets(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"log.{suffix}"
