@@ -18,12 +18,6 @@ from idim_iv_ros.nodes.identifier import node as identifier
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.predictor import node as predictor
 from idim_iv_ros.nodes.recorder import node as recorder
-from idim_iv_ros.nodes.settings import (
-    CollectorSettings,
-    IdentifierSettings,
-    PredictorSettings,
-    RecorderSettings,
-)
 from idim_iv_ros.nodes.simulator import node as simulator
 from tests.ros.documented_commands import (
     Command,
@@ -34,15 +28,8 @@ from tests.ros.documented_commands import (
     interface,
 )
 from tests.ros.launch_file import launch
-from tests.ros.processes import ROOT, Observer
+from tests.ros.processes import ROOT, SETTINGS, Observer
 
-SETTINGS = {
-    "recorder": RecorderSettings,
-    "identifier": IdentifierSettings,
-    "collector": CollectorSettings,
-    "predictor": PredictorSettings,
-    "robot_simulator": simulator.SimulatorSettings,
-}
 BY_HAND = {"collect": "false", "predict": "false"}
 LAUNCHED = {
     "demo": {},

@@ -45,7 +45,7 @@ def test_topics_of_a_list_and_of_an_expression_are_recorded_as_they_are(
     recorder, observer, bags: Path
 ) -> None:
     recorder(
-        extra_topics="['/tool/wrench', '~/status']",
+        extra_topics=["/tool/wrench", "~/status"],
         extra_topics_regex="^/drive_[0-9]/",
         record=True,
     )
@@ -62,7 +62,7 @@ def test_topics_of_a_list_and_of_an_expression_are_recorded_as_they_are(
 
 
 def test_a_topic_whose_package_is_not_installed_is_named_once(
-    recorder, observer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    mortal_recorder, observer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A package of the same name without messages hides the real one from the recorder."""
     hidden = tmp_path / "hidden" / "nav_msgs"
@@ -70,7 +70,7 @@ def test_a_topic_whose_package_is_not_installed_is_named_once(
     (hidden / "__init__.py").touch()
     monkeypatch.setenv("PYTHONPATH", f"{hidden.parent}:{os.environ.get('PYTHONPATH', '')}")
     odometry = observer.node.create_publisher(Odometry, "/odometry", 10)
-    process = recorder(extra_topics="['/odometry']", extra_topics_regex="odom|never")
+    process = mortal_recorder(extra_topics="['/odometry']", extra_topics_regex="odom|never")
     words = "whose package nav_msgs is not installed here (apt install ros-jazzy-nav-msgs)"
     observer.diagnosed("/odometry", words, 2)
     observer.next_status()

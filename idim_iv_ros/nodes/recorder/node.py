@@ -208,10 +208,11 @@ class Recorder:
 
     def _apply(self, settings: RecorderSettings, given: set[str]) -> None:
         self._settings = self._session.settings = settings
-        ring = self._session.ring
-        ring.duration, ring.limit = settings.snapshot_duration, settings.snapshot_memory
+        self._session.ring.keep(settings.snapshot_duration, settings.snapshot_memory)
         if "configuration" in given:
             self._topics.configure(settings)
+            self._intake.topics = self._topics.topics
+            self._call(self._session.forget)
         elif given & {"extra_topics", "extra_topics_regex"}:
             self._topics.extend(settings)
         self._intake.topics = self._topics.topics

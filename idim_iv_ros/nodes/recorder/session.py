@@ -50,6 +50,13 @@ class SnapshotRing:
         self._batches: deque[tuple[int, int, int, Sequence[Message]]] = deque()
         self._channels: dict[str, TopicChannel] = {}
 
+    def keep(self, duration: float, limit: int) -> None:
+        """Keep so much from now on."""
+        self.duration, self.limit = duration, limit
+        if not duration:
+            self._batches.clear()
+            self.size = 0
+
     def add(self, channels: Sequence[TopicChannel], messages: Sequence[Message]) -> None:
         """Take messages, in any order, and forget those that are too old."""
         if not self.duration:
@@ -193,6 +200,10 @@ class RecordingSession:
         closed = _marked(closed) if aborted else closed
         self._end(closed, faulty=bool(closed.lost), aborted=aborted)
         return closed
+
+    def forget(self) -> None:
+        """Have no latched message of the robot that was recorded before."""
+        self._latched.clear()
 
     def pause(self) -> None:
         """Leave out what arrives from now on."""

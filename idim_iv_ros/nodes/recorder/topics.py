@@ -386,9 +386,9 @@ def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     named: set[str] = set()
     for quantity, source in sources:
         if source is not None:
-            topic = topic_of(source)
-            needed[topic] = sorted({*needed.get(topic, ()), quantity})
-            named |= {topic} if field_of(source) else set()
+            name = topic_of(source)
+            needed[name] = sorted({*needed.get(name, ()), quantity})
+            named |= {name} if field_of(source) else set()
     if not settings.configuration:
         needed[topic_of(signals.joint_states)] = []
     topics = []
