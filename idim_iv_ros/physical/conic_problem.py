@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.physical.pseudo_inertia import TRIANGLE
 from idim_iv_ros.types import FloatArray
 
-TRIANGLE = tuple((row, column) for row in range(4) for column in range(row + 1))  # of x
 _SIZE = len(TRIANGLE)
 _TOLERANCE = 1e-10  # of the solver; a solution that misses it is taken if it is within 1e-5
 _ROOT = float(np.sqrt(2.0))

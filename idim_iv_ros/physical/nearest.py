@@ -22,9 +22,13 @@ from scipy.special import chdtrc
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
-from idim_iv_ros.physical.coordinates import Coordinates, root_of_information
-from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
+from idim_iv_ros.physical.conic_problem import ConicProblem
+from idim_iv_ros.physical.pseudo_inertia import (
+    TRIANGLE,
+    Coordinates,
+    ReferenceLink,
+    root_of_information,
+)
 from idim_iv_ros.physical.result import (
     BaseChange,
     LinkInertia,
@@ -119,8 +123,17 @@ def nearest_physical(
     links = _links(robot, base, coordinates, group[shown], values[shown], x)
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
     sources = _sources(base, shown)
-    zero = _at_zero(base, coordinates, standard, bounded)
-    active = (*(link.joint for link in links if link.active), *zero)
+    active = (
+        *(link.joint for link in links if link.active),
+        # What a bound holds at zero, of what the recording shows.
+        *(
+            base.layout.names[k]
+            for k in coordinates.drives[bounded]
+            if np.any(base.grouping[:, k]) and standard[k] == 0.0
+        ),
+    )
+    named = zip(base.layout.names, standard, strict=True)
+    below = [name for name, value in named if name in shared and value < 0.0]
     distance = float(np.sum((root @ (consistent - values)[shown]) ** 2))
     test = HypothesisTest(
         null="a rigid robot with friction that only takes energy has made the recording",
@@ -137,7 +150,7 @@ def nearest_physical(
         error = judge(lambda other: onto_base @ solve(other), values, consistent)
     return PhysicalParameters(
         test=test,
-        sentence=_sentence(test, active, _below_zero(base, standard, shared)),
+        sentence=_sentence(test, active, below),
         parameters=tuple(
             StandardValue(
                 parameter.name,
@@ -318,29 +331,7 @@ def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> Flo
     return np.where(np.isfinite(shown), shown, 0.0)
 
 
-def _at_zero(
-    base: BaseParameters,
-    coordinates: Coordinates,
-    standard: FloatArray,
-    bounded: NDArray[np.bool_],
-) -> tuple[str, ...]:
-    """Drive and friction parameters that a bound holds at zero."""
-    return tuple(
-        base.layout.names[k]
-        for k, bound in zip(coordinates.drives, bounded, strict=True)
-        if bound and np.any(base.grouping[:, k]) and standard[k] == 0.0
-    )
-
-
-def _below_zero(
-    base: BaseParameters, standard: FloatArray, shared: Collection[str]
-) -> tuple[str, ...]:
-    """Friction parameters below zero that an effect makes up for."""
-    values = zip(base.layout.names, standard, strict=True)
-    return tuple(name for name, value in values if name in shared and value < 0.0)
-
-
-def _sentence(test: HypothesisTest, active: tuple[str, ...], below: tuple[str, ...]) -> str:
+def _sentence(test: HypothesisTest, active: Sequence[str], below: Sequence[str]) -> str:
     held = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
     if below:
         held += (

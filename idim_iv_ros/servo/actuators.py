@@ -4,7 +4,6 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +13,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import SERVO, write_together
 from idim_iv_ros.identification.prepare import description_text, read_configured
-from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.model.mujoco_package import load_mujoco, set_first
 from idim_iv_ros.servo.result import ServoJoint, ServoResult
 
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
@@ -71,7 +70,7 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
         joint.armature = rounded(servo, "armature")
         # The recording says what the torque is limited to, not the data sheet.
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-        _set_first(joint, "damping", rounded(servo, "damping"))
+        set_first(joint, "damping", rounded(servo, "damping"))
         joint.frictionloss = rounded(servo, "dry friction")
         joint.solref_friction = [_STIFF * step, 1.0]
         stiffness = rounded(servo, "stiffness")
@@ -88,15 +87,6 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
             position.delay, position.nsample = delay, math.ceil(delay / step) + 1
     spec.compile()
     return str(spec.to_xml())
-
-
-def _set_first(element: Any, name: str, value: float) -> None:
-    """Set a number that newer versions of MuJoCo hold as the first of a polynomial."""
-    before = getattr(element, name)
-    if np.ndim(before):
-        setattr(element, name, [value, *[0.0] * (len(before) - 1)])
-    else:
-        setattr(element, name, value)
 
 
 def _without_shapes(urdf: str) -> str:
