@@ -93,15 +93,15 @@ def design_diagnosis(
     if limits.torque_known:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
         inertia = np.diagonal(mass[0])
-    bandwidth, known = loop_bandwidth(configuration.controller, inertia)
-    known = known and (limits.torque_known or configuration.controller.type == "cascade")
+    bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
+    configured = configured and (limits.torque_known or configuration.controller.type == "cascade")
     planner = DiagnosisPlanner(model, limits, frames, posture, bandwidth, rate, seed)
     trajectory, segments = _fill(planner, duration, report)
     report("checking every sample", 1.0)
     use = limit_use(model.robot, limits, frames, trajectory)
     if not use.within(limits):
         raise DataError("no motion within the limits was found: a limit broke at full rate")
-    return Diagnosis(trajectory, segments, use, bandwidth, known)
+    return Diagnosis(trajectory, segments, use, bandwidth, configured)
 
 
 def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[FloatArray, bool]:
@@ -124,10 +124,10 @@ def _fill(
     seconds, best = 0.7 * duration, None
     for trial in range(_TRIALS):
         report("composing segments", trial / _TRIALS)
-        found = _compose(planner, planner.plans(seconds))
-        total = found[0].duration
+        composed = _compose(planner, planner.plans(seconds))
+        total = composed[0].duration
         if total <= duration and (best is None or total > best[0].duration):
-            best = found
+            best = composed
         if 0.97 * duration <= total <= duration:
             break
         seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)

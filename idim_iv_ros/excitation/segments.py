@@ -214,8 +214,8 @@ def multisine(
     highest = np.maximum(highest, LOWEST_LINE + 2.0 * joints / flat)
     numbers = np.arange(1, int(highest.max() * flat) + 1)[:, None]
     lines = numbers / flat
-    own = numbers % joints == np.arange(joints)
-    used = own & (lines >= LOWEST_LINE) & (lines <= highest)
+    of_joint = numbers % joints == np.arange(joints)
+    used = of_joint & (lines >= LOWEST_LINE) & (lines <= highest)
     phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, used.shape)
     frequency = np.broadcast_to(lines, used.shape)
     level = np.where(used, 1.0 / frequency, 0.0)

@@ -216,9 +216,9 @@ def nearest_body(
     ImportError
         clarabel is not installed.
     """
-    known, none = link.to_parameters[list(places)], np.zeros(0)
+    rows, none = link.to_parameters[list(places)], np.zeros(0)
     problem = ConicProblem(
-        matrix=known / std[:, None],
+        matrix=rows / std[:, None],
         right=values / std,
         links=1,
         nominal=none,
@@ -263,12 +263,12 @@ def _links(
     start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
     change, *_ = np.linalg.lstsq(group, values - group @ start, rcond=None)
     before, after = coordinates.to_standard @ (start + change), coordinates.to_standard @ x
-    found = []
+    listed = []
     for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
         smallest = [
             float(np.linalg.eigvalsh(link.relative(values[place]))[0]) for values in (before, after)
         ]
-        found.append(
+        listed.append(
             LinkInertia(
                 joint,
                 smallest[0],
@@ -278,7 +278,7 @@ def _links(
                 smallest[1] < _ACTIVE * LEAST_OF_NOMINAL,
             )
         )
-    return tuple(found)
+    return tuple(listed)
 
 
 def _standard_deviations(
@@ -292,7 +292,7 @@ def _standard_deviations(
     links = len(coordinates.links)
     hessian = 2.0 * matrix.T @ matrix
     for link in range(links):
-        own = slice(10 * link, 10 * link + 10)
+        places = slice(10 * link, 10 * link + 10)
         units = np.zeros((10, 4, 4))
         matrix_of_link = np.zeros((4, 4))
         for place, (row, column) in enumerate(TRIANGLE):
@@ -300,7 +300,7 @@ def _standard_deviations(
             matrix_of_link += x[10 * link + place] * units[place]
         inverse = np.linalg.inv(matrix_of_link)
         turned = inverse @ units
-        hessian[own, own] += TIE_BREAKER * np.einsum("aij,bji->ab", turned, turned)
+        hessian[places, places] += TIE_BREAKER * np.einsum("aij,bji->ab", turned, turned)
     drives = np.arange(len(scale)) + 10 * links
     hessian[drives, drives] += 2.0 * TIE_BREAKER / scale**2
     free = np.ones(len(x), dtype=bool)
@@ -314,14 +314,14 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
     """Whether the recording shows each standard parameter alone, in a sum, or not at all."""
     rows = base.grouping[shown]
     vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
-    found: list[Source] = []
+    listed: list[Source] = []
     for k in range(rows.shape[1]):
         if not np.any(rows[:, k]):
-            found.append("nominal model")
+            listed.append("nominal model")
             continue
         alone = 1.0 - float(np.sum(vectors[:, k] ** 2)) < _INDEPENDENT
-        found.append("recording" if alone else "recording and nominal model")
-    return found
+        listed.append("recording" if alone else "recording and nominal model")
+    return listed
 
 
 def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
@@ -332,19 +332,19 @@ def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> Flo
 
 
 def _sentence(test: HypothesisTest, active: Sequence[str], below: Sequence[str]) -> str:
-    held = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
+    bounds = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
     if below:
-        held += (
+        bounds += (
             f"; {', '.join(below)} below zero, which an effect of friction at the same joint makes "
             "up for"
         )
     if test.accepted:
         return (
             "A physical robot explains this recording as well as the estimate does, within noise; "
-            f"{held}."
+            f"{bounds}."
         )
     return (
         "No rigid robot with friction that only takes energy could have made this recording "
         f"(p = {test.p_value:.2g}, and the test is conservative): the model lacks an effect, or "
-        f"the transmission or the effort scale is wrong; {held}."
+        f"the transmission or the effort scale is wrong; {bounds}."
     )

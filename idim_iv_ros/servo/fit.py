@@ -168,11 +168,11 @@ def fit_drive(
         xtol=1e-6,
         ftol=tolerance,
     )
-    found = drive(answer.x)
+    fitted = drive(answer.x)
     covariance = np.zeros((len(first), len(first)))
     sandwich, blocks = block_covariance(_used_labels(runs), answer.fun, answer.jac)
     covariance[np.ix_(places, places)] = sandwich * np.outer(unit, unit)
-    return DriveEstimate(found, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
+    return DriveEstimate(fitted, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
 
 
 def _used_labels(runs: Sequence[Run]) -> IntArray:

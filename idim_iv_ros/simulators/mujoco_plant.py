@@ -73,14 +73,14 @@ def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) ->
         body.explicitinertial = True
         kind = mujoco.mjtJoint
         revolute = robot.joint_types[joint] == "revolute"
-        own = body.add_joint(
+        element = body.add_joint(
             name=robot.joints[joint],
             type=kind.mjJNT_HINGE if revolute else kind.mjJNT_SLIDE,
             axis=turned[tree][:, 2],
         )
-        own.armature = max(float(parameters.drive_inertia[joint]), 0.0)
-        own.frictionloss = max(float(parameters.coulomb[joint]), 0.0)
-        set_first(own, "damping", max(float(parameters.viscous[joint]), 0.0))
+        element.armature = max(float(parameters.drive_inertia[joint]), 0.0)
+        element.frictionloss = max(float(parameters.coulomb[joint]), 0.0)
+        set_first(element, "damping", max(float(parameters.viscous[joint]), 0.0))
         bodies.append(body)
     return spec
 
