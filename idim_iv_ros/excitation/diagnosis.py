@@ -1,6 +1,6 @@
 """A motion whose labelled segments separate the causes of a gap."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
 from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, require_inside
 from idim_iv_ros.excitation.moving_frames import MovingFrames, moving_frames, require_reachable
-from idim_iv_ros.excitation.segments import Segment, SegmentPlan, Shape, effects_of, rest_to_rest
+from idim_iv_ros.excitation.segments import Segment, Shape, rest_to_rest
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
@@ -48,7 +48,7 @@ class Diagnosis:
     @property
     def highest_frequency(self) -> float:
         """Of the multisine and the reversals, Hz."""
-        return max(s.plan.frequency[1] for s in self.segments if s.plan.frequency is not None)
+        return max(s.frequency[1] for s in self.segments if s.frequency is not None)
 
 
 def design_diagnosis(
@@ -156,7 +156,7 @@ def _posture(
 
 
 def _compose(
-    planner: DiagnosisPlanner, plans: list[SegmentPlan]
+    planner: DiagnosisPlanner, plans: list[Segment]
 ) -> tuple[Trajectory, tuple[Segment, ...]]:
     """Join segments by moves, at rest before and after each, and note where they are."""
     rate, joints = planner.rate, planner.model.robot.joints
@@ -178,7 +178,7 @@ def _compose(
         parts.append((plan.offset + position, velocity, acceleration))
         place = plan.offset
         end = start + len(position)
-        segments.append(Segment(plan, start / rate, end / rate, effects_of(plan.kind, len(joints))))
+        segments.append(replace(plan, start=start / rate, end=end / rate))
         samples = end + go(place)
     go(np.zeros(len(joints)))
     position, velocity, acceleration = (np.vstack(part) for part in zip(*parts, strict=True))

@@ -211,9 +211,8 @@ def segment_table(segments: Sequence[Segment]) -> str:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["name", "kind", "start", "end", "effects"])
     for segment in segments:
-        plan = segment.plan
         ends = (f"{segment.start:.9g}", f"{segment.end:.9g}")
-        table.writerow([plan.name, plan.kind, *ends, " ".join(segment.effects)])
+        table.writerow([segment.name, segment.kind, *ends, " ".join(segment.effects)])
     return text.getvalue()
 
 
