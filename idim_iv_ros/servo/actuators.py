@@ -19,6 +19,18 @@ from idim_iv_ros.servo.result import ServoJoint, ServoResult
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
 _STEP = 0.002  # s, time step of the model where it gives none that is finer
 _PERIOD = 0.0005  # s, of the loop in simulations: servos compute theirs at 1 to 2 kHz
+_ISAAC_LAB = '''"""Servos of {robot}, identified without torques from {recordings}.
+
+Written from the documented fields of Isaac Lab 2.3, and not run there.
+"""
+
+from isaaclab.actuators import DelayedPDActuatorCfg
+
+PHYSICS_DT = {step!r}  # s; delays count such steps
+ACTUATORS = {{
+{actuators}
+}}
+'''
 _STIFF = 2.0  # steps: shortest time constant of dry friction that MuJoCo integrates
 
 
@@ -110,38 +122,32 @@ def servo_isaac_lab(result: ServoResult, step: float = 0.005) -> str:
     step
         Time step of the simulation, s, in which delays are counted.
     """
-    lines = [
-        f'"""Servos of {result.robot}, identified without torques from '
-        f"{', '.join(result.recordings)}.",
-        "",
-        "Written from the documented fields of Isaac Lab 2.3, and not run there.",
-        '"""',
-        "",
-        "from isaaclab.actuators import DelayedPDActuatorCfg",
-        "",
-        f"PHYSICS_DT = {step!r}  # s; delays count such steps",
-        "ACTUATORS = {",
-    ]
+    actuators = []
     for servo in result.joints:
         if not servo.absolute:
-            lines.append(f"    # {servo.joint}: its stiffness is not known in N m/rad")
+            actuators.append(f"    # {servo.joint}: its stiffness is not known in N m/rad")
             continue
         late = round(rounded(servo, "delay") / step)
-        lines += [
-            f'    "{servo.joint}": DelayedPDActuatorCfg(',
-            f'        joint_names_expr=["{servo.joint}"],',
-            f"        stiffness={rounded(servo, 'stiffness')},  # N m/rad",
-            "        damping=0.0,  # of the loop; it is part of viscous_friction",
-            f"        armature={rounded(servo, 'armature')},  # kg m2",
-            f"        friction={rounded(servo, 'dry friction')},  # N m",
-            f"        dynamic_friction={rounded(servo, 'dry friction')},  # N m",
-            f"        viscous_friction={rounded(servo, 'damping')},  # N m s/rad",
-        ]
         limit = rounded(servo, "torque limit", math.inf)
-        if math.isfinite(limit):
-            lines.append(f"        effort_limit={limit},  # N m")
-        lines += [f"        min_delay={late},", f"        max_delay={late},", "    ),"]
-    return "\n".join([*lines, "}", ""])
+        fields = [
+            f'joint_names_expr=["{servo.joint}"],',
+            f"stiffness={rounded(servo, 'stiffness')},  # N m/rad",
+            "damping=0.0,  # of the loop; it is part of viscous_friction",
+            f"armature={rounded(servo, 'armature')},  # kg m2",
+            f"friction={rounded(servo, 'dry friction')},  # N m",
+            f"dynamic_friction={rounded(servo, 'dry friction')},  # N m",
+            f"viscous_friction={rounded(servo, 'damping')},  # N m s/rad",
+            *([f"effort_limit={limit},  # N m"] if math.isfinite(limit) else []),
+            *(f"min_delay={late},", f"max_delay={late},"),
+        ]
+        actuators += [f'    "{servo.joint}": DelayedPDActuatorCfg(']
+        actuators += [*(f"        {field}" for field in fields), "    ),"]
+    return _ISAAC_LAB.format(
+        robot=result.robot,
+        recordings=", ".join(result.recordings),
+        step=step,
+        actuators="\n".join(actuators),
+    )
 
 
 def servo_configuration(
