@@ -123,9 +123,9 @@ def design_excitation(
     search = Search(model, limits, frames, settings, report)
     # The matrices are small: threads of the linear algebra would cost more than they bring.
     with one_thread():
-        random, found = search.run(began + settings.time_limit)
-    judged = "weighted" if settings.criterion == "condition" else "deviation"
-    best, numbers = min(found, key=lambda pair: float(getattr(pair[1], judged)))
+        random, feasible = search.run(began + settings.time_limit)
+    figure = "weighted" if settings.criterion == "condition" else "deviation"
+    best, numbers = min(feasible, key=lambda pair: float(getattr(pair[1], figure)))
     periods = np.vstack([best.position] * settings.repeats + [best.position[:1]])
     rates = np.vstack([best.velocity] * settings.repeats + [best.velocity[:1]])
     accelerations = np.vstack([best.acceleration] * settings.repeats + [best.acceleration[:1]])
@@ -234,10 +234,10 @@ class Search:
         later = [self._improve(x, _LATER, deadline) for x in first[:_KEPT]]
         self.progress("checking every sample", 1.0)
         # An unfinished search may have left the limits: those of earlier stages are taken.
-        found = [self._feasible(x) for x in later]
-        if not any(found):
-            found = [self._feasible(x) for x in (*first, *starts)]
-        kept = [pair for pair in found if pair is not None]
+        feasible = [self._feasible(x) for x in later]
+        if not any(feasible):
+            feasible = [self._feasible(x) for x in (*first, *starts)]
+        kept = [pair for pair in feasible if pair is not None]
         if not kept:
             raise DataError(
                 "no motion within the limits was found: try another --seed, a larger --margin, "

@@ -1,6 +1,6 @@
 """A motion whose labelled segments separate the causes of a gap."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
 from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, require_inside
 from idim_iv_ros.excitation.moving_frames import MovingFrames, moving_frames, require_reachable
-from idim_iv_ros.excitation.segments import Segment, SegmentPlan, Shape, effects_of, rest_to_rest
+from idim_iv_ros.excitation.segments import Segment, Shape, rest_to_rest
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
@@ -48,7 +48,7 @@ class Diagnosis:
     @property
     def highest_frequency(self) -> float:
         """Of the multisine and the reversals, Hz."""
-        return max(s.plan.frequency[1] for s in self.segments if s.plan.frequency is not None)
+        return max(s.frequency[1] for s in self.segments if s.frequency is not None)
 
 
 def design_diagnosis(
@@ -93,15 +93,15 @@ def design_diagnosis(
     if limits.torque_known:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
         inertia = np.diagonal(mass[0])
-    bandwidth, known = loop_bandwidth(configuration.controller, inertia)
-    known = known and (limits.torque_known or configuration.controller.type == "cascade")
+    bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
+    configured = configured and (limits.torque_known or configuration.controller.type == "cascade")
     planner = DiagnosisPlanner(model, limits, frames, posture, bandwidth, rate, seed)
     trajectory, segments = _fill(planner, duration, report)
     report("checking every sample", 1.0)
     use = limit_use(model.robot, limits, frames, trajectory)
     if not use.within(limits):
         raise DataError("no motion within the limits was found: a limit broke at full rate")
-    return Diagnosis(trajectory, segments, use, bandwidth, known)
+    return Diagnosis(trajectory, segments, use, bandwidth, configured)
 
 
 def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[FloatArray, bool]:
@@ -124,10 +124,10 @@ def _fill(
     seconds, best = 0.7 * duration, None
     for trial in range(_TRIALS):
         report("composing segments", trial / _TRIALS)
-        found = _compose(planner, planner.plans(seconds))
-        total = found[0].duration
+        composed = _compose(planner, planner.plans(seconds))
+        total = composed[0].duration
         if total <= duration and (best is None or total > best[0].duration):
-            best = found
+            best = composed
         if 0.97 * duration <= total <= duration:
             break
         seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
@@ -156,7 +156,7 @@ def _posture(
 
 
 def _compose(
-    planner: DiagnosisPlanner, plans: list[SegmentPlan]
+    planner: DiagnosisPlanner, plans: list[Segment]
 ) -> tuple[Trajectory, tuple[Segment, ...]]:
     """Join segments by moves, at rest before and after each, and note where they are."""
     rate, joints = planner.rate, planner.model.robot.joints
@@ -178,7 +178,7 @@ def _compose(
         parts.append((plan.offset + position, velocity, acceleration))
         place = plan.offset
         end = start + len(position)
-        segments.append(Segment(plan, start / rate, end / rate, effects_of(plan.kind, len(joints))))
+        segments.append(replace(plan, start=start / rate, end=end / rate))
         samples = end + go(place)
     go(np.zeros(len(joints)))
     position, velocity, acceleration = (np.vstack(part) for part in zip(*parts, strict=True))

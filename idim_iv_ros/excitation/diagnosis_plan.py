@@ -9,7 +9,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.limits import MotionLimits, limit_use
 from idim_iv_ros.excitation.moving_frames import MovingFrames
 from idim_iv_ros.excitation.segments import (
-    SegmentPlan,
+    Segment,
     Shape,
     multisine,
     rest_to_rest,
@@ -63,7 +63,7 @@ class DiagnosisPlanner:
     rate: float
     seed: int
 
-    def plans(self, seconds: float) -> list[SegmentPlan]:
+    def plans(self, seconds: float) -> list[Segment]:
         """All segments in order; together about `seconds` long, without the moves between."""
         time = {kind: share * seconds for kind, share in _SHARES.items()}
         repeat = self._repeat(time["repeat"] / 3.0)
@@ -91,7 +91,7 @@ class DiagnosisPlanner:
         limits = replace(self.limits, margin=_INSIDE * self.limits.margin)
         return limit_use(self.model.robot, limits, self.frames, motion).within(limits)
 
-    def _fit(self, make: Callable[[float], SegmentPlan]) -> SegmentPlan:
+    def _fit(self, make: Callable[[float], Segment]) -> Segment:
         """Largest size from 1 downwards at which a segment keeps all limits."""
         size = 1.0
         for _ in range(40):
@@ -114,8 +114,8 @@ class DiagnosisPlanner:
         joints = len(self.posture)
         return np.where(np.arange(joints) % 2 == 1, -1.0, 1.0) if alternate else np.ones(joints)
 
-    def _repeat(self, seconds: float) -> SegmentPlan:
-        def make(size: float) -> SegmentPlan:
+    def _repeat(self, seconds: float) -> Segment:
+        def make(size: float) -> Segment:
             # Half of the room, and no faster than half of the velocity limit.
             half = seconds / 2.0
             slow = 0.5 * self.limits.margin * self.limits.velocity * half / 1.875
@@ -124,11 +124,11 @@ class DiagnosisPlanner:
             whole = zip(there, (way + back[0], *back[1:]), strict=True)
             position, velocity, acceleration = (np.vstack(pair) for pair in whole)
             shape = (position, velocity, acceleration)
-            return SegmentPlan("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
+            return Segment("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
 
         return self._fit(make)
 
-    def _sweeps(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _sweeps(self, seconds: float) -> Iterator[Segment]:
         """The whole range, all joints in the same direction and in opposite ones."""
         inner = _INSIDE * self.limits.margin * self.limits.half_range
         ramp = self._ramp(self.limits.velocity)
@@ -138,7 +138,7 @@ class DiagnosisPlanner:
                 return
             reach = self._pattern(alternate) * inner
 
-            def make(size: float, name: str = name, reach: FloatArray = reach) -> SegmentPlan:
+            def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
                 speed = 2.0 * size * reach / (plateau + ramp)
                 low = size * (self.limits.middle - self.posture - reach)
                 name = f"range_sweep_{name}"
@@ -146,14 +146,14 @@ class DiagnosisPlanner:
 
             yield self._fit(make)
 
-    def _creeps(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _creeps(self, seconds: float) -> Iterator[Segment]:
         slot = seconds / len(CREEP_SHARES) / 2.0
         room = self._room(self.posture)
         for number, share in enumerate(CREEP_SHARES, start=1):
             speed = share * self.limits.velocity
             yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
 
-    def _plateaus(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _plateaus(self, seconds: float) -> Iterator[Segment]:
         """At each posture the fastest first: the slower ones stay on its way."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
         shift = 0.4 * self._room(self.posture) * self._pattern(True)
@@ -179,8 +179,8 @@ class DiagnosisPlanner:
         room: FloatArray,
         fastest: FloatArray,
         slot: float,
-    ) -> SegmentPlan:
-        def make(size: float) -> SegmentPlan:
+    ) -> Segment:
+        def make(size: float) -> Segment:
             speed = size * fastest
             ramp = self._ramp(speed)
             # The joint with the least room sets how long all of them keep their speed.
@@ -199,23 +199,23 @@ class DiagnosisPlanner:
         speed: FloatArray,
         plateau: float,
         ramp: float,
-    ) -> SegmentPlan:
+    ) -> Segment:
         shape = there_and_back(speed, plateau, ramp, self.rate)
-        return SegmentPlan(name, kind, offset, shape, speed=speed)
+        return Segment(name, kind, offset, shape, speed=speed)
 
-    def _reversals(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _reversals(self, seconds: float) -> Iterator[Segment]:
         for amplitude, frequency in REVERSALS:
             slot = max(seconds / len(REVERSALS), 4.0 / frequency)
             yield self._sized(reversals(len(self.posture), amplitude, frequency, slot, self.rate))
 
-    def _multisine(self, seconds: float) -> SegmentPlan:
+    def _multisine(self, seconds: float) -> Segment:
         highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
         return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
 
-    def _sized(self, plan: SegmentPlan) -> SegmentPlan:
+    def _sized(self, plan: Segment) -> Segment:
         """A segment about the posture, as large as the limits let it be, at most as it is."""
 
-        def make(size: float) -> SegmentPlan:
+        def make(size: float) -> Segment:
             position, velocity, acceleration = (size * part for part in plan.shape)
             assert plan.amplitude is not None
             shape = (position, velocity, acceleration)

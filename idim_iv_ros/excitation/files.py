@@ -156,27 +156,53 @@ def require_message_rate(points: float, samples: float) -> None:
         )
 
 
+def motion_document(
+    purpose: str,
+    robot: str,
+    trajectory: Trajectory,
+    limits: MotionLimits,
+    use: LimitUse,
+    settings: Mapping[str, object],
+    **figures: object,
+) -> dict[str, object]:
+    """Figures of a motion for JSON: what was asked for, limits and what is used of them.
+
+    Limits in rad, rad/s, rad/s², N m and m; `figures`: what motions of this purpose have beyond.
+    """
+    allowed = _plain(limits)
+    checked = allowed.pop("torque_known")
+    return {
+        "format": FORMAT,
+        "purpose": purpose,
+        "robot": robot,
+        "joints": list(trajectory.joints),
+        "settings": dict(settings),
+        "duration": trajectory.duration,
+        **figures,
+        "limits": {**allowed, "torque_checked": checked},
+        "use": _plain(use),
+    }
+
+
 def diagnosis_document(
     robot: str, limits: MotionLimits, diagnosis: Diagnosis, seed: int
 ) -> dict[str, object]:
-    """Figures of a motion for diagnosis: segments, effects, limits and what is used of them."""
-    return {
-        "format": FORMAT,
-        "purpose": "diagnosis",
-        "robot": robot,
-        "joints": list(diagnosis.trajectory.joints),
-        "settings": {"rate": diagnosis.trajectory.rate, "seed": seed},
-        "duration": diagnosis.trajectory.duration,
-        "loop_bandwidth": [float(f) for f in diagnosis.bandwidth],
-        "loop_bandwidth_known": diagnosis.bandwidth_known,
-        "segments": [segment.document() for segment in diagnosis.segments],
-        "not_revealed": [
+    """Figures of a motion for diagnosis: segments and effects among them."""
+    return motion_document(
+        "diagnosis",
+        robot,
+        diagnosis.trajectory,
+        limits,
+        diagnosis.use,
+        {"rate": diagnosis.trajectory.rate, "seed": seed},
+        loop_bandwidth=diagnosis.bandwidth.tolist(),
+        loop_bandwidth_known=diagnosis.bandwidth_known,
+        segments=[segment.document() for segment in diagnosis.segments],
+        not_revealed=[
             {"effect": effect, "excitation_needed": needed}
             for effect, needed in NOT_REVEALED.items()
         ],
-        "limits": limits_document(limits),
-        "use": use_document(diagnosis.use),
-    }
+    )
 
 
 def segment_table(segments: Sequence[Segment]) -> str:
@@ -185,22 +211,9 @@ def segment_table(segments: Sequence[Segment]) -> str:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["name", "kind", "start", "end", "effects"])
     for segment in segments:
-        plan = segment.plan
         ends = (f"{segment.start:.9g}", f"{segment.end:.9g}")
-        table.writerow([plan.name, plan.kind, *ends, " ".join(segment.effects)])
+        table.writerow([segment.name, segment.kind, *ends, " ".join(segment.effects)])
     return text.getvalue()
-
-
-def limits_document(limits: MotionLimits) -> dict[str, object]:
-    """Limits for JSON, in rad, rad/s, rad/s², N m and m."""
-    document = _plain(limits)
-    checked = document.pop("torque_known")
-    return {**document, "torque_checked": checked}
-
-
-def use_document(use: LimitUse) -> dict[str, object]:
-    """Shares of the limits for JSON."""
-    return _plain(use)
 
 
 def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:

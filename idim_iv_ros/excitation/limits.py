@@ -88,8 +88,8 @@ class LimitUse:
         """Whether no share exceeds the margin and every frame stays above the floor."""
         shares = [self.position, self.velocity, self.acceleration]
         shares += [] if self.torque is None else [self.torque]
-        above = limits.floor is None or self.lowest_height > limits.floor
-        return above and bool(np.max(shares) <= limits.margin * (1.0 + 1e-9))
+        over_floor = limits.floor is None or self.lowest_height > limits.floor
+        return over_floor and bool(np.max(shares) <= limits.margin * (1.0 + 1e-9))
 
 
 def limit_use(

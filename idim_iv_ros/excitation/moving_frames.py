@@ -67,8 +67,8 @@ class MovingFrames:
             else:
                 turns[i] = fixed
                 origins[i] += coordinate[:, None] * axes[i]
-        held = np.einsum("fsij,fj->fsi", turns[self.joints], self.offsets)
-        return origins[self.joints] + held, origins, axes
+        frames_of_joint = np.einsum("fsij,fj->fsi", turns[self.joints], self.offsets)
+        return origins[self.joints] + frames_of_joint, origins, axes
 
     def _revolute(self, tree: int) -> bool:
         return self.robot.joint_types[int(self.robot.order[tree - 1])] == "revolute"

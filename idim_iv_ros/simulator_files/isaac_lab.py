@@ -71,7 +71,7 @@ def isaac_lab_text(
     origin
         What the numbers come from, for the first line.
     """
-    delayed = bool(law.known and any(law.delay))
+    delayed = bool(law.configured and any(law.delay))
     kind = "DelayedPDActuatorCfg" if delayed else "IdealPDActuatorCfg"
     said = _inexpressible(robot, values, law, effects) or ["nothing that was found"]
     # A delay is that of a group: one for each length.
@@ -110,9 +110,9 @@ def _fields(
 
     return [
         f"joint_names_expr={[names[joint] for joint in joints]!r},",
-        *([] if law.known else _UNKNOWN_LAW),
-        *(field("stiffness", law.kp, "N m/rad") if law.known else ()),
-        *(field("damping", law.kd, "N m s/rad") if law.known else ()),
+        *([] if law.configured else _UNKNOWN_LAW),
+        *(field("stiffness", law.kp, "N m/rad") if law.configured else ()),
+        *(field("damping", law.kd, "N m s/rad") if law.configured else ()),
         *field("armature", values.armature, "kg m2"),
         *field("friction", values.friction, "N m: static, an effort"),
         *field(
@@ -130,10 +130,10 @@ def _inexpressible(
 ) -> list[str]:
     """What no field of an actuator holds, a line each."""
     joints = robot.joints
-    said = [] if law.known else [law.words]
+    said = [] if law.configured else [law.words]
     if any(law.ki):
         said.append("integral gains: write an actuator class")
-    if law.known and not law.velocity_reference:
+    if law.configured and not law.velocity_reference:
         said.append("the kd term acts on the speed: leave the velocity target at zero")
     said += [f"law: {term}" for term in law.beyond]
     if any(law.delay):

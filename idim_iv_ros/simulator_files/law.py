@@ -36,18 +36,20 @@ class DriveLaw:
     limit: FloatArray
     period: float
     delay: FloatArray
-    known: bool
+    configured: bool
     beyond: tuple[str, ...]
 
     @property
     def in_actuators(self) -> bool:
         """Whether proportional and derivative actuators are the whole law."""
-        return self.known and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
+        return (
+            self.configured and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
+        )
 
     @property
     def words(self) -> str:
         """The law in words."""
-        if not self.known:
+        if not self.configured:
             return "the control law is not known: give each motor its torque"
         slip = "(dq_ref - dq)" if self.velocity_reference else "(-dq)"
         integral = " + ki * integral of (q_ref - q)" if np.any(self.ki) else ""
@@ -92,6 +94,6 @@ def drive_law(
         limit=limit,
         period=section.period or 0.001,
         delay=delay,
-        known=law is not None,
+        configured=law is not None,
         beyond=tuple(beyond),
     )

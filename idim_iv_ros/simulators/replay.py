@@ -237,8 +237,8 @@ def _stages(
         if source is not None:
             require_same_native(mujoco, path, effects, source)
         elif path.with_name(EFFECTS).is_file():
-            beside = path.with_name(EFFECTS)
-            note = f"without the effects of {beside}: add --effects {beside}"
+            left_out = path.with_name(EFFECTS)
+            note = f"without the effects of {left_out}: add --effects {left_out}"
             stage = replace(stage, notes=(note,))
         # Constant torques are parameters that the XML has no place for.
         if not stage.effects:

@@ -19,13 +19,10 @@ from idim_iv_ros.model import build_inverse_model, read_urdf_file
 from idim_iv_ros.simulator_files.mjcf_kept import with_included
 from tests.model.mjcf_robots import ARMS, GEN3
 from tests.model.test_mjcf import ARM2, simulator
-from tests.simulator_files.cases import Case, bare, case, cause
+from tests.simulator_files.cases import CHANGING, Case, bare, case, cause
 
 # Each with one joint to a body.
 ONE_EACH = ("ur5e", "panda", "iiwa14", "xarm7")
-INERTIAL = ("mass", "pos", "fullinertia", "diaginertia", "quat")
-DRIVE = ("armature", "damping", "frictionloss", "solreffriction", "solimpfriction")
-CHANGING = {"inertial": INERTIAL, "joint": DRIVE}
 
 
 def configured(path: Path, joints: tuple[str, ...]) -> Configuration:
