@@ -126,7 +126,7 @@ def warnings(folder: Path) -> None:
 def main() -> None:
     """Print the page."""
     print(
-        "# Live prediction\n\n`python -m benchmarks.live_view`, two cores of a Xeon, 2026-11-22.\n"
+        "# Live prediction\n\n`python -m benchmarks.live_view`, two cores of a Xeon, 2026-11-25.\n"
     )
     with tempfile.TemporaryDirectory() as name:
         speed_and_agreement(Path(name))

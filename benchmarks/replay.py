@@ -117,10 +117,8 @@ def recorded(
     joints = configuration.robot.joints
     other = None if planted.other is None else joints[planted.other]
     effect = SimulatedEffect(planted.effect, joints[planted.joint], planted.numbers, other)
-    stage = plant_stage(
-        mujoco, load_model(configuration), np.array(list(plain.truth.values())), "corrected"
-    )
-    stage = stage.with_effects("with effects", [effect])
+    stage = plant_stage(mujoco, load_model(configuration), np.array(list(plain.truth.values())))
+    stage = stage.with_effects([effect])
     limits = np.array(configuration.controller.torque_limit)
     bags, start = [], 0.0
     for number, motion in enumerate(trajectories):

@@ -27,8 +27,8 @@ from benchmarks.withheld_effects.generate import cell_name, write_cell
 from idim_iv_ros import load_configuration
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.assembly import assembled
-from idim_iv_ros.diagnosis.diagnose import compared, concluded
+from idim_iv_ros.diagnosis.assembly import concluded
+from idim_iv_ros.diagnosis.diagnose import compared
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Stopwatch
@@ -103,7 +103,7 @@ def answers_of(
     def answer(step: str) -> Answer:
         here = refitted(recordings, configuration, without) if step == "refit" else base
         there = searched if step == "conclusion" else compared(here, without)
-        result = assembled(concluded(here, there, configuration, without, watch))
+        result = concluded(here, there, configuration, without, watch)
         causes = [f"{cause.effect}[{cause.joint or ''}]" for cause in result.causes]
         return {"verdict": result.verdict, "causes": causes}
 

@@ -93,7 +93,7 @@ def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None
     """Write the map of a table, and say what comes next."""
     from idim_iv_ros.encoding import shell_command
     from idim_iv_ros.files import require_file_place, write_together
-    from idim_iv_ros.recording.propose_map import proposed_map
+    from idim_iv_ros.recording.table_map import proposed_map
 
     require_file_place([out], force=force)
     text = proposed_map(table)

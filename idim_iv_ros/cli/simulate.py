@@ -56,7 +56,7 @@ def simulate_command(
     with output.progress() as progress:
         from idim_iv_ros.excitation import random_motion, read_trajectory
         from idim_iv_ros.model import configured_robot, read_urdf_file
-        from idim_iv_ros.model.units import unit_at
+        from idim_iv_ros.model.parameters import unit_at
         from idim_iv_ros.simulators import recording
 
         seeds = tuple(seed or [1])

@@ -7,25 +7,15 @@ from functools import partial
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.against.changes import agreement
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.answer.explained import Explained, explained
-from idim_iv_ros.diagnosis.answer.parameter_errors import number_errors, parametric_causes
-from idim_iv_ros.diagnosis.answer.structural_causes import hints_of, structural_causes
-from idim_iv_ros.diagnosis.assembly import Diagnosis, assembled
+from idim_iv_ros.diagnosis.assembly import concluded
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.controller.check import beside_gains, check_law, controller_causes
-from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
-from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages
-from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
-from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
-from idim_iv_ros.diagnosis.where import where
-from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths
 from idim_iv_ros.identification.prepare import read_configured
@@ -82,7 +72,7 @@ def diagnose(
         watch.stage("attribution", 0.2)
         found = compared(refit, excluded)
         return_freed_memory()
-        result = assembled(concluded(refit, found, configuration, excluded, watch))
+        result = concluded(refit, found, configuration, excluded, watch)
         if identified is not None:
             result = replace(result, nominal=identified.nominal)
         if second:
@@ -126,56 +116,3 @@ def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
     catalogue = Catalogue(data, regression, without, refit.hidden)
     selection = select(catalogue, torque_ledger(data, regression))
     return explained(data, regression, selection)
-
-
-def concluded(
-    refit: Refit,
-    found: Explained,
-    configuration: Configuration,
-    without: tuple[str, ...],
-    watch: Stopwatch,
-) -> Diagnosis:
-    """Take the steps after the search: the other causes, and where the gap lies."""
-    data, regression, model = refit.data, refit.regression, found.model
-    effects = [effect for effect in STRUCTURAL if effect.name not in without]
-
-    watch.stage("simulated motion", 0.85)
-    tracked = tracked_stages(data, model, data.prepared.given)
-    simulated = simulation_gaps(model, tracked)
-
-    agreed = agreement(data, regression, [effect.term for effect in found.effects], without)
-    errors = number_errors(found)
-    numbers = parametric_causes(data, found, errors)
-    law = check_law(data, without, shift=refit.shift.shift)
-    law = beside_gains(law, numbers)
-    causes = [
-        *structural_causes(data, found, simulated),
-        *numbers,
-        *controller_causes(data, law, model.effects),
-        *refit.gravity_causes(found.tested),
-        *(refit.delays or law.delay),
-    ]
-    measured = measured_transmissions(data, regression)
-    causes, excluded = with_transmissions(data, regression, measured, causes, without)
-    fit = model.fits[0]
-    not_testable = not_shown_by_motion(data, regression, effects, found.noise(fit))
-
-    watch.stage("where", 0.95)
-    gaps, findings = where(data, regression, fit, found.floors)
-    return Diagnosis(
-        configuration=configuration,
-        without=without,
-        refit=refit,
-        explained=found,
-        errors=errors,
-        tracked=tracked,
-        causes=causes,
-        hints=hints_of(data, found),
-        transmissions=measured,
-        excluded=excluded,
-        law=law,
-        recordings=agreed,
-        where=gaps,
-        findings=findings,
-        not_testable=(*not_testable, *refit.not_testable),
-    )

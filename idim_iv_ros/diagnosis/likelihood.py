@@ -93,7 +93,7 @@ class Regression:
             blocks = [(block[joint], place) for block, place in pairs if joint in block]
             if blocks:
                 columns, own = zip(*blocks, strict=True)
-                rows = rows.beside(np.hstack(columns), np.concatenate(own))
+                rows = rows.with_columns(np.hstack(columns), np.concatenate(own))
             made.append(rows)
         return tuple(made)
 

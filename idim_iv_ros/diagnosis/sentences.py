@@ -3,64 +3,55 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
-    Gap,
     Hint,
     Indistinguishable,
     JointChange,
     JointGap,
     ParameterError,
     RecordingAgreement,
+    Transmission,
     Unexplained,
 )
 from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.effects.registry import BY_NAME, parameter_words
+from idim_iv_ros.effects.registry import BY_NAME, name_of, parameter_words
 from idim_iv_ros.recording import SessionPart, in_recordings
 
 MOST_EVENTS = 5  # that are listed
+# N m/rad: a shaft this stiff is only the limit of arithmetic, of encoders without noise.
+_RIGID = 1e12
 
 
-def structural_cause(
-    data: Baseline,
-    effect: Term,
-    numbers: dict[str, EffectParameter],
-    others: Sequence[Indistinguishable],
-    gap: Gap,
-    probability: float,
-) -> str:
+def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     """Where an effect is, how large, how probable, and how far the gap shrinks.
 
     Parameters
     ----------
-    numbers
-        Of the effect, in the units of its joint.
-    others
-        What explains the recording nearly as well.
-    probability
-        That it is a cause, 0 to 1.
+    cause
+        All of it but its sentence.
+    meaning
+        Which kind of the effect it is, in words; empty where there is one kind only.
     """
-    place = effect.place
-    joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
-    where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
-    kind = effect.effect.meaning(effect.shape)
-    name = effect.effect.name
-    size = listed_numbers(name, numbers)
+    assert cause.joint is not None
+    where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
+    gap = cause.torque_gap
     text = (
-        f"{spaced(name)} at {where}{kind and f' ({kind})'}, {likely(probability)}: {size}; "
-        f"the torque gap at {joint} falls from {gap.before:.3g} to {gap.after:.3g} {unit} "
-        "on data not used to fit it"
+        f"{spaced(cause.effect)} at {where}{meaning and f' ({meaning})'}, "
+        f"{likely(cause.probability)}: {listed_numbers(cause.effect, cause.parameters)}; the "
+        f"torque gap at {cause.joint} falls from {gap.before:.3g} to "
+        f"{torque(data, gap.after, cause.joint)} on data not used to fit it"
     )
     if gap.noise_floor is not None:
-        text += f" (noise {gap.noise_floor:.3g} {unit})"
-    return text + or_else(others)
+        text += f" (noise {torque(data, gap.noise_floor, cause.joint)})"
+    return text + or_else(cause.indistinguishable_from)
 
 
 def likely(probability: float | None) -> str:
@@ -103,43 +94,37 @@ def _difference(recording: RecordingAgreement) -> str:
     return f"{text} ({causes})"
 
 
-def parametric_cause(
-    data: Baseline,
-    effect: ParametricEffect,
-    joint: str | None,
-    numbers: dict[str, EffectParameter],
-    others: Sequence[Indistinguishable],
-    changed: Sequence[JointChange],
-    probability: float,
-) -> str:
+def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> str:
     """Which parameters are in error, by how much, and what correcting them takes of the gap."""
-    place = joint or ""
-    if joint:
-        place += effect.which(data.joints.index(joint))
+    place = ""
+    if cause.joint:
+        place = cause.joint + effect.which(data.joints.index(cause.joint))
     # Of a cause of no single joint all: one for each joint.
-    size = listed_numbers(effect.name, numbers, None if joint else len(numbers))
-    text = f"{effect.subject(place)}, {likely(probability)}: {size}"
-    mass = numbers.get("mass")
+    most = None if cause.joint else len(cause.parameters)
+    size = listed_numbers(cause.effect, cause.parameters, most)
+    text = f"{effect.subject(place)}, {likely(cause.probability)}: {size}"
+    mass = cause.parameters.get("mass")
     if mass is not None and mass.value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
-    smaller = [change for change in changed if change.share_of_torque > 0.0]
+    smaller = [change for change in cause.joint_gaps if change.share_of_torque > 0.0]
     if smaller:
-        most = max(smaller, key=lambda change: change.share_of_torque)
-        text += f"; correcting it reduces the torque gap {_change(data, most)}"
+        most_changed = max(smaller, key=lambda change: change.share_of_torque)
+        text += f"; correcting it reduces the torque gap {_change(data, most_changed)}"
         if len(smaller) > 1:
             text += f" and at {_count(len(smaller) - 1, 'more joint')}"
-    return text + or_else(others)
+    return text + or_else(cause.indistinguishable_from)
 
 
-def controller_cause(
-    data: Baseline, joint: int, gap: Gap, effect: str, parameters: dict[str, EffectParameter]
-) -> str:
+def controller_cause(data: Baseline, cause: Cause) -> str:
     """Commands that are not those of the configured law, and with which law they are."""
-    unit = data.unit_at(joint, "N m")
+    assert cause.joint is not None
+    before, after = (
+        torque(data, size, cause.joint)
+        for size in (cause.torque_gap.before, cause.torque_gap.after)
+    )
     return (
-        f"another control law than configured at {data.joints[joint]}: recorded and computed "
-        f"commands differ by {gap.before:.3g} {unit}, and by {gap.after:.3g} {unit} with "
-        f"{listed_numbers(effect, parameters)}"
+        f"another control law than configured at {cause.joint}: recorded and computed commands "
+        f"differ by {before}, and by {after} with {listed_numbers(cause.effect, cause.parameters)}"
     )
 
 
@@ -189,6 +174,77 @@ def beyond_the_law(
     return f"{text}: no change of a gain or feedforward explains it"
 
 
+def transmission(measured: Transmission) -> str:
+    """All that encoders before and behind a gear say of it, in one sentence."""
+    where, unit = f"gear of {measured.joint}", f"m{measured.unit}"
+    if measured.time_offset is None:
+        return f"{where}: {measured.reason}"
+    least, most = measured.stiffness_at_least, measured.backlash_at_most
+    if measured.stiffness is not None:
+        text = f"{where}: stiffness {with_interval(measured.stiffness)}"
+        if measured.damping is not None:
+            text += f", damping {with_interval(measured.damping)}"
+    else:
+        text = f"{where}: no stiffness is measured, {measured.reason}"
+        if least is not None and least < _RIGID:
+            text += f" (95 %: at least {least:.2g} {'N m/rad' if unit == 'mrad' else 'N/m'})"
+    if measured.backlash is not None:
+        text += f"; play {with_interval(measured.backlash, 1e3, unit)}"
+    elif most is not None:
+        text += f"; no play is seen, at most {1e3 * most:.2g} {unit} (95 %)"
+    else:
+        text += "; play cannot be determined, the load hardly changes its side"
+    if measured.lost_motion is not None:
+        text += (
+            f"; {with_interval(measured.lost_motion, 1e3, unit)} follow the direction of motion "
+            "(play that friction keeps on one side, or friction behind the gear)"
+        )
+    if measured.position_error:
+        text += "; an error of an encoder over the position was taken out"
+    return f"{text}; {_time_offset(measured)}"
+
+
+def _time_offset(measured: Transmission) -> str:
+    """The time between the channels of the two encoders."""
+    offset = measured.time_offset
+    assert offset is not None
+    late = "late" if offset.value >= 0.0 else "early"
+    half = "" if offset.std is None else f" ± {1e3 * settings.NORMAL_95 * offset.std:.2g}"
+    return f"the link is read {1e3 * abs(offset.value):.3g}{half} ms {late}, which is no elasticity"
+
+
+def shaft(measured: Transmission) -> str:
+    """Where a shaft twists, measured by the encoder behind it."""
+    assert measured.stiffness is not None
+    rms = 1e3 * measured.twist_rms * measured.elastic_share**0.5
+    return (
+        f"{spaced(name_of('shaft'))} at {measured.joint}, measured by the encoder behind the gear: "
+        f"stiffness {with_interval(measured.stiffness)}; under the load the gear twists by "
+        f"{rms:.2g} m{measured.unit} rms, {100.0 * measured.elastic_share:.0f} % of what motor and "
+        f"link differ by ({_time_offset(measured)})"
+    )
+
+
+def play(measured: Transmission) -> str:
+    """Where a gear has play, measured by the encoder behind it."""
+    assert measured.backlash is not None
+    text = (
+        f"{spaced(name_of('play'))} at {measured.joint}, measured by the encoder behind the gear: "
+        f"gap {with_interval(measured.backlash, 1e3, f'm{measured.unit}')}"
+    )
+    if measured.stiffness is not None:
+        text += f", stiffness beyond it {with_interval(measured.stiffness)}"
+    return f"{text} ({_time_offset(measured)})"
+
+
+def refuted(measured: Transmission, effect: str) -> str:
+    """Which effect on the torque the encoder behind the gear excludes."""
+    return (
+        f"on the torque alone an {effect} at {measured.joint} would help; the encoder behind the "
+        f"gear excludes one of that size ({transmission(measured)})"
+    )
+
+
 def remaining_parameter_errors(
     data: Baseline, errors: Sequence[ParameterError], hints: Sequence[Hint]
 ) -> str:
@@ -196,16 +252,15 @@ def remaining_parameter_errors(
     if not errors:
         return ""
     worst = errors[0]
-    unit = data.unit_at(data.joints.index(worst.joint), "N m")
     more = f" and at {_count(len(errors) - 1, 'more joint')}" if len(errors) > 1 else ""
     numbers = [
-        f"{spaced(each.effect)} at {each.joint}"
-        for each in hints
-        if BY_NAME[each.effect].kind == "parametric"
+        f"{spaced(hint.effect)} at {hint.joint}"
+        for hint in hints
+        if BY_NAME[hint.effect].kind == "parametric"
     ]
     which = f"perhaps {' or '.join(numbers)}" if numbers else "no given number stands out"
     return (
-        f"remaining parameter error: {worst.remaining:.3g} {unit} at {worst.joint} "
+        f"remaining parameter error: {torque(data, worst.remaining, worst.joint)} at {worst.joint} "
         f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}: {which}"
     )
 
@@ -214,12 +269,13 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise)."""
     if not lacking:
         return ""
-    joint, rms, share, noise = lacking[0]
-    unit = data.unit_at(joint, "N m")
+    number, rms, share, noise = lacking[0]
+    joint = data.joints[number]
     more = f" and at {_count(len(lacking) - 1, 'more joint')}" if len(lacking) > 1 else ""
     return (
-        f"unexplained residual: {rms:.3g} {unit} at {data.joints[joint]} ({100 * share:.0f} % of "
-        f"its torque, noise {noise:.2g} {unit}){more}; the causes are not the whole gap there"
+        f"unexplained residual: {torque(data, rms, joint)} at {joint} ({100 * share:.0f} % of its "
+        f"torque, noise {noise:.2g} {data.unit_at(number, 'N m')}){more}; the causes are not the "
+        "whole gap there"
     )
 
 
@@ -410,10 +466,15 @@ def or_else(others: Sequence[Indistinguishable]) -> str:
     return listed and f"; this recording cannot exclude {listed}"
 
 
-def _change(data: Baseline, each: JointChange) -> str:
-    unit = data.unit_at(data.joints.index(each.joint), "N m")
-    share = f"{100.0 * each.share_of_torque:.3g} % of its torque"
-    return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
+def torque(data: Baseline, value: float, joint: str) -> str:
+    """A torque of a joint with its unit."""
+    return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
+
+
+def _change(data: Baseline, change: JointChange) -> str:
+    share = f"{100.0 * change.share_of_torque:.3g} % of its torque"
+    after = torque(data, change.after, change.joint)
+    return f"at {change.joint} from {change.before:.3g} to {after} ({share})"
 
 
 def listed_numbers(

@@ -6,20 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.answer.named_model import (
-    NamedModel,
-    effect_parameters,
-    simulated_effects,
-)
+from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.result import EffectParameter, SimulationGap, Stage, TrackingSeries
-from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.diagnosis.result import SimulationGap, Stage, TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
-from idim_iv_ros.signals import Motion
-from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
-from idim_iv_ros.simulation.replay import replay
+from idim_iv_ros.simulation import SimulatedEffect
+from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
 
@@ -92,50 +86,31 @@ def simulated_tracking(
     if not isinstance(source, SimulatedLoop):
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
         return Tracking(data.joints, (), (), rates, f"not simulated: {reason}")
-    positions, errors = [], []
+    model, positions, errors, problem = data.prepared.model, [], [], ""
     parts = data.prepared.session.parts
     for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
-        position, problem = _simulated(data, values, effects, motion, law, part.start)
-        if position is None:
-            return Tracking(data.joints, (), (), rates, problem)
+        dynamics, name = model.dynamic_parameters(values), motion.signals.name
+        try:
+            simulated = replay(
+                model.robot, dynamics, law, motion, effects=effects, start_time=part.start
+            )
+        except UsageError as error:
+            problem = f"not simulated: {error}"
+            break
+        if simulated.diverged is not None:
+            problem = f"the simulation diverges: {name}: {simulated.diverged}"
+            break
         measured = motion.position[motion.span]
-        error = position[motion.span] - measured
-        positions.append(position[motion.span])
-        errors.append(error)
-        spread = np.ptp(measured, axis=0)
-        lost = np.flatnonzero(
-            np.abs(error).max(axis=0) > settings.SIMULATION_LOST * np.maximum(spread, 1e-3)
-        )
+        positions.append(motion.filtered(simulated.position)[motion.span])
+        errors.append(positions[-1] - measured)
+        spread = np.maximum(np.ptp(measured, axis=0), 1e-3)
+        lost = np.flatnonzero(np.abs(errors[-1]).max(axis=0) > settings.SIMULATION_LOST * spread)
         if len(lost):
-            problem = f"{motion.signals.name}: simulated {data.joints[lost[0]]} leaves the motion"
-            return Tracking(data.joints, (), (), rates, problem)
+            problem = f"{name}: simulated {data.joints[lost[0]]} leaves the motion"
+            break
+    if problem:
+        return Tracking(data.joints, (), (), rates, problem)
     return Tracking(data.joints, tuple(positions), tuple(errors), rates, "")
-
-
-def _simulated(
-    data: Baseline,
-    values: FloatArray,
-    effects: Sequence[SimulatedEffect],
-    motion: Motion,
-    law: ControlLaw,
-    start_time: float,
-) -> tuple[FloatArray | None, str]:
-    """Positions (n_samples, n_joints) of the whole record, or why there are none."""
-    model, name = data.prepared.model, motion.signals.name
-    try:
-        result = replay(
-            model.robot,
-            model.dynamic_parameters(values),
-            law,
-            motion,
-            effects=effects,
-            start_time=start_time,
-        )
-    except UsageError as error:
-        return None, f"not simulated: {error}"
-    if result.diverged is not None:
-        return None, f"the simulation diverges: {name}: {result.diverged}"
-    return motion.filtered(result.position), ""
 
 
 def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple[Stage, ...]:
@@ -195,37 +170,41 @@ def tracking_series(
     return tuple(made)
 
 
-def tracked_stages(data: Baseline, model: NamedModel, given: FloatArray | None) -> list[Tracking]:
-    """Tracking of every stage, in their order.
-
-    Parameters
-    ----------
-    given
-        (b,) base parameters of the nominal model; None where there is none, nor its stage.
-    """
+def tracked_stages(data: Baseline, found: Explained) -> list[Tracking]:
+    """Tracking of the nominal model, of the refit, and of that with one effect more each time."""
+    given = data.prepared.given
     tracked = [] if given is None else [simulated_tracking(data, given)]
-    effects: list[tuple[str, Place, dict[str, EffectParameter]]] = []
-    for number, fit in enumerate(model.fits):
+    effects: list[SimulatedEffect] = []
+    for number, fit in enumerate(found.fits):
         if number > 0:
-            term = model.effects[number - 1]
-            parameters = effect_parameters(model, number - 1)
-            effects.append((term.effect.name, term.place, parameters))
-        simulated = simulated_effects(data, effects)
-        tracked.append(simulated_tracking(data, fit.values, simulated))
+            effects.append(_simulated_effect(data, found, number - 1))
+        tracked.append(simulated_tracking(data, fit.values, effects))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.
-            dropped = effects.pop()[0]
-            kept = simulated_tracking(data, fit.values, simulated_effects(data, effects))
+            dropped = effects.pop()
+            kept = simulated_tracking(data, fit.values, effects)
             if not kept.note:
-                note = f"simulated without {dropped}: {tracked[-1].note}"
-                tracked[-1] = replace(kept, caveat=note)
+                caveat = f"simulated without {dropped.effect}: {tracked[-1].note}"
+                tracked[-1] = replace(kept, caveat=caveat)
     return tracked
 
 
-def simulation_gaps(model: NamedModel, tracked: Sequence[Tracking]) -> list[SimulationGap | None]:
+def _simulated_effect(data: Baseline, found: Explained, number: int) -> SimulatedEffect:
+    """One of the effects as the simulator takes it, with the coefficients beside all others."""
+    term, coefficients = found.effects[number].term, found.fit.coefficients[found.block(number)]
+    numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
+    return SimulatedEffect(
+        term.effect.name,
+        data.joints[term.place.joint],
+        {name: parameter.value for name, parameter in numbers.items()},
+        None if term.place.other is None else data.joints[term.place.other],
+    )
+
+
+def simulation_gaps(found: Explained, tracked: Sequence[Tracking]) -> list[SimulationGap | None]:
     """Gap of the simulated motion at the joint of each effect, before and after it."""
-    refit = len(tracked) - len(model.fits)
+    stages = tracked[len(tracked) - len(found.fits) :]
     return [
-        simulation_gap(tracked[refit + number], tracked[refit + number + 1], term.place.joint)
-        for number, term in enumerate(model.effects)
+        simulation_gap(before, after, effect.term.place.joint)
+        for effect, before, after in zip(found.effects, stages, stages[1:], strict=False)
     ]

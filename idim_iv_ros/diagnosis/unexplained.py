@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.answer.named_model import NamedModel, matters
-from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.answer.explained import Explained, matters
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_speed import events_in
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.statistics.residuals import excess_kurtosis
@@ -18,31 +17,29 @@ from idim_iv_ros.statistics.residuals import excess_kurtosis
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 
 
-def unexplained(
-    data: Baseline, model: NamedModel, floors: Sequence[NoiseFloor]
-) -> Unexplained | None:
+def unexplained(data: Baseline, found: Explained) -> Unexplained | None:
     """Describe the largest residual outside the catalogue; None where there is none.
 
     Where a joint's gap is its noise nothing is unexplained, whatever the shape of the noise.
     """
     loud = [
         joint
-        for joint, floor in enumerate(floors)
-        if joint not in data.left_out and above_noise(model.fit.residuals[joint], floor)
+        for joint, floor in enumerate(found.floors)
+        if joint not in data.left_out and above_noise(found.fit.residuals[joint], floor)
     ]
-    outside = [term for term in model.outside if matters(term) and term.place.joint in loud]
+    outside = [term for term in found.outside if matters(term) and term.place.joint in loud]
     largest = max(outside, key=lambda term: term.evidence, default=None)
     if largest is not None:
         joint = largest.place.joint
         # A function that leaves the events takes what follows from them: the law answers.
-        both = _events(data, model.whole, joint) and _events(data, model.fit, joint)
-        return both or _described(data, model, largest)
-    events = [event for joint in loud if (event := _events(data, model.whole, joint)) is not None]
+        both = _events(data, found.whole, joint) and _events(data, found.fit, joint)
+        return both or _described(data, found, largest)
+    events = [event for joint in loud if (event := _events(data, found.whole, joint)) is not None]
     return max(events, key=lambda event: event.share, default=None)
 
 
 def unexplained_residual(
-    data: Baseline, model: NamedModel, stages: Sequence[Stage], floors: Sequence[NoiseFloor]
+    data: Baseline, found: Explained, stages: Sequence[Stage]
 ) -> list[tuple[int, float, float, float]]:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise).
 
@@ -50,8 +47,8 @@ def unexplained_residual(
     nominal model misses; nor is what errors take that no base parameters hold, which no stage has.
     """
     first, last = stages[0], stages[-1]
-    found = []
-    for joint, (name, floor) in enumerate(zip(data.joints, floors, strict=True)):
+    missed = []
+    for joint, (name, floor) in enumerate(zip(data.joints, found.floors, strict=True)):
         rest = last.torque_rms[name]
         share = rest / data.torque_sizes[joint]
         much = (
@@ -60,19 +57,19 @@ def unexplained_residual(
         )
         noise = floor.sigma
         much = much and share >= settings.LEAST_NONPARAMETRIC and joint not in data.left_out
-        left = min(rest, float(np.std(model.whole.residuals[joint])))
+        left = min(rest, float(np.std(found.whole.residuals[joint])))
         if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise and much:
-            found.append((joint, rest, share, noise))
-    return sorted(found, key=lambda each: -each[2])
+            missed.append((joint, rest, share, noise))
+    return sorted(missed, key=lambda joint: -joint[2])
 
 
-def _described(data: Baseline, model: NamedModel, term: Term) -> Unexplained:
+def _described(data: Baseline, found: Explained, term: Term) -> Unexplained:
     """A term outside the catalogue, with its share of the energy of the whitened residual."""
     joint = term.place.joint
-    noise, segments = model.whole.noise_models[joint], data.rows[joint].segments
+    noise, segments = found.whole.noise_models[joint], data.rows[joint].segments
     before, after = (
         float(np.sum(noise.standardized(fit.residuals[joint], segments) ** 2))
-        for fit in (model.fit, model.whole)
+        for fit in (found.fit, found.whole)
     )
     return Unexplained(
         joint=data.joints[joint],
@@ -100,7 +97,7 @@ def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     largest, recording = int(np.argmax(energy)), data.recordings[joint]
     time = data.counting(joint, [motion.elapsed[motion.decimation.kept] for motion in data.motions])
     first = (int(recording[largest]), float(time[largest]))
-    more = [(each.recording, each.begin) for each in events_in(white, recording, time)]
+    more = [(event.recording, event.begin) for event in events_in(white, recording, time)]
     return Unexplained(
         joint=data.joints[joint],
         family="event",

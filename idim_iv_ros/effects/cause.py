@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.effects.contribution import Contribution, Law
+from idim_iv_ros.effects.contribution import Contribution, Element, Law
 from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
@@ -114,6 +114,10 @@ class GivenNumbers:
     terms: Sequence[Mapping[str, float]]
     coulomb: float
 
+    def values(self, *names: str) -> tuple[float, ...]:
+        """Values by name, for a compiled law."""
+        return tuple(self.value[name] for name in names)
+
 
 class Cause(ABC):
     """One cause of the catalogue: its names, what it may be mistaken for, how it is simulated."""
@@ -144,6 +148,8 @@ class Cause(ABC):
     in_base_parameters: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
     laws: ClassVar[tuple[Law, ...]] = ()
+    # What of a MuJoCo model may hold it: elements of its joint, a tendon over two; empty: nothing.
+    element_of: ClassVar[Literal["", "joint", "tendon"]] = ""
 
     def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
         """What it adds to a simulated joint; nothing where the base parameters hold it."""
@@ -152,6 +158,10 @@ class Cause(ABC):
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """Its numbers for Fv or Fc below zero, which no simulator holds; empty by default."""
         return {}
+
+    def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
+        """Elements that are exactly the effect at a joint with this range; None where none are."""
+        return None
 
     def refused(self, value: Mapping[str, float]) -> str:
         """Why parameters that are each within their bounds do not go together; empty if they do."""

@@ -222,6 +222,44 @@ class LawChange:
     lag: float
 
 
+@dataclass(frozen=True)
+class Element:
+    """Numbers of elements of MuJoCo that are exactly an effect; empty where it has no such number.
+
+    Attributes
+    ----------
+    damping : (∣v∣v, v³) of its joint, N m s²/rad², N m s³/rad³
+    stiffness : (q, q², q³) of its joint, N m/rad, N m/rad², N m/rad³
+    tendon : (direction, damping, dry friction) of a fixed tendon over both joints
+    """
+
+    damping: tuple[float, ...] = ()
+    stiffness: tuple[float, ...] = ()
+    tendon: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class CommandParts:
+    """What one joint's command may be made of, (n_samples,) each, at the rate of the recording.
+
+    Attributes
+    ----------
+    command : N m (N)
+        Of the configured law without limit, on the measured position.
+    rate : N m/s
+        Of the command.
+    late : (n_samples, 4) N m/s
+        Change with the time by which position, speed and the references of both are late.
+    groups : dict
+        Torque of a unit of each group that may be another.
+    """
+
+    command: FloatArray
+    rate: FloatArray
+    late: FloatArray
+    groups: dict[str, FloatArray]
+
+
 def reference_direction(speed: FloatArray) -> FloatArray:
     """Direction (n_samples,) of a reference's speed, without a step where it reverses."""
     slow = _REVERSING * float(np.abs(speed).max(initial=0.0))

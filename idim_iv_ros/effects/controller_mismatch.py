@@ -2,25 +2,18 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import LawChange, reference_direction
+from idim_iv_ros.effects.contribution import CommandParts, LawChange, reference_direction
 from idim_iv_ros.types import FloatArray
 
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
     from idim_iv_ros.signals import JointSignals
 
-GAIN = "gain"  # of the whole command
-GROUPS = (
-    *("kp", "kd", "ki"),
-    *("feedforward_acceleration", "feedforward_velocity", "feedforward_friction"),
-    GAIN,
-)
-LAG = "lag"
+_GAIN, _LAG = "gain", "lag"
 
 
 class ConfiguredLaw(Protocol):
@@ -39,28 +32,6 @@ class ConfiguredLaw(Protocol):
         """(n_samples, n_joints) N m (N)."""
 
 
-@dataclass(frozen=True)
-class CommandParts:
-    """What one joint's command may be made of, (n_samples,) each, at the rate of the recording.
-
-    Attributes
-    ----------
-    command : N m (N)
-        Of the configured law without limit, on the measured position.
-    rate : N m/s
-        Of the command.
-    late : (n_samples, 4) N m/s
-        Change with the time by which position, speed and the references of both are late.
-    groups : dict
-        Torque of a unit of each of GROUPS.
-    """
-
-    command: FloatArray
-    rate: FloatArray
-    late: FloatArray
-    groups: dict[str, FloatArray]
-
-
 class ControllerMismatch(Cause):
     """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt."""
 
@@ -71,6 +42,14 @@ class ControllerMismatch(Cause):
     confounders = ("time_delay",)
     excitation = "references that change quickly enough to leave a tracking error"
     segments = ("multisine",)
+    # What of the law may be another; of these the gain of the whole command; and how late it is.
+    groups = (
+        *("kp", "kd", "ki"),
+        *("feedforward_acceleration", "feedforward_velocity", "feedforward_friction"),
+        _GAIN,
+    )
+    whole = _GAIN
+    lag = _LAG
     # Gains that are not named stay as configured.
     specs = (
         ParameterSpec("kp", "N m/rad", "kp in use", math.nan),
@@ -81,7 +60,7 @@ class ControllerMismatch(Cause):
         ),
         ParameterSpec("feedforward_velocity", "N m s/rad", "feedforward over reference velocity"),
         ParameterSpec("feedforward_friction", "N m", "feedforward of dry friction"),
-        ParameterSpec(LAG, "s", "lag of the command", bound="not negative"),
+        ParameterSpec(_LAG, "s", "lag of the command", bound="not negative"),
     )
 
     def contributions(self, given: GivenNumbers) -> list[LawChange]:
@@ -115,7 +94,7 @@ class ControllerMismatch(Cause):
             "feedforward_acceleration": wanted_acceleration,
             "feedforward_velocity": wanted_speed,
             "feedforward_friction": reference_direction(wanted_speed),
-            GAIN: command,
+            _GAIN: command,
         }
         moving = np.gradient(signals.position[:, joint], step)
         late = np.column_stack([
@@ -135,10 +114,10 @@ class ControllerMismatch(Cause):
         """
         gains = (float(gain[joint]) for gain in law.torque_gains)
         given = dict(zip(("kp", "kd", "ki"), gains, strict=True))
-        more, unsure = changes.get(GAIN, (0.0, 0.0))
-        scaled = [name for name, value in given.items() if value != 0.0 and GAIN in changes]
+        more, unsure = changes.get(_GAIN, (0.0, 0.0))
+        scaled = [name for name, value in given.items() if value != 0.0 and _GAIN in changes]
         made = {}
-        for name in (*scaled, *(name for name in changes if name != GAIN)):
+        for name in (*scaled, *(name for name in changes if name != _GAIN)):
             configured = given.get(name, 0.0)
             change, std = changes.get(name, (0.0, 0.0))
             std = math.hypot(std, configured * unsure)

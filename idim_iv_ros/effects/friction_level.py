@@ -3,11 +3,7 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.effects.cause import ParameterSpec
-from idim_iv_ros.effects.parametric_effect import (
-    Estimated,
-    ParameterSpace,
-    ParametricEffect,
-)
+from idim_iv_ros.effects.parametric_effect import Estimated, ParameterSpace, ParametricEffect
 
 
 class FrictionLevel(ParametricEffect):

@@ -1,5 +1,6 @@
 """A transmission part that turns with two joints and has friction of its own."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSp
 from idim_iv_ros.effects.contribution import (
     LEAST_SPEED,
     CouplingTerm,
+    Element,
     Instant,
     Torque,
     TorqueLaw,
@@ -62,6 +64,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         ParameterSpec("power", "", "power of the speed", 1.0, "positive"),
     )  # fmt: skip
     laws = (_LAW,)
+    element_of = "tendon"
 
     def places(self, joints: int) -> list[Place]:
         """Every pair."""
@@ -103,8 +106,15 @@ class JointCoupling(StructuralEffect[CouplingShape]):
             power=(shape.power, None),
         )
 
+    def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
+        """Damping and dry friction of a tendon, where the friction is linear and takes energy."""
+        coulomb, viscous = value.get("coulomb", 0.0), value.get("viscous", 0.0)
+        if value.get("power", 1.0) != 1.0 or coulomb < 0.0 or viscous < 0.0:
+            return None
+        return Element(tendon=(value.get("direction", 1.0), viscous, coulomb))
+
     def contributions(self, given: GivenNumbers) -> list[CouplingTerm]:
         """Friction between both joints, dry where it has a level or no bound at rest."""
-        values = tuple(given.value[name] for name in ("coulomb", "viscous", "power"))
+        values = given.values("coulomb", "viscous", "power")
         dry = given.value["coulomb"] > 0.0 or given.value["power"] < 1.0
         return [CouplingTerm(_LAW, values, given.value["direction"], dry)]

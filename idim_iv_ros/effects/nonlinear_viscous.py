@@ -1,12 +1,13 @@
 """Viscous friction that is not proportional to the speed."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
     OperatingRange,
     Place,
@@ -59,6 +60,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         ParameterSpec("power", "", "power of the speed", 2.0, "positive"),
     )
     laws = (_LAW,)
+    element_of = "joint"
 
     def grid(self, place: Place, covered: OperatingRange) -> list[PowerShape]:
         """Powers from 0.3 to 3, not around 1, which the model has."""
@@ -88,6 +90,13 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     ) -> dict[str, EffectParameter]:
         """Torque at 1 rad/s, and the power."""
         return self.numbers(coefficient=(coefficients[0], deviations[0]), power=(shape.power, None))
+
+    def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
+        """The second or third number of a damping, where the power is 2 or 3."""
+        power, coefficient = value.get("power", 2.0), value.get("coefficient", 0.0)
+        if power not in (2.0, 3.0):
+            return None
+        return Element(damping=(coefficient, 0.0) if power == 2.0 else (0.0, coefficient))
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """A drag of power 1 for Fv."""

@@ -147,7 +147,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Dry friction of the spot and of each wave."""
-        spot = tuple(given.value[name] for name in ("centre", "width", "height"))
+        spot = given.values("centre", "width", "height")
         yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
         for values in wave_values(given):
             yield TorqueTerm(_WAVES, values, friction=True, dry=True)

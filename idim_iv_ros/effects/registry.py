@@ -7,6 +7,7 @@ from types import ModuleType
 
 from idim_iv_ros.effects.cause import Cause, Part
 from idim_iv_ros.effects.contribution import DriveLaw, EncoderLaw, TorqueLaw
+from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.effect import Effect, StructuralEffect
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
@@ -36,7 +37,8 @@ MODULES = _modules()
 CAUSES = _one_of_each(MODULES)
 BY_NAME: dict[str, Cause] = {cause.name: cause for cause in CAUSES}
 PARAMETRIC = tuple(cause for cause in CAUSES if isinstance(cause, ParametricEffect))
-# What may explain the residual of the refit; a controller is checked on its own.
+# Another control law, which commands show; the others may explain the residual of the refit.
+CONTROL_LAW = next(cause for cause in CAUSES if isinstance(cause, ControllerMismatch))
 STRUCTURAL: tuple[Effect, ...] = tuple(
     cause for cause in CAUSES if isinstance(cause, StructuralEffect)
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
@@ -80,6 +80,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         ParameterSpec("width", "rad", "width of the bent part", 1.0, "positive"),
     )
     laws = (_POLYNOMIAL, _BENT)
+    element_of = "joint"
 
     def grid(self, place: Place, covered: OperatingRange) -> list[CubicShape | BentShape]:
         """A polynomial, and both bends with centres over the range and four widths."""
@@ -138,15 +139,22 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             found |= {"centre": (shape.centre, None), "width": (shape.width, None)}
         return self.numbers(**found)
 
+    def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
+        """A polynomial stiffness, where the joint never leaves the range of the polynomial."""
+        lowest, highest = value.get("lowest", -math.inf), value.get("highest", math.inf)
+        if value.get("bent") or value.get("constant") or low < lowest or high > highest:
+            return None
+        names = ("linear", "quadratic", "cubic")
+        return Element(stiffness=tuple(value.get(name, 0.0) for name in names))
+
     def refused(self, value: Mapping[str, float]) -> str:
         """The range must not be empty."""
         return "" if value["lowest"] < value["highest"] else "lowest is not below highest"
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """The polynomial, and the bent part where there is one."""
-        v = given.value
-        names = ("constant", "linear", "quadratic", "cubic", "lowest", "highest")
-        yield TorqueTerm(_POLYNOMIAL, tuple(v[name] for name in names))
-        if v["bent"] != 0.0:
-            names = ("bent", "centre", "width", "hardening", "lowest", "highest")
-            yield TorqueTerm(_BENT, tuple(v[name] for name in names))
+        powers = ("constant", "linear", "quadratic", "cubic")
+        yield TorqueTerm(_POLYNOMIAL, given.values(*powers, "lowest", "highest"))
+        if given.value["bent"] != 0.0:
+            bend = ("bent", "centre", "width", "hardening")
+            yield TorqueTerm(_BENT, given.values(*bend, "lowest", "highest"))

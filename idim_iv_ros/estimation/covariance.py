@@ -1,4 +1,4 @@
-"""How uncertain the estimates are: one estimator of their covariance a class.
+"""How uncertain the estimates are: the estimators of their covariance.
 
 All work on R factors: ZᵀZ or ZᵀX is never formed, which would square the condition number.
 """
@@ -18,57 +18,41 @@ from idim_iv_ros.types import FloatArray, IntArray
 _COLUMNS = 4
 
 
-@dataclass(frozen=True)
-class WhiteCovariance:
+def white_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: int) -> FloatArray:
     """Σ = (ZᵀWX)⁻¹ ZᵀWZ (XᵀWZ)⁻¹, W = blkdiag(I/σ_j²): right if every residual is white.
 
     With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹.
 
-    Attributes
+    Parameters
     ----------
-    rows : sequence of JointRows
-    sigma : (n_joints,)
-        Standard deviation of each joint's residual.
-    parameters : int
+    sigma
+        (n_joints,) Standard deviation of each joint's residual.
+    parameters
         b.
+
+    Returns
+    -------
+    (b, b), in the products of the parameters' units.
+
+    Raises
+    ------
+    DataError
+        The instruments do not determine all parameters.
     """
-
-    rows: Sequence[JointRows]
-    sigma: FloatArray
-    parameters: int
-
-    @property
-    def matrix(self) -> FloatArray:
-        """(b, b), in the products of the parameters' units.
-
-        Raises
-        ------
-        DataError
-            The instruments do not determine all parameters.
-        """
-        _, projected, _ = projected_on_instruments(self.rows, self.parameters, self.sigma)
-        root = np.linalg.inv(projected)
-        return np.asarray(root @ root.T)
+    _, projected, _ = projected_on_instruments(rows, parameters, sigma)
+    root = np.linalg.inv(projected)
+    return np.asarray(root @ root.T)
 
 
-@dataclass(frozen=True)
-class RefinedCovariance:
+def refined_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: int) -> FloatArray:
     """Σ = (Z_fᵀ W Z_f)⁻¹ of the refined estimate (paper, equation 12), joint by joint weighted.
 
     The rows are filtered by Ĉ_j(z⁻¹), and sigma is that of the whitened residual; with one σ for
-    all joints it is the paper's σ̂²(Z_fᵀZ_f)⁻¹.
+    all joints it is the paper's σ̂²(Z_fᵀZ_f)⁻¹. Parameters as for `white_covariance`.
     """
-
-    rows: Sequence[JointRows]
-    sigma: FloatArray
-    parameters: int
-
-    @property
-    def matrix(self) -> FloatArray:
-        """(b, b), in the products of the parameters' units."""
-        upper, _, _ = projected_on_instruments(self.rows, self.parameters, self.sigma)
-        root = independent_basis(upper).inverse_root(self.parameters)
-        return root @ root.T
+    upper, _, _ = projected_on_instruments(rows, parameters, sigma)
+    root = independent_basis(upper).inverse_root(parameters)
+    return root @ root.T
 
 
 @dataclass(frozen=True)

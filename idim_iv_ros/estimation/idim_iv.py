@@ -1,12 +1,15 @@
-"""IDIM-IV: instruments simulated at the last estimate, until nothing moves (section III)."""
+"""IDIM-IV: instruments simulated at the last estimate, until nothing moves (section III).
+
+Refined IDIM-IV filters y, X and Z by the inverse of the residual's shaping filter (equation 12).
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.covariance import refined_covariance, white_covariance
 from idim_iv_ros.estimation.essential import restrict
 from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure
 from idim_iv_ros.estimation.least_squares import (
@@ -15,6 +18,7 @@ from idim_iv_ros.estimation.least_squares import (
     solve_least_squares,
 )
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 # Parameters with a relative deviation above this do not decide about convergence.
@@ -56,8 +60,6 @@ class IdimIvEstimate:
         What made the instruments.
     instruments : Instruments
         Those of the last estimate.
-    least_squares : LinearEstimate
-        Joint-weighted IDIM-LS on the same rows.
     steps : tuple of IterationStep
     converged : bool
     failures : tuple of str
@@ -67,10 +69,9 @@ class IdimIvEstimate:
     linear: LinearEstimate
     source: InstrumentSource
     instruments: Instruments
-    least_squares: LinearEstimate
     steps: tuple[IterationStep, ...]
     converged: bool
-    failures: tuple[str, ...] = field(default=())
+    failures: tuple[str, ...]
 
 
 def idim_iv(
@@ -129,7 +130,11 @@ class _Iteration:
 
     def run(self, failures: tuple[str, ...]) -> IdimIvEstimate:
         sigma = self.least_squares.sigma
-        instruments = self._first()
+        values = self.start.values
+        if self.start.spread is None:
+            instruments = self.source.instruments(values, self.least_squares.values)
+        else:
+            instruments = self._as_it_is_or_scaled(values)
         linear = self._solve(instruments, sigma)
         steps: list[IterationStep] = []
         converged = not self.source.iterative
@@ -141,21 +146,7 @@ class _Iteration:
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
             converged = steps[-1].change <= self.tolerance
-        return IdimIvEstimate(
-            linear,
-            self.source,
-            instruments,
-            self.least_squares,
-            tuple(steps),
-            converged,
-            failures,
-        )
-
-    def _first(self) -> Instruments:
-        """Simulate at the start, with the gains as they are or scaled to its inertia."""
-        if self.start.spread is not None:
-            return self._as_it_is_or_scaled(self.start.values)
-        return self.source.instruments(self.start.values, self.least_squares.values)
+        return IdimIvEstimate(linear, self.source, instruments, tuple(steps), converged, failures)
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.
@@ -201,11 +192,11 @@ class _Iteration:
                 yield linear.values + pull, f"with given values taken as right within {where}"
             return
         deviation = np.sqrt(np.diag(covariance))
-        known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
-        if 0 < len(known) < len(linear.values):
+        well_known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
+        if 0 < len(well_known) < len(linear.values):
             values = np.zeros(len(linear.values))
-            values[known], _ = restrict(linear.values, covariance, known.tolist())
-            yield values, f"with the {len(known)} well-known parameters only"
+            values[well_known], _ = restrict(linear.values, covariance, well_known.tolist())
+            yield values, f"with the {len(well_known)} well-known parameters only"
 
     def _solve(self, instruments: Instruments, sigma: FloatArray) -> LinearEstimate:
         parameters = len(self.least_squares.values)
@@ -219,13 +210,47 @@ class _Iteration:
 
     def _change(self, previous: FloatArray, linear: LinearEstimate) -> IterationStep:
         deviation = np.sqrt(np.diag(self._white_covariance(linear)))
-        known = deviation <= _WELL_KNOWN * np.abs(linear.values)
-        if not known.any():
-            known[:] = True
+        well_known = deviation <= _WELL_KNOWN * np.abs(linear.values)
+        if not well_known.any():
+            well_known[:] = True
         size = np.maximum(np.abs(previous), 1e-12)
-        change = np.where(known, np.abs(linear.values - previous) / size, 0.0)
+        change = np.where(well_known, np.abs(linear.values - previous) / size, 0.0)
         worst = int(np.argmax(change))
         return IterationStep(float(change[worst]), worst)
 
     def _white_covariance(self, linear: LinearEstimate) -> FloatArray:
-        return WhiteCovariance(self.rows, linear.sigma, len(linear.values)).matrix
+        return white_covariance(self.rows, linear.sigma, len(linear.values))
+
+
+@dataclass(frozen=True)
+class RefinedIdimIv:
+    """Refined estimate with its covariance.
+
+    Attributes
+    ----------
+    values : (b,)
+    covariance : (b, b)
+    models : one AutoregressiveModel for each joint
+        Ĉ(z⁻¹), fitted on the unfiltered IV residual.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    models: tuple[AutoregressiveModel, ...]
+
+
+def refined_idim_iv(
+    rows: Sequence[JointRows], models: Sequence[AutoregressiveModel], parameters: int
+) -> RefinedIdimIv:
+    """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, each joint with its own filter and σ.
+
+    With the observation matrices as instruments it is the refined IDIM-LS. The filtered rows of
+    a joint are reduced and forgotten.
+    """
+    filtered = [joint.whitened(model).reduced for joint, model in zip(rows, models, strict=True)]
+    sigma = np.sqrt([max(model.innovation_variance, 1e-300) for model in models])
+    for _ in range(2):
+        linear = solve_instrumental_variables(filtered, parameters, sigma)
+        sigma = linear.sigma
+    covariance = refined_covariance(filtered, sigma, parameters)
+    return RefinedIdimIv(linear.values, covariance, tuple(models))

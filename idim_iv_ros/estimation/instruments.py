@@ -1,13 +1,13 @@
 """Where the instruments come from: a simulated closed loop, or what replaces it.
 
 Equation 8 asks for a simulation with the same references and the same control law. Where the
-references or the law are missing, `fallback_instruments` says what takes their place at what cost.
+references or the law are missing, `sources` says what takes their place at what cost.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from idim_iv_ros.estimation.observation import States, instrument_rows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia
-from idim_iv_ros.simulation.replay import replay
+from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
 # Gains are rescaled only while the simulated inertia is further than this from the robot's.
@@ -59,18 +59,20 @@ class InstrumentSource(Protocol):
     def name(self) -> str:
         """What it is, in words for the report."""
 
-    def prediction_errors(
-        self, values: FloatArray, covariance: FloatArray
-    ) -> tuple[FloatArray, ...] | None:
-        """Change of Z β̂ with parameters as uncertain as they are; None where it cannot be."""
-
     @property
-    def testable(self) -> str | None:
-        """None if the tests of the instruments mean something, otherwise why they do not."""
+    def untestable(self) -> str | None:
+        """Why tests of the instruments mean nothing; None where they mean something."""
 
     @property
     def iterative(self) -> bool:
         """Whether the instruments depend on the parameters."""
+        return False
+
+    def prediction_errors(
+        self, values: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, ...] | None:
+        """Change of Z β̂ with parameters as uncertain as they are; None where it cannot be."""
+        return None
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Make instruments at `values` (b,); `reference_values` are the best guess of the robot.
@@ -101,15 +103,8 @@ class SimulatedLoop:
     laws: tuple[ControlLaw, ...]
     name: str = "closed-loop simulation with the configured control law"
 
-    @property
-    def testable(self) -> str | None:
-        """The instruments do not use the measurements: the tests apply."""
-        return None
-
-    @property
-    def iterative(self) -> bool:
-        """The simulation depends on the parameters."""
-        return True
+    iterative: ClassVar[bool] = True
+    untestable: ClassVar[str | None] = None  # the instruments do not use the measurements
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Simulate every recording at `values`; gains keep the bandwidth of the real loop.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from idim_iv_ros.model.elimination import independent_columns
+from idim_iv_ros.model.base_parameters import independent_columns
 from idim_iv_ros.types import FloatArray, IntArray
 
 # A column depends on those before it when less than this share of its norm is independent of

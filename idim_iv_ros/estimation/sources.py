@@ -2,30 +2,129 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.fallback_instruments import (
-    FilteredReference,
-    SmoothedMeasurement,
-    reference,
-)
 from idim_iv_ros.estimation.idim_iv import Start
-from idim_iv_ros.estimation.instruments import InstrumentSource, SimulatedLoop
+from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SimulatedLoop
+from idim_iv_ros.estimation.observation import instrument_rows
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Cutoffs, Motion
+from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,
+    ReferenceFilter,
     control_law,
     control_period,
+    filter_reference,
     fit_controller,
 )
 from idim_iv_ros.types import FloatArray
 
 # A fitted control law that explains less of the torque than this is not simulated.
 LEAST_R_SQUARED = 0.9
+
+
+def reference(motion: Motion) -> FloatArray:
+    """Position reference of a motion that has one, rad."""
+    if motion.signals.position_reference is None:
+        raise ValueError(f"{motion.signals.name} has no reference")
+    return motion.signals.position_reference
+
+
+@dataclass(frozen=True)
+class FilteredReference(InstrumentSource):
+    """Instruments from the reference passed through a fitted closed-loop filter.
+
+    Attributes
+    ----------
+    model : InverseModel
+    motions : tuple of Motion
+        All with references.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+
+    @cached_property
+    def filters(self) -> tuple[ReferenceFilter, ...]:
+        """One for each motion; fitted when they are needed, which a loop that simulates spares."""
+        return tuple(
+            filter_reference(motion.signals.rate, motion.position, reference(motion))
+            for motion in self.motions
+        )
+
+    @property
+    def name(self) -> str:
+        """Name with how closely it follows the recorded motion, that of the worst recording."""
+        robot = self.model.robot
+        errors = np.max([fitted.error for fitted in self.filters], axis=0)
+        spreads = np.max([fitted.spread for fitted in self.filters], axis=0)
+        joints = ", ".join(
+            f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
+            + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
+            for name, kind, error, spread in zip(
+                robot.joints, robot.joint_types, errors, spreads, strict=True
+            )
+        )
+        return (
+            "reference through a fitted closed-loop filter, which misses the recorded motion where "
+            f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
+        )
+
+    @property
+    def untestable(self) -> str | None:
+        """The filter follows the measured motion whatever the dynamic model is."""
+        return (
+            "the instruments come from a filter that was fitted to the measured motion: it follows "
+            "the robot whatever the dynamic model is"
+        )
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Differentiate the filtered references."""
+        states = tuple(
+            partial(motion.derivatives_of, fitted.position)
+            for fitted, motion in zip(self.filters, self.motions, strict=True)
+        )
+        return Instruments(instrument_rows(self.model, self.motions, states), states)
+
+
+@dataclass(frozen=True)
+class SmoothedMeasurement(InstrumentSource):
+    """Instruments from the measurements themselves, smoothed harder than the regressor.
+
+    Noise below the smoothing cut-off stays in both X and Z: it is not averaged out, so that the
+    estimate keeps the bias of least squares in that band, and Π = I says nothing.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    cutoff: float
+
+    @property
+    def name(self) -> str:
+        """Name with the cut-off."""
+        return f"measured positions smoothed at {self.cutoff:.3g} Hz"
+
+    @property
+    def untestable(self) -> str | None:
+        """The instruments are made from the regressor's own measurements."""
+        return (
+            "the instruments are smoothed measurements, not a simulation: the noise below "
+            f"{self.cutoff:.3g} Hz is in both"
+        )
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Smooth and differentiate."""
+        states = []
+        for motion in self.motions:
+            smooth = zero_phase_butterworth(
+                motion.position, rate=motion.signals.rate, cutoff=self.cutoff, order=4
+            )
+            states.append(partial(motion.derivatives_of, smooth))
+        return Instruments(instrument_rows(self.model, self.motions, states), tuple(states))
 
 
 @dataclass(frozen=True)
@@ -49,21 +148,18 @@ class InstrumentSources:
 
 
 def instrument_sources(
-    configuration: Configuration,
-    model: InverseModel,
-    motions: Sequence[Motion],
-    cutoffs: Cutoffs,
+    configuration: Configuration, model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs
 ) -> InstrumentSources:
     """List the sources of instruments that the configuration and the recordings allow."""
     sources: list[InstrumentSource] = []
     fits: tuple[ControllerFit, ...] = ()
     sentences: list[str] = []
     if all(motion.signals.position_reference is not None for motion in motions):
-        law, fits, said = _laws(configuration, motions)
-        sentences += said
+        law, fits, of_laws = _laws(configuration, motions)
+        sentences += of_laws
         if law is not None:
-            known = configuration.controller.type != "unknown"
-            how = "configured" if known else "fitted"
+            configured = configuration.controller.type != "unknown"
+            how = "configured" if configured else "fitted"
             name = f"closed-loop simulation with the {how} control law"
             sources.append(SimulatedLoop(model, tuple(motions), law, name))
         sources.append(FilteredReference(model, tuple(motions)))

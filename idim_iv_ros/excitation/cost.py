@@ -7,8 +7,8 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limit_use import MovingFrames
 from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.moving_frames import MovingFrames
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
 

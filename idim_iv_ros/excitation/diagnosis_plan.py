@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.excitation.limit_use import MovingFrames, limit_use
-from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.limits import MotionLimits, limit_use
+from idim_iv_ros.excitation.moving_frames import MovingFrames
 from idim_iv_ros.excitation.segments import (
     SegmentPlan,
     Shape,
@@ -120,35 +120,31 @@ class DiagnosisPlanner:
             half = seconds / 2.0
             slow = 0.5 * self.limits.margin * self.limits.velocity * half / 1.875
             way = size * np.minimum(0.5 * self._room(self.posture), slow)
-            there = rest_to_rest(way, half, self.rate)
-            back = rest_to_rest(-way, half, self.rate)
-            shape = (
-                np.vstack([there[0], way + back[0]]),
-                np.vstack([there[1], back[1]]),
-                np.vstack([there[2], back[2]]),
-            )
+            there, back = (rest_to_rest(sign * way, half, self.rate) for sign in (1.0, -1.0))
+            whole = zip(there, (way + back[0], *back[1:]), strict=True)
+            position, velocity, acceleration = (np.vstack(pair) for pair in whole)
+            shape = (position, velocity, acceleration)
             return SegmentPlan("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
 
         return self._fit(make)
 
     def _sweeps(self, seconds: float) -> Iterator[SegmentPlan]:
+        """The whole range, all joints in the same direction and in opposite ones."""
+        inner = _INSIDE * self.limits.margin * self.limits.half_range
+        ramp = self._ramp(self.limits.velocity)
+        plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
         for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
             if alternate and len(self.posture) == 1:
                 return
+            reach = self._pattern(alternate) * inner
 
-            def make(size: float, name: str = name, alternate: bool = alternate) -> SegmentPlan:
-                return self._sweep(f"range_sweep_{name}", self._pattern(alternate), size, seconds)
+            def make(size: float, name: str = name, reach: FloatArray = reach) -> SegmentPlan:
+                speed = 2.0 * size * reach / (plateau + ramp)
+                low = size * (self.limits.middle - self.posture - reach)
+                name = f"range_sweep_{name}"
+                return self._constant(name, "range_sweep", low, speed, plateau, ramp)
 
             yield self._fit(make)
-
-    def _sweep(self, name: str, pattern: FloatArray, size: float, seconds: float) -> SegmentPlan:
-        inner = _INSIDE * self.limits.margin * self.limits.half_range
-        low = size * (self.limits.middle - pattern * inner - self.posture)
-        high = size * (self.limits.middle + pattern * inner - self.posture)
-        ramp = self._ramp(self.limits.velocity)
-        plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
-        speed = (high - low) / (plateau + ramp)
-        return self._constant(name, "range_sweep", low, speed, plateau, ramp)
 
     def _creeps(self, seconds: float) -> Iterator[SegmentPlan]:
         slot = seconds / len(CREEP_SHARES) / 2.0
@@ -161,13 +157,13 @@ class DiagnosisPlanner:
         """At each posture the fastest first: the slower ones stay on its way."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
         shift = 0.4 * self._room(self.posture) * self._pattern(True)
+        fastest = _INSIDE * self.limits.margin * self.limits.velocity
+        shortest = _SHORTEST_PLATEAU + self._ramp(fastest)
         for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
-            centre = self.posture + (shift if place == 2 else 0.0)
+            centre = self.posture + (place - 1) * shift
             room = self._room(centre)
-            speed = _INSIDE * self.limits.margin * self.limits.velocity
-            shortest = _SHORTEST_PLATEAU + self._ramp(speed)
             # Where the range is too short for a plateau at full speed, slower.
-            speed = pattern * np.minimum(speed, 2.0 * room / shortest)
+            speed = pattern * np.minimum(fastest, 2.0 * room / shortest)
             for number, share in enumerate(PLATEAU_SHARES, start=1):
                 name = f"plateau_{number}_posture_{place}"
                 plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
@@ -208,25 +204,21 @@ class DiagnosisPlanner:
         return SegmentPlan(name, kind, offset, shape, speed=speed)
 
     def _reversals(self, seconds: float) -> Iterator[SegmentPlan]:
-        joints = len(self.posture)
         for amplitude, frequency in REVERSALS:
             slot = max(seconds / len(REVERSALS), 4.0 / frequency)
-
-            def make(
-                size: float, a: float = amplitude, f: float = frequency, slot: float = slot
-            ) -> SegmentPlan:
-                return reversals(joints, a, f, size, slot, self.rate)
-
-            yield self._fit(make)
+            yield self._sized(reversals(len(self.posture), amplitude, frequency, slot, self.rate))
 
     def _multisine(self, seconds: float) -> SegmentPlan:
         highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
-        whole = multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed)
-        amplitude = np.full(len(highest), MULTISINE_AMPLITUDE)
+        return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
+
+    def _sized(self, plan: SegmentPlan) -> SegmentPlan:
+        """A segment about the posture, as large as the limits let it be, at most as it is."""
 
         def make(size: float) -> SegmentPlan:
-            position, velocity, acceleration = whole.shape
-            shape = (size * position, size * velocity, size * acceleration)
-            return replace(whole, shape=shape, amplitude=size * amplitude)
+            position, velocity, acceleration = (size * part for part in plan.shape)
+            assert plan.amplitude is not None
+            shape = (position, velocity, acceleration)
+            return replace(plan, shape=shape, amplitude=size * plan.amplitude)
 
         return self._fit(make)

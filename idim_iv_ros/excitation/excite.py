@@ -8,12 +8,11 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.criterion import PredictedParameter, predict_parameters
-from idim_iv_ros.excitation.design import Design, design_excitation
+from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitation
 from idim_iv_ros.excitation.files import FORMAT, limits_document, use_document
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limit_use import limit_use, moving_frames
-from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
-from idim_iv_ros.excitation.search import DesignSettings
+from idim_iv_ros.excitation.limits import MotionLimits, limit_use, motion_limits
+from idim_iv_ros.excitation.moving_frames import moving_frames
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress

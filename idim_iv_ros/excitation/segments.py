@@ -180,17 +180,10 @@ def waves(
 
 
 def reversals(
-    joints: int, amplitude: float, frequency: float, size: float, seconds: float, rate: float
+    joints: int, amplitude: float, frequency: float, seconds: float, rate: float
 ) -> SegmentPlan:
-    """The same sine at all joints, faded in and out over one of its periods.
-
-    Parameters
-    ----------
-    amplitude : rad (m)
-    frequency : Hz
-    size : factor of the amplitude
-    """
-    level, line = np.full((1, joints), size * amplitude), np.full((1, joints), frequency)
+    """The same sine, rad (m) and Hz, at all joints, faded in and out over one of its periods."""
+    level, line = np.full((1, joints), amplitude), np.full((1, joints), frequency)
     shape = waves(level, line, np.zeros((1, joints)), seconds, 1.0 / frequency, rate)
     return SegmentPlan(
         f"reversals_{1000 * amplitude:g}_mrad_{frequency:g}_Hz",

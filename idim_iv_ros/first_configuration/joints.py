@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.first_configuration.topics import BagContents, JointContents
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.model.urdf import MOVABLE, UrdfJoint
 from idim_iv_ros.model.urdf_reader import read_urdf_text
 

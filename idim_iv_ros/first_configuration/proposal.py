@@ -1,10 +1,11 @@
 """From bags and a URDF to the values of a first configuration, each with its reason."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSection
@@ -21,7 +22,7 @@ from idim_iv_ros.first_configuration.topics import (
     choose_topics,
     read_contents,
 )
-from idim_iv_ros.identification.prepare import prepare, read_configured
+from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.identification.sanity import joint_findings
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.model.urdf_reader import description_key
@@ -113,36 +114,27 @@ def propose_configuration(
         joints = choose_joints(text, source, contents, states.name, None if servo else efforts)
         topics = choose_topics(contents, joints.joints, wanted)
         sources = _sources(topics, named)
+        reasons = {("signals", key): reason for key, reason in topics.reasons.items()}
+        values: dict[str, dict[str, object]] = {
+            "robot": {"joints": list(joints.joints)},
+            "signals": dict(sources),
+        }
+        warnings, limits = joints.warnings, ()
         if servo:
-            return _servo_proposal(paths, urdf, joints, topics, sources)
-        watch.stage("reading", 0.3)
-        configuration = _configuration(None if urdf is None else Path(urdf), joints, sources)
-        recordings = read_configured(paths, configuration)
-        watch.stage("model and filters", 0.4)
-        prepared = prepare(recordings, configuration)
-        watch.stage("effort unit", 0.6)
-        unit = guess_effort_unit(prepared)
-        watch.stage("control law", 0.8)
-        law = propose_law(prepared.motions)
-        findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit.unit)
-    reasons = {
-        ("controller", "type"): law.reason,
-        ("signals", "effort_unit"): unit.reason,
-        **{("signals", key): reason for key, reason in topics.reasons.items()},
-    }
-    values: dict[str, dict[str, object]] = {
-        "robot": {"joints": list(joints.joints)},
-        "controller": dict(law.keys),
-        "signals": {**sources, "effort_unit": unit.unit},
-    }
-    warnings = joints.warnings + tuple(
-        f"{joints.joints[finding.joint]}: {finding.sentence}" for finding in findings
-    )
-    if preset is not None:
-        warnings += _merge(preset, values, reasons, named, missing)
-    limits = prepared.model.robot.limits.effort
-    finite = bool((limits > 0.0).all() and (limits < float("inf")).all())
-    torques = values["signals"]["effort_unit"] == "N m"
+            values["signals"]["effort"] = NO_EFFORT
+            reasons["signals", "effort"] = "no bag has any: `idim-iv servo` identifies the servos"
+        else:
+            watch.stage("reading", 0.3)
+            configuration = _configuration(None if urdf is None else Path(urdf), joints, sources)
+            recordings = read_configured(paths, configuration)
+            watch.stage("model and filters", 0.4)
+            prepared = prepare(recordings, configuration)
+            more, limits = _from_efforts(prepared, values, reasons, watch)
+            warnings += more
+            if preset is not None:
+                warnings += _merge(preset, values, reasons, named, missing)
+            if values["signals"]["effort_unit"] != "N m":
+                warnings, limits = (*warnings, _UNIT_WARNING), ()
     return Proposal(
         bags=paths,
         joints=joints.joints,
@@ -150,34 +142,32 @@ def propose_configuration(
         values=values,
         reasons=reasons,
         left_out=joints.left_out,
-        limits=tuple(float(limit) for limit in limits) if finite and torques else (),
-        warnings=warnings + (() if torques else _UNIT_WARNING),
+        limits=limits,
+        warnings=warnings,
     )
 
 
-def _servo_proposal(
-    paths: Sequence[Path],
-    urdf: FilePath | None,
-    joints: JointChoice,
-    topics: TopicChoice,
-    sources: Mapping[str, str],
-) -> Proposal:
-    """Return the proposal for a robot that records no efforts: `idim-iv servo` finds its law."""
-    reasons = {("signals", key): reason for key, reason in topics.reasons.items()}
-    reasons["signals", "effort"] = "no bag has any: `idim-iv servo` identifies the servos"
-    return Proposal(
-        bags=tuple(paths),
-        joints=joints.joints,
-        urdf=None if urdf is None else Path(urdf),
-        values={
-            "robot": {"joints": list(joints.joints)},
-            "signals": {**sources, "effort": NO_EFFORT},
-        },
-        reasons=reasons,
-        left_out=joints.left_out,
-        limits=(),
-        warnings=joints.warnings,
-    )
+def _from_efforts(
+    prepared: PreparedRegression,
+    values: dict[str, dict[str, object]],
+    reasons: dict[tuple[str, str], str],
+    watch: Stopwatch,
+) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """Add the unit of the efforts and the control law; return warnings and the efforts' limits."""
+    watch.stage("effort unit", 0.6)
+    unit = guess_effort_unit(prepared)
+    watch.stage("control law", 0.8)
+    law = propose_law(prepared.motions)
+    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit.unit)
+    values["signals"]["effort_unit"] = unit.unit
+    values["controller"] = dict(law.keys)
+    reasons["signals", "effort_unit"] = unit.reason
+    reasons["controller", "type"] = law.reason
+    joints = prepared.configuration.robot.joints
+    warnings = (f"{joints[finding.joint]}: {finding.sentence}" for finding in findings)
+    limits = prepared.model.robot.limits.effort
+    finite = bool((limits > 0.0).all() and np.isfinite(limits).all())
+    return tuple(warnings), tuple(float(limit) for limit in limits) if finite else ()
 
 
 def _sources(topics: TopicChoice, named: Mapping[str, str]) -> dict[str, str]:
@@ -224,7 +214,7 @@ def _merge(
 _UNIT_WARNING = (
     "the efforts are no torques: joints whose torque constants differ do not fit one model, "
     "and nothing can be compared with the URDF; give torque constant times gear ratio of each "
-    "joint as signals.effort_scale, and effort_unit N m",
+    "joint as signals.effort_scale, and effort_unit N m"
 )
 
 

@@ -7,8 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, JOINT_STATE, read_layout
-from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, MANY_STATES
+from idim_iv_ros.recording.bags.definitions import (
+    CONTROLLER_STATE,
+    FLOAT_ARRAY,
+    JOINT_STATE,
+    MANY_STATES,
+)
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
@@ -110,16 +114,18 @@ def read_contents(path: Path) -> BagContents:
         No such bag, or not one.
     """
     bag = Bag(path)
-    described = {name for name in bag.known_topics() if name.endswith(_DESCRIPTION)}
+    topics = bag.known_topics()
+    described = {name for name in topics if name.endswith(_DESCRIPTION)}
+    kinds = {name: kind for name, kind in topics.items() if may_hold_joints(kind)}
     descriptions: dict[str, str] = {}
-    for topic, batch in bag.batches(described):
-        text = robot_description(batch)
-        descriptions.update({} if text is None else {topic: text})
-    kinds = {name: kind for name, kind in bag.topics.items() if may_hold_joints(kind)}
     names: dict[str, JointMessageReader] = {}
     numbers: dict[str, int] = {}
     counts: dict[str, tuple[int, int, int]] = {}  # messages, first and last arrival in ns
-    for topic, batch in Bag(path).batches(set(kinds)):
+    for topic, batch in bag.batches({*kinds, *described}):
+        if topic in described:
+            text = robot_description(batch)
+            descriptions.update({} if text is None else {topic: text})
+            continue
         count, first, _ = counts.get(topic, (0, int(batch.arrival[0]), 0))
         counts[topic] = (count + len(batch), first, int(batch.arrival[-1]))
         if kinds[topic] != FLOAT_ARRAY:
@@ -127,10 +133,10 @@ def read_contents(path: Path) -> BagContents:
                 names[topic] = JointMessageReader(topic, _kind(bag, topic), [], [])
             names[topic].add(batch)
         elif topic not in numbers:
-            layout = read_layout(batch.message(0), FLOAT_ARRAY)
-            numbers[topic] = layout.fields["data"][1]
+            columns = JointMessageType(FLOAT_ARRAY).layout(batch.message(0), ["effort"]).columns
+            numbers[topic] = len(columns["effort"].offsets) if columns else 0
     joints = _joints(bag, {topic: reader.finish().names for topic, reader in names.items()})
-    topics = tuple(
+    contents = tuple(
         TopicContents(
             topic,
             count,
@@ -143,9 +149,9 @@ def read_contents(path: Path) -> BagContents:
         for topic, (count, first, last) in counts.items()
         for asked in ((False, True) if (topic, True) in joints else (False,))
     )
-    known = {*kinds, *described}
-    unreadable = {name: kind for name, kind in bag.topics.items() if name not in known}
-    return BagContents(path, topics, unreadable, _of_one_robot(descriptions))
+    readable = {*kinds, *described}
+    unreadable = {name: kind for name, kind in topics.items() if name not in readable}
+    return BagContents(path, contents, unreadable, _of_one_robot(descriptions))
 
 
 def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
@@ -212,11 +218,6 @@ class TopicChoice:
     effort: TopicContents | None
     reference: TopicContents | None
     reasons: dict[str, str]
-
-    @property
-    def efforts(self) -> TopicContents:
-        """The topic with the efforts."""
-        return self.effort or self.states
 
 
 def choose_states(

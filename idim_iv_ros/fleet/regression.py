@@ -14,8 +14,8 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import r_factor, stacked_r_factor
 from idim_iv_ros.fleet.bag_result import JointNoise
 from idim_iv_ros.fleet.source import iso_time
-from idim_iv_ros.identification.assembly import assemble_result
-from idim_iv_ros.identification.identify import Identified, identified
+from idim_iv_ros.identification.assembly import Identified, assemble_result
+from idim_iv_ros.identification.identify import identified
 from idim_iv_ros.identification.prepare import loss_sentences
 from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.progress import Stopwatch
@@ -70,15 +70,14 @@ def bag_fields(
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
     identification = identified([recording], configuration, "idim-iv", Stopwatch(None))
-    prepared, estimates = identification.prepared, identification.estimates
-    result = assemble_result(prepared, estimates, identification.validation)
+    result = assemble_result(identification)
     return Segment(
         recording.start,
         recording.duration,
         replace(result, series=()),
         whitened_r_factor(identification),
-        {joint.name: len(joint) for joint in estimates.rows},
-        torque_noise(prepared.motions),
+        {joint.name: len(joint) for joint in identification.rows},
+        torque_noise(identification.prepared.motions),
         loss_sentences([recording]),
     )
 
@@ -89,7 +88,7 @@ def whitened_r_factor(identification: Identified) -> FloatArray:
     The whitened residual has unit variance: rows of different joints and bags count as they should
     when they are stacked. The diagonal is not negative, so that equal rows have equal factors.
     """
-    rows, models = identification.estimates.rows, identification.estimates.refined.models
+    rows, models = identification.rows, identification.refined.models
     width = len(identification.prepared.model.base.columns) + 1
     plain = [joint.with_instruments(joint.matrix) for joint in rows]
     factors = [

@@ -7,19 +7,17 @@ from importlib import metadata
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance, WhiteCovariance
+from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance, white_covariance
 from idim_iv_ros.estimation.essential import EssentialParameters, essential_parameters
-from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, RefinedIdimIv
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
     condition_number,
     solve_instrumental_variables,
     solve_least_squares,
 )
-from idim_iv_ros.estimation.refined import RefinedIdimIv, residual_models
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.identification.prepare import PreparedRegression
@@ -41,11 +39,10 @@ from idim_iv_ros.identification.result import (
 from idim_iv_ros.identification.validate import Validation
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
-from idim_iv_ros.signals import torque_noise
+from idim_iv_ros.signals import fit_autoregression, torque_noise
 from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
-from idim_iv_ros.statistics.level import mean_square_freedom
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.statistics.residuals import mean_square_freedom
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 # Standard deviations of the difference beyond which whitening has moved an estimate further than
@@ -54,51 +51,45 @@ _FAR_APART = 3.0
 
 
 @dataclass(frozen=True)
-class Estimates:
-    """All estimates of one identification.
+class Identified:
+    """All estimates and tests of an identification, with the rows that they are made of.
 
     Attributes
     ----------
-    estimator : str
-    rows : tuple of JointRows
     linear : LinearEstimate
         The one that is reported.
     weighted : LinearEstimate
         Joint-weighted IDIM-LS.
-    iteration : IdimIvEstimate or None
-    sources : InstrumentSources or None
-    refined : RefinedIdimIv
+    iteration, sources
+        None for IDIM-LS.
     """
 
+    prepared: PreparedRegression
     estimator: Estimator
     rows: Sequence[JointRows]
     linear: LinearEstimate
     weighted: LinearEstimate
     iteration: IdimIvEstimate | None
     sources: InstrumentSources | None
+    validation: Validation
     refined: RefinedIdimIv
 
 
 def assemble_result(
-    prepared: PreparedRegression,
-    estimates: Estimates,
-    validation: Validation,
-    physical: tuple[PhysicalParameters | None, str] = (None, ""),
+    identified: Identified, physical: tuple[PhysicalParameters | None, str] = (None, "")
 ) -> IdentificationResult:
     """Gather everything that a user is shown."""
-    rows, linear, refined = estimates.rows, estimates.linear, estimates.refined
-    estimate, sources = estimates.iteration, estimates.sources
+    prepared, validation = identified.prepared, identified.validation
+    rows, linear, refined = identified.rows, identified.linear, identified.refined
+    estimate, sources = identified.iteration, identified.sources
     configuration, base = prepared.configuration, prepared.model.base
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
     essential = essential_parameters(
-        refined.values,
-        refined.covariance,
-        total,
-        alpha=configuration.identification.significance,
+        refined.values, refined.covariance, total, alpha=configuration.identification.significance
     )
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
-    parameters = _parameters(prepared, estimates, covariance, essential)
+    parameters = _parameters(identified, covariance, essential)
     verdicts = tuple(
         judge_joint(test, residual, specification, float(noise))
         for test, residual, specification, noise in zip(
@@ -120,7 +111,7 @@ def assemble_result(
         bags=_bags(prepared),
         software=_software(),
         configuration=configuration.model_dump(mode="json", exclude_none=True),
-        estimator=estimates.estimator,
+        estimator=identified.estimator,
         iterations=1 if estimate is None else len(estimate.steps) + 1,
         converged=estimate is None or estimate.converged,
         convergence_note=_convergence(estimate, base.names, configuration),
@@ -132,28 +123,28 @@ def assemble_result(
         ),
         exogeneity=JointTests(alpha=alpha, tests=validation.exogeneity),
         residuals=tuple(
-            JointResidual.of(
-                residual,
-                verdict,
-                len(own.time),
-                mean_square_freedom(own.time, own.measured - own.predicted),
+            JointResidual(
+                **vars(residual),
+                verdict=verdict.verdict,
+                sentence=verdict.sentence,
+                rows=len(joint.time),
+                mean_square_freedom=mean_square_freedom(
+                    joint.time, joint.measured - joint.predicted
+                ),
             )
-            for residual, verdict, own in zip(validation.residuals, verdicts, series, strict=True)
+            for residual, verdict, joint in zip(validation.residuals, verdicts, series, strict=True)
         ),
         verdict=_overall(judge_all(verdicts, validation.tests[0]), estimate),
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
-            ls_relative_error_percent=_relative_error(rows, estimates.weighted),
+            ls_relative_error_percent=_relative_error(rows, identified.weighted),
             condition_number=condition_number(rows, count),
             samples=total,
             base_parameters=count,
             essential_parameters=len(essential.columns),
             essential_p_value=essential.p_value,
             joint_relative_error_percent={
-                name: _relative_error_of(residual, joint.torque)
-                for name, residual, joint in zip(
-                    configuration.robot.joints, linear.residuals, rows, strict=True
-                )
+                residual.joint: residual.relative_percent for residual in validation.residuals
             },
         ),
         processing=ProcessingSummary(
@@ -178,29 +169,29 @@ def assemble_result(
 
 
 def _parameters(
-    prepared: PreparedRegression,
-    estimates: Estimates,
-    covariance: AutocorrelatedCovariance,
-    essential: EssentialParameters,
+    identified: Identified, covariance: AutocorrelatedCovariance, essential: EssentialParameters
 ) -> tuple[ParameterEstimate, ...]:
     """Every base parameter with its standard deviations, alone and among the essential ones."""
-    base = prepared.model.base
-    rows, weighted, linear = estimates.rows, estimates.weighted, estimates.linear
+    base, given = identified.prepared.model.base, identified.prepared.given
+    rows, weighted, linear = identified.rows, identified.weighted, identified.linear
     std = np.sqrt(np.diag(covariance.matrix))
-    white = WhiteCovariance(rows, linear.sigma, len(linear.values)).matrix
-    white_std = np.sqrt(np.diag(white))
+    white_std = np.sqrt(np.diag(white_covariance(rows, linear.sigma, len(linear.values))))
     ls_std = std
-    if estimates.iteration is not None:
-        models = residual_models(rows, weighted.residuals)
+    if identified.iteration is not None:
+        models = [
+            fit_autoregression(residual, joint.segments)
+            for joint, residual in zip(rows, weighted.residuals, strict=True)
+        ]
         observed = [joint.with_instruments(joint.matrix) for joint in rows]
         ls_covariance = AutocorrelatedCovariance(
             observed, weighted.sigma, models, len(weighted.values)
         )
         ls_std = np.sqrt(np.diag(ls_covariance.matrix))
     ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
-    given = prepared.given
     places = {int(column): place for place, column in enumerate(essential.columns)}
-    reduced = _essential_values(estimates, essential.columns)
+    # Estimated again with the essential parameters only, same weights.
+    few = [joint.reduced.keep(essential.columns) for joint in rows]
+    reduced = solve_instrumental_variables(few, len(places), linear.sigma).values
     reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))
     return tuple(
         ParameterEstimate(
@@ -223,12 +214,6 @@ def _parameters(
     )
 
 
-def _essential_values(estimates: Estimates, kept: NDArray[np.int64]) -> FloatArray:
-    """Estimate again with the essential parameters only, same weights: (b_e,)."""
-    rows = [joint.reduced.keep(kept) for joint in estimates.rows]
-    return solve_instrumental_variables(rows, len(kept), estimates.linear.sigma).values
-
-
 def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
     """Refined estimates, and which of the unrefined ones whitening moves beyond noise."""
     std = np.sqrt(np.diag(refined.covariance))
@@ -245,21 +230,14 @@ def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimat
         )
         for parameter, value, deviation in zip(parameters, refined.values, std, strict=True)
     )
-    return Refined(
-        tuple(model.order for model in refined.models), estimates, _moved(parameters, estimates)
-    )
-
-
-def _moved(
-    parameters: Sequence[ParameterEstimate], refined: Sequence[RefinedEstimate]
-) -> tuple[str, ...]:
-    """Essential parameters that whitening moves further than noise does (a specification test)."""
-    return tuple(
+    # Whitening moves no estimate further than noise does where the model is right.
+    moved = tuple(
         parameter.name
-        for parameter, other in zip(parameters, refined, strict=True)
+        for parameter, other in zip(parameters, estimates, strict=True)
         if parameter.essential
         and abs(in_deviations(parameter.value, parameter.std, other.value, other.std)) > _FAR_APART
     )
+    return Refined(tuple(model.order for model in refined.models), estimates, moved)
 
 
 def _instruments(
@@ -306,12 +284,6 @@ def _relative_error(rows: Sequence[JointRows], linear: LinearEstimate) -> float:
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
-
-
-def _relative_error_of(residual: FloatArray, torque: FloatArray) -> float | None:
-    """Of one joint, %; None without torque."""
-    size = float(np.linalg.norm(torque))
-    return 100.0 * float(np.linalg.norm(residual)) / size if size > 0.0 else None
 
 
 def _fitted_gains(
@@ -366,13 +338,15 @@ def _series(
 ) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
-    for joint, (own, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
+    for joint, (of_joint, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
         time = [
             part.start + motion.time[motion.kept[:, joint]]
             for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
-            JointSeries(own.name, np.concatenate(time), own.torque, own.torque - residual)
+            JointSeries(
+                of_joint.name, np.concatenate(time), of_joint.torque, of_joint.torque - residual
+            )
         )
     return tuple(series)
 

@@ -23,7 +23,7 @@ from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.identification.sanity import Level
 from idim_iv_ros.model import BaseParameters
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signal_source import topic_of
@@ -139,39 +139,38 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
 
 
 def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
-    name = recording.path.name
-    findings = [
-        Finding(
-            name, "good", f"{recording.duration:.4g} s at {recording.rate:.5g} samples per second"
-        )
-    ]
+    invented = float(np.mean(~motion.signals.valid))
+    good = [f"{recording.duration:.4g} s at {recording.rate:.5g} samples per second"]
+    limited = []
     if recording.duration < _LEAST_DURATION:
-        sentence = f"only {recording.duration:.3g} s: standard deviations will be large"
-        findings.append(Finding(name, "limited", sentence))
+        limited.append(f"only {recording.duration:.3g} s: standard deviations will be large")
     for clock in recording.clocks:
         if clock.source == "arrival":
-            sentence = f"{clock.topic}: no header stamps, arrival times are used"
-            findings.append(Finding(name, "limited", sentence))
+            limited.append(f"{clock.topic}: no header stamps, arrival times are used")
         if clock.jitter * clock.rate > _JITTER_LIMIT:
-            sentence = f"{clock.topic}: stamps jitter by {1000 * clock.jitter:.3g} ms"
-            findings.append(Finding(name, "limited", sentence))
-    invented = float(np.mean(~motion.signals.valid))
+            limited.append(f"{clock.topic}: stamps jitter by {1000 * clock.jitter:.3g} ms")
     if invented > 0.0:
-        level: Level = "limited" if invented > _INVENTED_LIMIT else "good"
-        sentence = f"{100 * invented:.2g} % of the joint samples have no measurement; left out"
-        findings.append(Finding(name, level, sentence))
-    findings += [Finding(name, "limited", frozen.sentence) for frozen in recording.frozen]
-    findings += [
-        Finding(name, "limited" if note.limits else "good", note.sentence)
-        for note in recording.notes
+        (limited if invented > _INVENTED_LIMIT else good).append(
+            f"{100 * invented:.2g} % of the joint samples have no measurement; left out"
+        )
+    limited += [frozen.sentence for frozen in recording.frozen]
+    for note in recording.notes:
+        (limited if note.limits else good).append(note.sentence)
+    return _findings(recording.path.name, good, limited)
+
+
+def _findings(where: str, good: Sequence[str], limited: Sequence[str]) -> list[Finding]:
+    return [
+        *(Finding(where, "good", sentence) for sentence in good),
+        *(Finding(where, "limited", sentence) for sentence in limited),
     ]
-    return findings
 
 
 def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
+    names = [motion.signals.name for motion in prepared.motions]
     missing = [
-        motion.signals.name
-        for motion in prepared.motions
+        name
+        for name, motion in zip(names, prepared.motions, strict=True)
         if motion.signals.position_reference is None
     ]
     if missing:
@@ -179,13 +178,8 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
             "no reference is read: the loop cannot be simulated, instruments will be smoothed "
             "measurements and cannot be tested"
         )
-        where = ", ".join(missing)
-        sentences = (sentence, *prepared.advice)
-        return [Finding(where, "limited", sentence) for sentence in sentences]
-    findings = [
-        _reference_source(recording, motion.signals.name)
-        for recording, motion in zip(prepared.recordings, prepared.motions, strict=True)
-    ]
+        return _findings(", ".join(missing), [], [sentence, *prepared.advice])
+    findings = list(map(_reference_source, prepared.recordings, names))
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
         findings.append(Finding("controller", "limited", sentence))
@@ -211,51 +205,45 @@ def _reference_source(recording: Recording, name: str) -> Finding:
 
 
 def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list[Finding]:
-    torque = np.concatenate([motion.torque[:, joint] for motion in prepared.motions])
-    position = np.concatenate([motion.position[motion.span, joint] for motion in prepared.motions])
-    speeds, accelerations = [], []
-    for motion in prepared.motions:
-        samples = motion.span.stop - motion.span.start
-        derivatives = motion.derivatives_of(motion.position[:, [joint]], 0, samples)
-        speeds.append(derivatives[1][:, 0])
-        accelerations.append(derivatives[2][:, 0])
-    speed, acceleration = np.concatenate(speeds), np.concatenate(accelerations)
+    motions = prepared.motions
+    torque = np.concatenate([motion.torque[:, joint] for motion in motions])
+    position = np.concatenate([motion.position[motion.span, joint] for motion in motions])
+    states = [
+        motion.derivatives_of(motion.position[:, [joint]], 0, motion.span.stop - motion.span.start)
+        for motion in motions
+    ]
+    speeds = [speed[:, 0] for _, speed, _ in states]
+    acceleration = np.concatenate([acceleration[:, 0] for _, _, acceleration in states])
+    fastest = float(np.abs(np.concatenate(speeds)).max())
     unit = unit_at("rad", prepared.model.robot.joint_types[joint])
     threshold = max(
         float(prepared.minimum_speed[joint]),
-        _MOVING * float(np.abs(speed).max()),
-        _TIMES_NOISE * _speed_noise(prepared, joint),
+        _MOVING * fastest,
+        _TIMES_NOISE * _noise(prepared, joint, order=1),
     )
     reversals = sum(count_reversals(speed, threshold) for speed in speeds)
-    findings = [
-        Finding(
-            name,
-            "good",
-            f"moves over {np.ptp(position):.3g} {unit}, up to {np.abs(speed).max():.3g} {unit}/s "
-            f"and {np.abs(acceleration).max():.3g} {unit}/s², {reversals} reversals",
-        )
-    ]
+    limited = []
     if np.ptp(position) < _LEAST_RANGE:
-        sentence = f"moves over {np.ptp(position):.2g} {unit} only: gravity hardly changes"
-        findings.append(Finding(name, "limited", sentence))
+        limited.append(f"moves over {np.ptp(position):.2g} {unit} only: gravity hardly changes")
     if reversals < _LEAST_REVERSALS:
-        sentence = f"{reversals} reversals: Coulomb friction and offset are hard to separate"
-        findings.append(Finding(name, "limited", sentence))
+        limited.append(f"{reversals} reversals: Coulomb friction and offset are hard to separate")
     clipped = _clipped_share(torque)
     if clipped > _CLIPPED_SHARE:
-        sentence = (
+        limited.append(
             f"{100 * clipped:.2g} % of the effort sits at its largest value "
             f"{np.abs(torque).max():.3g}: clipped, or a torque limit"
         )
-        findings.append(Finding(name, "limited", sentence))
-    ratio = _acceleration_over_noise(prepared, joint, float(np.std(acceleration)))
-    if ratio < _ACCELERATION_NOISE:
-        sentence = (
-            f"acceleration is only {ratio:.2g} times its noise: inertias will be biased by least "
-            "squares; move faster or lower processing.position_cutoff"
+    noise = _noise(prepared, joint, order=2)
+    if np.std(acceleration) < _ACCELERATION_NOISE * noise:
+        limited.append(
+            f"acceleration is only {np.std(acceleration) / noise:.2g} times its noise: inertias "
+            "will be biased by least squares; move faster or lower processing.position_cutoff"
         )
-        findings.append(Finding(name, "limited", sentence))
-    return findings
+    moves = (
+        f"moves over {np.ptp(position):.3g} {unit}, up to {fastest:.3g} {unit}/s "
+        f"and {np.abs(acceleration).max():.3g} {unit}/s², {reversals} reversals"
+    )
+    return _findings(name, [moves], limited)
 
 
 def _link_findings(prepared: PreparedRegression) -> list[Finding]:
@@ -264,15 +252,15 @@ def _link_findings(prepared: PreparedRegression) -> list[Finding]:
     if topic is None:
         return []
     joints, types = prepared.configuration.robot.joints, prepared.model.robot.joint_types
-    found = link_encoders(prepared.motions, joints, types)
-    if not found:
+    encoders = link_encoders(prepared.motions, joints, types)
+    if not encoders:
         sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
         return [Finding(topic, "limited", sentence)]
     return [
-        Finding(each.joint, "limited", each.problem)
-        if each.problem
-        else Finding(each.joint, "good", each.sentence)
-        for each in found
+        Finding(encoder.joint, "limited", encoder.problem)
+        if encoder.problem
+        else Finding(encoder.joint, "good", encoder.sentence)
+        for encoder in encoders
     ]
 
 
@@ -299,33 +287,22 @@ def _clipped_share(torque: FloatArray) -> float:
     return float(np.mean(size >= size.max() * (1.0 - 1e-9))) if size.max() > 0.0 else 0.0
 
 
-def _acceleration_over_noise(
-    prepared: PreparedRegression, joint: int, acceleration: float
-) -> float:
-    """Motion over the noise that the position filter lets into the acceleration.
+def _noise(prepared: PreparedRegression, joint: int, *, order: int) -> float:
+    """Standard deviation that the noise of the positions gives the speed (order 1, rad/s, m/s)
+    or the acceleration (order 2) behind the position filter.
 
     The noise of the positions is taken as white, with the variance of what the filter removed.
     """
-    density, cutoff = _noise_density(prepared, joint), prepared.cutoffs.decimation
-    noise = np.sqrt(density * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0)
-    return acceleration / noise if noise > 0.0 else np.inf
-
-
-def _speed_noise(prepared: PreparedRegression, joint: int) -> float:
-    """Standard deviation that the noise of the positions gives the filtered speed, rad/s (m/s)."""
-    slowest = min(motion.signals.rate for motion in prepared.motions)
-    cutoff = min(prepared.cutoffs.position, slowest / 2.0)
-    density = _noise_density(prepared, joint)
-    return float(np.sqrt(density * (2.0 * np.pi) ** 2 * cutoff**3 / 3.0))
-
-
-def _noise_density(prepared: PreparedRegression, joint: int) -> float:
-    """Power density of the positions' noise, rad²/Hz (m²/Hz): of what the filters removed."""
     densities = []
     for motion in prepared.motions:
         removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
         densities.append(float(np.var(removed)) / (motion.signals.rate / 2.0))
-    return float(np.mean(densities))
+    slowest = min(motion.signals.rate for motion in prepared.motions)
+    cutoffs = prepared.cutoffs
+    cutoff = min(cutoffs.position, slowest / 2.0) if order == 1 else cutoffs.decimation
+    power = 2 * order + 1
+    energy = float(np.mean(densities)) * (2.0 * np.pi) ** (2 * order) * cutoff**power / power
+    return float(np.sqrt(energy))
 
 
 def _visibility(
@@ -338,11 +315,11 @@ def _visibility(
     unseen = unseen_parameters(rows, count)
     if unseen:
         return tuple(_parameter(base, k, None, 0.0) for k in unseen), None
-    found = solve_least_squares(rows, count)
-    weighted = independent_basis(stacked(rows, count, 1.0 / found.sigma)[:, :count])
+    estimate = solve_least_squares(rows, count)
+    weighted = independent_basis(stacked(rows, count, 1.0 / estimate.sigma)[:, :count])
     std = np.linalg.norm(weighted.inverse_root(count), axis=1)
     parameters = tuple(
-        _parameter(base, k, float(std[k]), abs(float(found.values[k]))) for k in range(count)
+        _parameter(base, k, float(std[k]), abs(float(estimate.values[k]))) for k in range(count)
     )
     return parameters, condition_number(rows, count)
 

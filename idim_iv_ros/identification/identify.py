@@ -1,19 +1,17 @@
 """From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.idim_iv import idim_iv
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.estimation.idim_iv import idim_iv, refined_idim_iv
 from idim_iv_ros.estimation.least_squares import solve_least_squares
 from idim_iv_ros.estimation.observation import observation_rows
-from idim_iv_ros.estimation.refined import refined_idim_iv
-from idim_iv_ros.estimation.rows import with_instruments
+from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.estimation.sources import instrument_sources
 from idim_iv_ros.files import FilePaths
-from idim_iv_ros.identification.assembly import Estimates, assemble_result
-from idim_iv_ros.identification.consistency import consistent_parameters
+from idim_iv_ros.identification.assembly import Identified, assemble_result
 from idim_iv_ros.identification.prepare import (
     PreparedRegression,
     prepare,
@@ -21,18 +19,13 @@ from idim_iv_ros.identification.prepare import (
     require_excitation,
 )
 from idim_iv_ros.identification.result import Estimator, IdentificationResult
-from idim_iv_ros.identification.validate import Validation, validate
+from idim_iv_ros.identification.validate import validate
+from idim_iv_ros.physical import PhysicalParameters, nearest_physical
+from idim_iv_ros.physical.nearest import TO_INSTALL
+from idim_iv_ros.physical.torque_error import Judge
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording import Recording
-
-
-@dataclass(frozen=True)
-class Identified:
-    """All estimates and tests of an identification, with the rows that they are made of."""
-
-    prepared: PreparedRegression
-    estimates: Estimates
-    validation: Validation
+from idim_iv_ros.types import FloatArray
 
 
 def identify(
@@ -91,13 +84,13 @@ def _identify(
     estimator: Estimator,
     watch: Stopwatch,
 ) -> IdentificationResult:
-    found = identified(recordings, configuration, estimator, watch)
+    everything = identified(recordings, configuration, estimator, watch)
     watch.stage("physical parameters", 0.97)
-    refined, rows = found.estimates.refined, found.estimates.rows
+    refined, rows = everything.refined, everything.rows
     physical = consistent_parameters(
-        found.prepared, refined.values, refined.covariance, rows, found.estimates.linear.sigma
+        everything.prepared, refined.values, refined.covariance, rows, everything.linear.sigma
     )
-    return assemble_result(found.prepared, found.estimates, found.validation, physical)
+    return assemble_result(everything, physical)
 
 
 def identified(
@@ -135,5 +128,52 @@ def identified(
     validation = validate(prepared, rows, linear, estimate)
     watch.stage("refinement", 0.95)
     refined = refined_idim_iv(rows, validation.models, parameters)
-    estimates = Estimates(estimator, rows, linear, weighted, estimate, sources, refined)
-    return Identified(prepared, estimates, validation)
+    return Identified(
+        prepared, estimator, rows, linear, weighted, estimate, sources, validation, refined
+    )
+
+
+def consistent_parameters(
+    prepared: PreparedRegression,
+    values: FloatArray,
+    covariance: FloatArray,
+    rows: Sequence[JointRows],
+    sigma: FloatArray,
+    shared: Collection[str] = (),
+) -> tuple[PhysicalParameters | None, str]:
+    """Return the nearest physical parameters and nothing, or None and why there are none.
+
+    Parameters
+    ----------
+    values, covariance : (b,), (b, b)
+        The refined estimate.
+    rows, sigma
+        On which the torque is judged, and the residual's standard deviation of each joint.
+    shared
+        Friction parameters that effects share.
+    """
+    unit = prepared.configuration.signals.effort_unit
+    if unit != "N m":
+        return None, (
+            f"efforts are in {unit}: whether a body is possible is known in kg m² only; give "
+            "torque constant times gear ratio as signals.effort_scale, and effort_unit N m"
+        )
+    if prepared.configuration.identification.exclude:
+        return None, (
+            "identification.exclude takes base parameters out of the model: the links that are "
+            "left are no bodies"
+        )
+    if not prepared.model.robot.has_inertials:
+        return None, (
+            "the URDF gives no inertia: nothing says how the sums that a recording shows are split "
+            "into links; write rough masses and inertias into it"
+        )
+    model = prepared.model
+    try:
+        judge = Judge(rows, len(values), sigma)
+        nearest = nearest_physical(model.robot, model.base, values, covariance, judge, shared)
+    except ImportError:
+        return None, TO_INSTALL
+    except DataError as error:
+        return None, str(error)
+    return nearest, ""

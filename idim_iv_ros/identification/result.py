@@ -1,21 +1,13 @@
 """What an identification found: the document result.json, and the series that its report draws."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import ClassVar, Final, Literal
-
-import numpy as np
 
 from idim_iv_ros.documents import Document, Matrix, Number, Unsaved
 from idim_iv_ros.files import IDENTIFICATION_FORMAT
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.recording import ClockQuality, FrozenStretches, Note
-from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.statistics import (
-    HypothesisTest,
-    JointVerdict,
-    OverallVerdict,
-    ResidualDiagnosis,
-)
+from idim_iv_ros.statistics import HypothesisTest, OverallVerdict, ResidualDiagnosis
 from idim_iv_ros.statistics.verdict import Verdict
 from idim_iv_ros.types import FloatArray
 
@@ -166,8 +158,8 @@ class JointTests:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointResidual:
-    """The residual of one joint and the verdict on its estimates; see `ResidualDiagnosis`.
+class JointResidual(ResidualDiagnosis):
+    """The residual of one joint and the verdict on its estimates.
 
     Attributes
     ----------
@@ -178,56 +170,12 @@ class JointResidual:
     mean_square_freedom : float or None
         Degrees of freedom that one row adds to the mean square of the residual (1: independent
         and Gaussian), by its scatter from second to second; None where that is not known.
-    autoregression, acf, acf_whitened, acf_bound
-        For the report and not in the document.
     """
 
-    joint: str
-    rms: Number
-    relative_percent: float | None
-    ar_order: int
-    white: bool | None
-    whiteness_p_value: float | None = None
-    normality_p_value: float | None = None
     verdict: Verdict
     sentence: str
-    predictable_share: Number
-    sigma_understatement: Number
-    largest_correlation_after: Number
-    skewness: Number
-    excess_kurtosis: Number
-    whiteness: HypothesisTest
-    whiteness_after: HypothesisTest
-    normality: HypothesisTest
     rows: int | None = None
     mean_square_freedom: float | None = None
-    autoregression: Unsaved[AutoregressiveModel | None] = field(default=None, compare=False)
-    acf: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
-    acf_whitened: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
-    acf_bound: Unsaved[float] = field(default=0.0, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "whiteness_p_value", self.whiteness.p_value)
-        object.__setattr__(self, "normality_p_value", self.normality.p_value)
-
-    @classmethod
-    def of(
-        cls,
-        diagnosis: ResidualDiagnosis,
-        verdict: JointVerdict,
-        rows: int | None = None,
-        mean_square_freedom: float | None = None,
-    ) -> "JointResidual":
-        """Join what several steps found of one joint."""
-        names = (each.name for each in fields(cls))
-        known = {name: getattr(diagnosis, name) for name in names if hasattr(diagnosis, name)}
-        return cls(
-            **known,
-            verdict=verdict.verdict,
-            sentence=verdict.sentence,
-            rows=rows,
-            mean_square_freedom=mean_square_freedom,
-        )
 
 
 @dataclass(frozen=True)

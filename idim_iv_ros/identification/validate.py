@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.covariance import white_covariance
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import (
     Instruments,
@@ -27,19 +28,13 @@ from idim_iv_ros.statistics import (
     specification_tests,
     wald_test_of_instruments,
 )
-from idim_iv_ros.statistics.motion_functions import (
-    FAMILIES,
-    SPEED,
-    shared_functions,
-    speed_functions,
-)
+from idim_iv_ros.statistics.specification import FAMILIES, SPEED, shared_functions, speed_functions
 from idim_iv_ros.types import FloatArray
 
 # A residual of up to this many times the measurement noise passes for noise when the uncertainty
 # of the simulation's parameters is judged; what is beyond that is the model's own error.
 _LARGEST_NOISE = 3.0
 
-NO_INSTRUMENTS = "IDIM-LS uses no instruments"
 # The paper decimates at twice the bandwidth of its loops (section V.B).
 _TIMES_THE_LOOP = 2.0
 # Rows up to this many times denser than that are tested as they are.
@@ -59,8 +54,13 @@ class Validation:
     exogeneity: tuple[HypothesisTest, ...]
     specification: tuple[tuple[HypothesisTest, ...], ...]
     residuals: tuple[ResidualDiagnosis, ...]
-    models: tuple[AutoregressiveModel, ...]
     note: str
+
+    @property
+    def models(self) -> list[AutoregressiveModel]:
+        """Of the residual of each joint."""
+        models = (residual.autoregression for residual in self.residuals)
+        return [model for model in models if model is not None]
 
 
 def validate(
@@ -80,30 +80,30 @@ def validate(
     estimate
         The IDIM-IV iteration, None for IDIM-LS.
     """
-    configuration = prepared.configuration
-    alpha = configuration.identification.significance
-    joints = configuration.robot.joints
-    rows: Sequence[JointRows] = observed
-    residuals = tuple(diagnose_residual(joint, linear.values, alpha=alpha) for joint in rows)
-    reason: str | None = NO_INSTRUMENTS
+    alpha = prepared.configuration.identification.significance
+    rows, values = observed, linear.values
+    untested: str | None = "IDIM-LS uses no instruments"
     if estimate is not None:
-        reason = estimate.source.testable or estimate.instruments.untestable
-    errors, candidates, note = None, _no_functions(len(joints)), ""
-    if estimate is not None and reason is None:
-        tested = tested_rows(prepared, observed, estimate)
+        untested = estimate.source.untestable or estimate.instruments.untestable
+    errors, note = None, ""
+    candidates = [{family: np.zeros((0, 0)) for family in FAMILIES} for _ in observed]
+    if estimate is not None and untested is None:
+        tested = _tested(prepared, observed, estimate)
         rows = with_instruments(tested.rows, tested.instruments.matrices)
         noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
-        own = [joint.with_instruments(joint.matrix) for joint in observed]
-        covariance = WhiteCovariance(own, noise, len(linear.values)).matrix
-        errors = tested.source.prediction_errors(linear.values, covariance)
-        candidates = functions_of_motion(tested, prepared.model.robot.joint_types)
+        observed_alone = [joint.with_instruments(joint.matrix) for joint in observed]
+        covariance = white_covariance(observed_alone, noise, len(values))
+        errors = tested.source.prediction_errors(values, covariance)
+        candidates = functions_of_motion(
+            tested.motions, tested.instruments, prepared.model.robot.joint_types
+        )
         note = tested.note
     tests = wald_test_of_instruments(
-        rows, linear.values, alpha=alpha, not_simulated=reason, simulation_errors=errors
+        rows, values, alpha=alpha, not_simulated=untested, simulation_errors=errors
     )
-    exogeneity = exogeneity_test(rows, linear.values, alpha=alpha, not_simulated=reason)
+    exogeneity = exogeneity_test(rows, values, alpha=alpha, not_simulated=untested)
     specification = iter(
-        specification_tests(rows, linear.values, candidates, alpha=alpha, not_simulated=reason)
+        specification_tests(rows, values, candidates, alpha=alpha, not_simulated=untested)
     )
     return Validation(
         tests=_together(tests),
@@ -111,14 +111,9 @@ def validate(
         specification=tuple(
             tuple(islice(specification, len(candidate))) for candidate in candidates
         ),
-        residuals=residuals,
-        models=tuple(residual.autoregression for residual in residuals),
+        residuals=tuple(diagnose_residual(joint, values, alpha=alpha) for joint in observed),
         note=note,
     )
-
-
-def _no_functions(joints: int) -> list[dict[str, FloatArray]]:
-    return [{family: np.zeros((0, 0)) for family in FAMILIES} for _ in range(joints)]
 
 
 def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
@@ -134,33 +129,19 @@ def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
     )
 
 
-@dataclass(frozen=True)
-class TestedRows:
-    """Rows, their instruments, and the simulated motion behind these.
-
-    Attributes
-    ----------
-    motions : tuple of Motion
-    rows : tuple of JointRows
-    instruments : Instruments
-    source : InstrumentSource
-        Makes instruments for these motions.
-    note : str
-        What was done to the rows, in words; empty when nothing was.
-    """
-
-    __test__ = False  # no class of tests, whatever its name
+class _Tested(NamedTuple):
+    """Motions, their rows and instruments, the source that makes these, and what was done."""
 
     motions: tuple[Motion, ...]
-    rows: tuple[JointRows, ...]
+    rows: Sequence[JointRows]
     instruments: Instruments
     source: InstrumentSource
     note: str
 
 
-def tested_rows(
+def _tested(
     prepared: PreparedRegression, observed: Sequence[JointRows], estimate: IdimIvEstimate
-) -> TestedRows:
+) -> _Tested:
     """Choose the rows for the tests of the instruments and of the specification.
 
     Where the rows of the estimate are more than twice as dense as twice the natural frequency of
@@ -168,10 +149,8 @@ def tested_rows(
     coefficients cannot resolve the few hertz in which the motion lives when the rows reach to
     hundreds: a right model was then rejected at p < 1e-10.
     """
-    as_it_is = TestedRows(
-        prepared.motions, tuple(observed), estimate.instruments, estimate.source, ""
-    )
     source, values = estimate.source, estimate.linear.values
+    as_it_is = _Tested(prepared.motions, observed, estimate.instruments, source, "")
     if not isinstance(source, SimulatedLoop):
         return as_it_is
     wanted = _TIMES_THE_LOOP * source.natural_frequency(values)
@@ -184,14 +163,13 @@ def tested_rows(
         for motion in prepared.motions
     ):
         return as_it_is  # gains so low that the loop takes longer than the recording
-    couplings = prepared.model.regressor.layout.coupling_joints
     motions = tuple(
         coarser(
             motion,
             motion.decimation.factor * times,
             prepared.configuration.processing,
             prepared.minimum_speed,
-            couplings,
+            prepared.model.regressor.layout.coupling_joints,
         )
         for motion in prepared.motions
     )
@@ -205,21 +183,24 @@ def tested_rows(
         "a natural frequency of "
         f"{wanted / _TIMES_THE_LOOP:.3g} Hz, and denser rows say nothing more"
     )
-    rows = observation_rows(prepared.model, motions)
-    return TestedRows(motions, rows, instruments, slower, note)
+    return _Tested(motions, observation_rows(prepared.model, motions), instruments, slower, note)
 
 
 def functions_of_motion(
-    tested: TestedRows, joint_types: Sequence[str]
+    motions: Sequence[Motion], instruments: Instruments, joint_types: Sequence[str]
 ) -> list[dict[str, FloatArray]]:
     """Functions of the simulated motion at the tested rows, one mapping for each joint.
 
-    Family to (r_j, m); see `motion_functions`. Decimated as every column of the regressor is.
+    Family to (r_j, m); see `statistics.specification`. Decimated as the regressor is.
     """
     joints = range(len(joint_types))
-    peaks = _peak_speeds(tested.motions)
+    speeds = [
+        np.abs(np.diff(motion.position[motion.span], axis=0)).max(axis=0) * motion.signals.rate
+        for motion in motions
+    ]
+    peaks = np.maximum(np.max(speeds, axis=0), np.finfo(float).tiny)  # it divides
     parts: list[dict[str, list[FloatArray]]] = [{} for _ in joints]
-    for motion, states in zip(tested.motions, tested.instruments.states, strict=True):
+    for motion, states in zip(motions, instruments.states, strict=True):
         done = 0
         for chunk in motion.decimation.chunks(CHUNK):
             kept = motion.kept[done : done + len(chunk.kept)]
@@ -229,17 +210,8 @@ def functions_of_motion(
                 for family, functions in shared_functions(joint_types, q, dq, ddq).items()
             }
             for joint in joints:
-                own = motion.decimation.apply(speed_functions(joint, dq, peaks[joint]), chunk)
-                for family, functions in {**shared, SPEED: own}.items():
+                of_speed = motion.decimation.apply(speed_functions(joint, dq, peaks[joint]), chunk)
+                for family, functions in {**shared, SPEED: of_speed}.items():
                     parts[joint].setdefault(family, []).append(functions[kept[:, joint]])
             done += len(chunk.kept)
     return [{family: np.concatenate(blocks) for family, blocks in part.items()} for part in parts]
-
-
-def _peak_speeds(motions: Sequence[Motion]) -> FloatArray:
-    """Largest filtered speed of each joint, at least the smallest number that divides."""
-    peaks = [
-        np.abs(np.diff(motion.position[motion.span], axis=0)).max(axis=0) * motion.signals.rate
-        for motion in motions
-    ]
-    return np.asarray(np.maximum(np.max(peaks, axis=0), np.finfo(float).tiny))

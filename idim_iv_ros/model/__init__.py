@@ -1,12 +1,7 @@
 """The inverse dynamic model: regressor, standard and base parameters."""
 
 from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
-from idim_iv_ros.model.inverse_model import (
-    InverseModel,
-    build_inverse_model,
-    configured_robot,
-)
-from idim_iv_ros.model.kinematics_digest import kinematics_digest
+from idim_iv_ros.model.inverse_model import InverseModel, build_inverse_model, configured_robot
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
     ParameterLayout,
@@ -14,7 +9,7 @@ from idim_iv_ros.model.parameters import (
     parameter_layout,
 )
 from idim_iv_ros.model.regressor import StandardRegressor
-from idim_iv_ros.model.robot import JointLimits, RobotModel, load_robot
+from idim_iv_ros.model.robot import JointLimits, RobotModel, kinematics_digest, load_robot
 from idim_iv_ros.model.urdf_reader import read_urdf_file, read_urdf_text
 
 __all__ = [

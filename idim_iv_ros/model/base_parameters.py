@@ -7,11 +7,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.model.elimination import independent_columns
 from idim_iv_ros.model.parameters import ParameterLayout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import JointLimits
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 # A column is eliminated when less than this share of it is independent of the columns before.
 TOLERANCE = 1e-6
@@ -35,15 +34,12 @@ class BaseParameters:
         β_base = grouping · β_standard.
     active : (n_joints, b) bool
         Whether the torque of a joint depends on a base parameter.
-    tolerance : float
-        Relative tolerance of the elimination.
     """
 
     layout: ParameterLayout
     columns: NDArray[np.int64]
     grouping: FloatArray
     active: NDArray[np.bool_]
-    tolerance: float
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -58,7 +54,10 @@ class BaseParameters:
     @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Grouped expressions, e.g. ``XX2 - YY2 - 0.050625 M3``."""
-        return tuple(_expression(row, self.layout.names) for row in self._ordered())
+        return tuple(
+            _expression(int(column), row, self.layout.names)
+            for column, row in zip(self.columns, self.grouping, strict=True)
+        )
 
     @cached_property
     def non_negative(self) -> tuple[bool, ...]:
@@ -92,13 +91,6 @@ class BaseParameters:
             active=self.active[:, kept],
         )
 
-    def _ordered(self) -> list[list[tuple[int, float]]]:
-        rows = []
-        for column, row in zip(self.columns, self.grouping, strict=True):
-            others = [int(k) for k in np.flatnonzero(row) if k != column]
-            rows.append([(int(column), 1.0), *((k, float(row[k])) for k in others)])
-        return rows
-
 
 def find_base_parameters(
     regressor: StandardRegressor, tolerance: float = TOLERANCE
@@ -125,7 +117,7 @@ def find_base_parameters(
     columns = shown[independent]
     grouping = _grouping(rows, norms, columns, basis)
     active = largest[:, columns] > tolerance * norms[columns] / len(rows)
-    return BaseParameters(layout, columns, grouping, active, tolerance)
+    return BaseParameters(layout, columns, grouping, active)
 
 
 def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -183,14 +175,44 @@ def _grouping(
     return np.asarray(np.round(grouping, 9))
 
 
-def _expression(terms: list[tuple[int, float]], names: tuple[str, ...]) -> str:
-    text = ""
-    for column, coefficient in terms:
-        sign = "-" if coefficient < 0 else "+"
-        size = f"{abs(coefficient):.6g}"
-        factor = "" if size == "1" else f"{size} "
-        if text:
-            text += f" {sign} {factor}{names[column]}"
-        else:
-            text = f"{'-' if sign == '-' else ''}{factor}{names[column]}"
+def _expression(column: int, row: FloatArray, names: tuple[str, ...]) -> str:
+    """Name of a column, then what is grouped with it."""
+    text = names[column]
+    for other in np.flatnonzero(row):
+        if other != column:
+            size = f"{abs(row[other]):.6g}"
+            factor = "" if size == "1" else f"{size} "
+            text += f" {'-' if row[other] < 0 else '+'} {factor}{names[other]}"
     return text
+
+
+def independent_columns(columns: FloatArray, tolerance: float) -> tuple[IntArray, FloatArray]:
+    """Eliminate the columns that those before them explain: Gram-Schmidt without pivoting.
+
+    One pass over the columns, however many depend on others.
+
+    Parameters
+    ----------
+    columns
+        (r, c) of norm one, or zero.
+    tolerance
+        Norm that is left of a column when it counts.
+
+    Returns
+    -------
+    kept : (rank,) int, increasing
+    basis : (r, rank)
+        Orthonormal, of the span of the columns that are kept.
+    """
+    rows, count = columns.shape
+    basis = np.empty((rows, min(rows, count)), order="F")
+    kept: list[int] = []
+    for column in range(count):
+        direction, before = columns[:, column], basis[:, : len(kept)]
+        for _ in range(2):  # twice is enough for orthogonality to rounding
+            direction = direction - before @ (before.T @ direction)
+        left = float(np.linalg.norm(direction))
+        if left > tolerance and len(kept) < basis.shape[1]:
+            basis[:, len(kept)] = direction / left
+            kept.append(column)
+    return np.array(kept, dtype=np.int64), basis[:, : len(kept)]

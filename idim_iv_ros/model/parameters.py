@@ -1,5 +1,6 @@
 """Standard dynamic parameters: names, units and order (paper, section II.B)."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,7 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.model.units import unit_at
 from idim_iv_ros.types import FloatArray
 
 JointType = Literal["revolute", "prismatic"]
@@ -21,6 +21,27 @@ POINT = ("M", "MX", "MY", "MZ")  # of a mass without size
 # Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
+
+
+def unit_at(unit: str, joint_type: str, effort_unit: str = "N m") -> str:
+    """Return a unit as it is at a joint, also within words.
+
+    Parameters
+    ----------
+    unit : str
+        As it is at a revolute joint whose effort is a torque in N m: ``rad``, ``mrad/s``,
+        ``N m s/rad``, ``kg m²``.
+    joint_type : str
+        ``revolute`` or ``prismatic``.
+    effort_unit : str
+        ``N m``, or ``A`` or ``V`` where the effort is a motor current or voltage.
+    """
+    slides = joint_type == "prismatic"
+    if effort_unit != "N m":
+        unit = unit.replace("kg m²", f"{effort_unit} s²/rad").replace("N m", effort_unit)
+    elif slides:
+        unit = unit.replace("kg m²", "kg").replace("N m", "N")
+    return re.sub(r"\b(m?)rad\b", r"\1m", unit) if slides else unit
 
 
 @dataclass(frozen=True)
@@ -110,10 +131,19 @@ class DynamicParameters:
             "off": self.offset,
         }
 
-    @property
-    def of_couplings(self) -> dict[str, FloatArray]:
-        """Friction of the couplings by the kind of its parameters, (n_couplings,) each."""
-        return {"Fvm": self.coupling_viscous, "Fcm": self.coupling_coulomb}
+    def value_of(self, parameter: StandardParameter) -> FloatArray | None:
+        """A view () of the value of a standard parameter; None of a coupling that is not here."""
+        if parameter.kind in INERTIAL:
+            column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
+            return self.inertial[parameter.joint, column : column + 1].reshape(())
+        joint: int | None = parameter.joint
+        values = self.of_drives.get(parameter.kind)
+        if values is None:
+            couplings = {"Fvm": self.coupling_viscous, "Fcm": self.coupling_coulomb}
+            values = couplings[parameter.kind]
+            second = self.coupling_joints[:, 1].tolist()
+            joint = second.index(parameter.joint) if parameter.joint in second else None
+        return None if joint is None else values[joint : joint + 1].reshape(())
 
 
 @dataclass(frozen=True)
@@ -135,45 +165,28 @@ class ParameterLayout:
 
     def vector(self, values: DynamicParameters) -> FloatArray:
         """Write values into a vector (n_standard,) of this layout; other terms are left out."""
-        pairs = [tuple(int(joint) for joint in pair) for pair in values.coupling_joints]
-        vector = np.zeros(len(self.parameters))
-        for position, parameter in enumerate(self.parameters):
-            if parameter.kind in INERTIAL:
-                column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
-                vector[position] = values.inertial[parameter.joint, column]
-            elif parameter.kind in values.of_drives:
-                vector[position] = values.of_drives[parameter.kind][parameter.joint]
-            else:
-                pair = next(pair for pair in self.coupling_joints if pair[1] == parameter.joint)
-                if pair in pairs:
-                    vector[position] = values.of_couplings[parameter.kind][pairs.index(pair)]
-        return vector
+        given = [values.value_of(parameter) for parameter in self.parameters]
+        return np.array([0.0 if value is None else float(value) for value in given])
 
     def dynamic_parameters(self, vector: FloatArray) -> DynamicParameters:
         """Shape a vector (n_standard,) for dynamics; terms outside the layout are zero."""
-        pairs = self.coupling_joints
+        pairs = np.array(self.coupling_joints, dtype=np.int64).reshape(-1, 2)
         values = DynamicParameters(
             inertial=np.zeros((self.joints, 10)),
             drive_inertia=np.zeros(self.joints),
             viscous=np.zeros(self.joints),
             coulomb=np.zeros(self.joints),
             offset=np.zeros(self.joints),
-            coupling_joints=np.array(pairs, dtype=np.int64).reshape(-1, 2),
+            coupling_joints=pairs,
             coupling_inertia=np.zeros(len(pairs)),
             coupling_viscous=np.zeros(len(pairs)),
             coupling_coulomb=np.zeros(len(pairs)),
         )
-        for value, parameter in zip(vector, self.parameters, strict=True):
-            if parameter.kind in INERTIAL:
-                column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
-                values.inertial[parameter.joint, column] = value
-            elif parameter.kind in values.of_drives:
-                values.of_drives[parameter.kind][parameter.joint] = value
-            else:
-                pair = next(k for k, joints in enumerate(pairs) if joints[1] == parameter.joint)
-                values.of_couplings[parameter.kind][pair] = value
-        for pair, (_, second) in enumerate(pairs):
-            values.coupling_inertia[pair] = values.drive_inertia[second]
+        for number, parameter in zip(vector, self.parameters, strict=True):
+            place = values.value_of(parameter)
+            assert place is not None
+            place[...] = number
+        values.coupling_inertia[:] = values.drive_inertia[pairs[:, 1]]
         return values
 
 

@@ -1,16 +1,156 @@
-"""Regressor of the inverse dynamic model (paper, equation 3)."""
+"""Regressor of the inverse dynamic model (paper, equation 3), its inertial columns compiled.
 
+Row j of the block of link i is the torque that joint j needs for the wrenches of link i: those of
+each inertial parameter, turned to the axis of joint j as link i sees it.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.model.link_frames import LinkFrames, link_frames
-from idim_iv_ros.model.link_motion import link_motion
+from idim_iv_ros.compilation import entry, kernel, source_digest
+from idim_iv_ros.model import link_motion
+from idim_iv_ros.model.link_motion import (
+    LinkFrames,
+    LinkMotion,
+    empty_motion,
+    link_frames,
+    move_links,
+    place_links,
+)
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER, ParameterLayout
-from idim_iv_ros.model.regressor_kernel import inertial_columns
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
+
+
+@kernel
+def turn(matrix: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Product of a rotation and a vector."""
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
+    )
+
+
+@kernel
+def ascend(rot: FloatArray, p: FloatArray, pose: FloatArray) -> None:
+    """Pose (3, 4) of a link, rotation and origin, from the frame of one joint to its parent's."""
+    for c in range(4):
+        x, y, z = turn(rot, pose[0, c], pose[1, c], pose[2, c])
+        pose[0, c], pose[1, c], pose[2, c] = x, y, z
+    for r in range(3):
+        pose[r, 3] += p[r]
+
+
+@kernel
+def joint_row(
+    axis: tuple[float, float, float],
+    slide: tuple[float, float, float],
+    a: tuple[float, float, float],
+    w: tuple[float, float, float],
+    d: tuple[float, float, float],
+    row: FloatArray,
+) -> None:
+    """Torque of one joint for each of M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ of one link.
+
+    In the link's frame: rotation about `axis` and velocity `slide` of its origin for unit speed of
+    the joint, acceleration `a` of the origin, spin `w` and its rate `d`.
+    """
+    u0, u1, u2 = axis
+    v0, v1, v2 = slide
+    a0, a1, a2 = a
+    w0, w1, w2 = w
+    d0, d1, d2 = d
+    row[0] = v0 * a0 + v1 * a1 + v2 * a2
+    row[1] = v1 * (w0 * w1 + d2) + v2 * (w0 * w2 - d1) - v0 * (w1 * w1 + w2 * w2)
+    row[2] = v0 * (w0 * w1 - d2) + v2 * (w1 * w2 + d0) - v1 * (w0 * w0 + w2 * w2)
+    row[3] = v0 * (w0 * w2 + d1) + v1 * (w1 * w2 - d0) - v2 * (w0 * w0 + w1 * w1)
+    row[1] += u2 * a1 - u1 * a2
+    row[2] += u0 * a2 - u2 * a0
+    row[3] += u1 * a0 - u0 * a1
+    row[4] = u0 * d0 + u1 * w0 * w2 - u2 * w0 * w1
+    row[5] = u0 * (d1 - w0 * w2) + u1 * (d0 + w1 * w2) + u2 * (w0 * w0 - w1 * w1)
+    row[6] = u1 * d1 - u0 * w1 * w2 + u2 * w0 * w1
+    row[7] = u0 * (d2 + w0 * w1) + u1 * (w2 * w2 - w0 * w0) + u2 * (d0 - w1 * w2)
+    row[8] = u0 * (w1 * w1 - w2 * w2) + u1 * (d2 - w0 * w1) + u2 * (d1 + w0 * w2)
+    row[9] = u0 * w1 * w2 - u1 * w0 * w2 + u2 * d2
+
+
+def _entry(digest: str) -> Callable[..., Any]:
+    """Compile the function that Python calls; `digest` is part of its key in numba's cache."""
+
+    @entry
+    def columns(
+        frames: LinkFrames,
+        q: FloatArray,
+        dq: FloatArray,
+        ddq: FloatArray,
+        motion: LinkMotion,
+        pose: FloatArray,
+        row: FloatArray,
+        place: IntArray,
+        rows: IntArray,
+        matrix: FloatArray,
+    ) -> None:
+        """Fill the columns of the inertial parameters in `matrix` (samples, n, n_standard).
+
+        Parameters
+        ----------
+        q, dq, ddq : (samples, n)
+            Joints in tree order.
+        motion, pose (3, 4), row (10,)
+            Written to.
+        place : (n, 10)
+            Column of each parameter of each link; -1: none.
+        rows : (n,)
+            Row of each joint of the tree.
+        matrix
+            Zeros where a joint does not move a link.
+        """
+        _ = digest
+        samples, n = q.shape
+        for sample in range(samples):
+            place_links(frames, q[sample], motion)
+            move_links(frames, dq[sample], ddq[sample], motion)
+            for i in range(1, n + 1):
+                turned = frames.turned[i]
+                a, w, d = motion.acceleration[i], motion.spin[i], motion.spin_rate[i]
+                acceleration = turn(turned, a[0], a[1], a[2])
+                spin = turn(turned, w[0], w[1], w[2])
+                rate = turn(turned, d[0], d[1], d[2])
+                for r in range(3):
+                    for c in range(4):
+                        pose[r, c] = 1.0 if r == c else 0.0
+                j = i
+                while j > 0:
+                    # The axis of joint j is z of its frame: the third row of the rotation.
+                    axis = turn(turned, pose[2, 0], pose[2, 1], pose[2, 2])
+                    if frames.revolute[j]:
+                        x, y = -pose[1, 3], pose[0, 3]
+                        slide = turn(
+                            turned,
+                            pose[0, 0] * x + pose[1, 0] * y,
+                            pose[0, 1] * x + pose[1, 1] * y,
+                            pose[0, 2] * x + pose[1, 2] * y,
+                        )
+                    else:
+                        axis, slide = (0.0, 0.0, 0.0), axis
+                    joint_row(axis, slide, acceleration, spin, rate, row)
+                    for k in range(10):
+                        if place[i - 1, k] >= 0:
+                            matrix[sample, rows[j - 1], place[i - 1, k]] = row[k]
+                    ascend(motion.rotation[j], motion.translation[j], pose)
+                    j = frames.parent[j]
+
+    compiled: Callable[..., Any] = columns
+    return compiled
+
+
+inertial_columns = _entry(source_digest(link_motion))
 
 
 @dataclass(frozen=True)
@@ -46,7 +186,7 @@ class StandardRegressor:
         inertial_columns(
             self._frames,
             *motion,
-            link_motion(joints),
+            empty_motion(joints),
             np.empty((3, 4)),
             np.empty(10),
             self._inertial_places,

@@ -1,5 +1,6 @@
 """The robot that is identified: a URDF whose other joints are locked."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,8 @@ from idim_iv_ros.model.parameters import DynamicParameters, JointType
 from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, judge_urdf, quoted, refuse
 from idim_iv_ros.model.urdf_reader import read_urdf_text
 from idim_iv_ros.types import FloatArray
+
+_DIGITS = 9  # of lengths in m and of directions; what is rounded beyond is the same robot
 
 
 @dataclass(frozen=True)
@@ -126,8 +129,10 @@ def load_robot(
 def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
     if joint not in urdf.joints:
         movable = [quoted(name) for name, joint in urdf.joints.items() if joint.type in MOVABLE]
-        known = f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
-        raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {known}")
+        movable_words = (
+            f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
+        )
+        raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {movable_words}")
     tied, beyond = urdf.joints[joint].tied, urdf.joints[joint].beyond
     if tied:
         raise UsageError(
@@ -155,15 +160,15 @@ def _locked_doubts(urdf: Urdf, joints: Sequence[str]) -> list[str]:
 
     Joints of a URDF that follow others are parts of grippers, and say nothing.
     """
-    said = []
+    sentences = []
     for name, joint in urdf.joints.items():
         if name in joints or not (joint.rest or (joint.tied and urdf.from_mjcf)):
             continue
         unit = "m" if joint.type == "prismatic" else "rad"
         place = "at its reference" if joint.type == "floating" else f"at {joint.rest:.4g} {unit}"
         why = f" ({joint.tied})" if joint.tied else ""
-        said.append(f"joint {quoted(name)}{why} is locked {place}")
-    return said
+        sentences.append(f"joint {quoted(name)}{why} is locked {place}")
+    return sentences
 
 
 def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[str]]:
@@ -231,8 +236,8 @@ def _given(
     inertial = np.zeros((n, 10))
     for tree, joint in enumerate(order):
         inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
-    own = [joint.armature for joint in elements]
-    drive_inertia = np.asarray(own if armature is None else armature, dtype=float)
+    of_file = [joint.armature for joint in elements]
+    drive_inertia = np.asarray(of_file if armature is None else armature, dtype=float)
     return DynamicParameters(
         inertial=inertial,
         drive_inertia=drive_inertia,
@@ -244,3 +249,15 @@ def _given(
         coupling_viscous=np.zeros(len(couplings)),
         coupling_coulomb=np.zeros(len(couplings)),
     )
+
+
+def kinematics_digest(robot: RobotModel) -> str:
+    """SHA-256 of joints, their types, their order in the tree, placements and axes."""
+    model = robot.pinocchio
+    parts = [*robot.joints, *robot.joint_types, *map(str, robot.order), *map(str, model.parents)]
+    for place, joint in zip(model.jointPlacements[1:], model.joints[1:], strict=True):
+        axis = np.ravel(joint.createData().S)
+        numbers = np.concatenate([place.homogeneous[:3].ravel(), axis])
+        # Adding zero: no negative zeros.
+        parts += [f"{number:.{_DIGITS}f}" for number in np.round(numbers, _DIGITS) + 0.0]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

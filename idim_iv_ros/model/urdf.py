@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.types import FloatArray
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -123,8 +123,8 @@ class Urdf:
     def outward(self) -> Iterator[tuple[str, UrdfJoint | None]]:
         """Each link with the joint that carries it, parents first, branches by joint name."""
         carried: dict[str, list[UrdfJoint]] = {}
-        for each in sorted(self.joints.values(), key=lambda each: each.name, reverse=True):
-            carried.setdefault(each.parent, []).append(each)
+        for name in sorted(self.joints, reverse=True):
+            carried.setdefault(self.joints[name].parent, []).append(self.joints[name])
         waiting: list[tuple[str, UrdfJoint | None]] = [(self.root, None)]
         while waiting:
             link, joint = waiting.pop()
@@ -173,8 +173,9 @@ def base_link(
     if len(bases) > 1:
         names = _some(bases)
         return "", [f"{len(bases)} links are no joint's child ({names}): a URDF has one base link"]
-    carried = set() if not bases else _carried(bases[0], joints)
-    lost = [link for link in links if link not in carried]
+    tree = Urdf("", bases[0], links, joints).outward() if bases else ()
+    reached = {link for link, _ in tree}
+    lost = [link for link in links if link not in reached]
     if lost:
         return "", [f"the joints form a loop through {_some(lost)}: a URDF is a tree"]
     return bases[0], []
@@ -183,18 +184,6 @@ def base_link(
 def _some(names: list[str]) -> str:
     more = ", …" if len(names) > _MOST_PROBLEMS else ""
     return ", ".join(quoted(name) for name in names[:_MOST_PROBLEMS]) + more
-
-
-def _carried(base: str, joints: dict[str, UrdfJoint]) -> set[str]:
-    below: dict[str, list[str]] = {}
-    for joint in joints.values():
-        below.setdefault(joint.parent, []).append(joint.child)
-    carried, waiting = {base}, [base]
-    while waiting:
-        children = below.get(waiting.pop(), [])
-        carried.update(children)
-        waiting += children
-    return carried
 
 
 def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -212,12 +201,12 @@ def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[s
         if inertial is not None:
             wrong, strange = _judge_inertial(inertial, max(length, _NEAR))
             impossible += [f"link {quoted(name)}: {text}" for text in wrong]
-            doubts += [f"link {quoted(name)}: {each}" for each in strange]
+            doubts += [f"link {quoted(name)}: {text}" for text in strange]
     for name in identified:
         joint = urdf.joints.get(name)
         if joint is not None and joint.type in MOVABLE:
-            impossible += [f"joint {quoted(name)}: {each}" for each in _wrong_joint(joint)]
-            doubts += [f"joint {quoted(name)}: {limit}" for limit in _strange_limits(joint)]
+            impossible += [f"joint {quoted(name)}: {text}" for text in _wrong_joint(joint)]
+            doubts += [f"joint {quoted(name)}: {text}" for text in _strange_limits(joint)]
     return impossible, doubts
 
 

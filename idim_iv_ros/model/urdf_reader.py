@@ -42,20 +42,21 @@ def read_urdf_file(path: Path) -> str:
     UsageError
         The file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
     """
-    text = read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded)
+    text = _description(path)
     return mjcf_as_urdf(path) if is_mjcf(text) else text
 
 
 def description_key(path: Path) -> str:
     """Key of the configuration under which a file that can be read is named: urdf or mjcf."""
-    return (
-        "mjcf"
-        if is_mjcf(read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=_decoded))
-        else "urdf"
-    )
+    return "mjcf" if is_mjcf(_description(path)) else "urdf"
 
 
-def _decoded(content: bytes) -> str:
+def _description(path: Path) -> str:
+    return read_text(path, "the URDF", megabytes=_LARGEST_FILE, decode=decoded_urdf)
+
+
+def decoded_urdf(content: bytes) -> str:
+    """Text of the bytes of a URDF: UTF-8, or the encoding that its first line declares."""
     declared = re.match(rb"<\?xml[^>]*encoding=[\"']([\w.-]+)[\"']", content)
     return content.decode(declared.group(1).decode() if declared else "utf-8-sig")
 
@@ -126,18 +127,18 @@ class _Reader:
             joints[name] = self._joint(element, name)
         return joints
 
-    def _name(self, element: ElementTree.Element, known: Mapping[str, object]) -> str:
+    def _name(self, element: ElementTree.Element, taken: Mapping[str, object]) -> str:
         name = element.get("name", "")
         if not name:
             self.problems.append(f"a <{element.tag}> has no name")
-        elif name in known:
+        elif name in taken:
             self.problems.append(f"two {element.tag}s are named {quoted(name)}")
         return name
 
     def _inertial(self, element: ElementTree.Element, where: str) -> Inertial | None:
         mass, inertia = (self._only(element, tag, where) for tag in ("mass", "inertia"))
-        for tag, found in (("mass", mass), ("inertia", inertia)):
-            if found is None:
+        for tag, child in (("mass", mass), ("inertia", inertia)):
+            if child is None:
                 self.problems.append(f"{where}: <inertial> has no <{tag}>")
         if mass is None or inertia is None:
             return None
@@ -186,10 +187,10 @@ class _Reader:
         self, element: ElementTree.Element, tag: str, where: str
     ) -> ElementTree.Element | None:
         """The one child of a tag; others would be passed over, and nobody knows which is meant."""
-        found = element.findall(tag)
-        if len(found) > 1:
-            self.problems.append(f"{where} has {len(found)} <{tag}>: leave one")
-        return found[0] if found else None
+        children = element.findall(tag)
+        if len(children) > 1:
+            self.problems.append(f"{where} has {len(children)} <{tag}>: leave one")
+        return children[0] if children else None
 
     def _beyond(self, element: ElementTree.Element, where: str) -> dict[str, Any]:
         """What ties a joint, and what an MJCF says of it and a URDF does not."""
@@ -281,8 +282,3 @@ def _last_digit(texts: list[str]) -> float:
         if number and isinstance(exponent, int):
             finest.append(exponent)
     return float(Decimal(1).scaleb(min(finest))) if finest else 0.0
-
-
-def decoded_urdf(content: bytes) -> str:
-    """Text of the bytes of a URDF: UTF-8, or the encoding that its first line declares."""
-    return _decoded(content)

@@ -10,7 +10,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, kinematics_digest
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import JointTransform, joint_transform
 from idim_iv_ros.types import FloatArray
 

@@ -11,6 +11,7 @@ come of it:
 """
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -73,11 +74,12 @@ class LivePrediction:
         joints = len(identified.joints)
         self._positions = SampleStream(identified.turning, _LONGEST_PAUSE)
         self._efforts = SampleStream((False,) * joints, _LONGEST_PAUSE)
+        self._streams = {"position": self._positions, "effort": self._efforts}
         self._one_topic = one_topic
         self._window: PredictionWindow | None = None
         self._why = ""
-        self._rates = {"position": 0.0, "effort": 0.0}
-        self._arrived = {"position": 0, "effort": 0}
+        self._rates: dict[str, float] = {}
+        self._arrived = dict.fromkeys(self._streams, 0)
         self.rows = ResidualRows(joints, 1.0)
 
     @property
@@ -105,10 +107,7 @@ class LivePrediction:
         now
             When they arrived, ns.
         """
-        for name, stream, new in (
-            ("position", self._positions, positions),
-            ("effort", self._efforts, efforts),
-        ):
+        for (name, stream), new in zip(self._streams.items(), (positions, efforts), strict=True):
             before = stream.reached
             stream.add(new)
             if stream.reached != before:
@@ -121,7 +120,7 @@ class LivePrediction:
 
     def _begin_again(self, why: str) -> None:
         self._window, self._why = None, f"{why}: filtering begins anew"
-        for stream in (self._positions, self._efforts):
+        for stream in self._streams.values():
             if not stream.restarted:
                 stream.clear()
 
@@ -136,45 +135,33 @@ class LivePrediction:
         reason = self._not_usable(now)
         if not reason and self._window is None:
             reason = self._measure_rate()
-        if reason or self._window is None:
-            return self._nothing(reason)
         window = self._window
-        end = min(self._positions.reached, self._efforts.reached)
-        window.advance(self._positions.samples, self._efforts.samples, end)
-        if window.look_for_rows(self.rows):
-            self.rows.forget(window.row_rate)
-        for stream in (self._positions, self._efforts):
+        if reason or window is None:
+            return self._nothing(reason)
+        until = min(stream.reached for stream in self._streams.values())
+        curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
+        for stream in self._streams.values():
             stream.forget(window.needed)
-        if window.missing > 0.0:
+        if curve is None:
             why = f"{self._why}; " if self._why else ""
             return self._nothing(f"{why}the filters fill: {window.missing:.1f} s to go")
         self._why = ""
-        stamp, measured, predicted = window.curve()
+        stamp, measured, predicted = curve
         floor = self.identified.noise_floor
-        share = self.rows.share(window.row_rate * SHARE_SECONDS, _LEAST_ROWS)
-        return Prediction(
-            stamp,
-            "",
-            measured,
-            predicted,
-            measured - predicted,
-            share / np.where(floor > 0.0, floor, np.nan),
-        )
+        share = self.rows.share(SHARE_SECONDS, _LEAST_ROWS) / np.where(floor > 0.0, floor, np.nan)
+        return Prediction(stamp, "", measured, predicted, measured - predicted, share)
 
     def _not_usable(self, now: int) -> str:
         """Say why the samples cannot be used; empty where they can."""
-        for name, stream in (("position", self._positions), ("effort", self._efforts)):
+        for name, stream in self._streams.items():
             if len(stream.samples) == 0:
                 return f"no {name} has arrived"
             silent = (now - self._arrived[name]) * 1e-9
             if silent > max(_SILENT, _SILENT_INTERVALS * (stream.interval or 0.0)):
                 return f"no {name} for {silent:.1f} s"
-            missing = [
-                joint
-                for joint, lost in zip(self.identified.joints, stream.missing(), strict=True)
-                if lost
-            ]
-            if missing and (name == "position" or len(missing) == len(self.identified.joints)):
+            joints = self.identified.joints
+            missing = list(compress(joints, stream.missing()))
+            if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
             if self._window is not None and stream.has_other_rate(self._rates[name]):
                 new = 1.0 / (stream.interval or 1.0)
@@ -186,8 +173,7 @@ class LivePrediction:
         return ""
 
     def _measure_rate(self) -> str:
-        rates = {"position": self._positions.rate(), "effort": self._efforts.rate()}
-        position, effort = rates["position"], rates["effort"]
+        position, effort = self._positions.rate(), self._efforts.rate()
         if position is None or effort is None:
             return self._why or "measuring the rate of the samples"
         cutoff = self.identified.result.processing.position_cutoff

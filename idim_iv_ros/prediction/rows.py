@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
-from idim_iv_ros.statistics.level import largest_share
+from idim_iv_ros.statistics.residuals import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 LEVEL_SECONDS = 10.0  # of rows that count, by which the residual is compared with its floor
@@ -39,29 +39,24 @@ class ResidualRows:
     def add(
         self, places: IntArray, residual: FloatArray, counts: BoolArray, variance: FloatArray
     ) -> None:
-        """Append rows."""
-        self.places = np.concatenate([self.places, places])
-        self.residual = np.concatenate([self.residual, residual])
-        self.counts = np.concatenate([self.counts, counts])
-        self.variance = np.concatenate([self.variance, variance])
+        """Append rows, and give up those that nothing asks for any more."""
+        kept = slice(-round(_KEPT * self.rate), None)
+        self.places = np.concatenate([self.places, places])[kept]
+        self.residual = np.concatenate([self.residual, residual])[kept]
+        self.counts = np.concatenate([self.counts, counts])[kept]
+        self.variance = np.concatenate([self.variance, variance])[kept]
 
-    def forget(self, row_rate: float) -> None:
-        """Give up rows that nothing asks for any more."""
-        kept = slice(-round(_KEPT * row_rate), None)
-        self.places, self.residual = self.places[kept], self.residual[kept]
-        self.counts, self.variance = self.counts[kept], self.variance[kept]
+    def share(self, seconds: float, least: int) -> FloatArray:
+        """RMS (n_joints,) N m (N) over the rows of the last seconds that count.
 
-    def share(self, newest: float, least: int) -> FloatArray:
-        """RMS (n_joints,) over the newest rows that count; NaN where these are fewer than `least`.
-
-        Parameters
-        ----------
-        newest
-            How many rows are looked at, whether they count or not.
-        least
+        NaN where these are fewer than `least`.
         """
-        last = slice(-max(1, round(newest)), None)
-        return _rms(self.residual[last], self.counts[last], least)
+        newest = slice(-max(1, round(seconds * self.rate)), None)
+        counts = self.counts[newest]
+        square = np.where(counts, self.residual[newest], 0.0) ** 2
+        number = counts.sum(axis=0)
+        mean = square.sum(axis=0) / np.maximum(number, 1)
+        return np.where(number >= max(least, 1), np.sqrt(mean), np.nan)
 
     def level(self, joint: int) -> tuple[float, int, float]:
         """Size of a joint's residual over the newest ten seconds of rows that count.
@@ -76,16 +71,8 @@ class ResidualRows:
         newest = np.flatnonzero(self.counts[:, joint])[-round(LEVEL_SECONDS * self.rate) :]
         if len(newest) == 0:
             return float("nan"), 0, 0.0
-        own = self.residual[newest, joint]
-        variance = float(self.variance[newest, joint].mean())
-        return float(np.sqrt(np.mean(own**2))), len(newest), variance
-
-
-def _rms(residual: FloatArray, counts: BoolArray, least: int) -> FloatArray:
-    number = counts.sum(axis=0)
-    square = np.where(counts, residual, 0.0) ** 2
-    mean = square.sum(axis=0) / np.maximum(number, 1)
-    return np.where(number >= max(least, 1), np.sqrt(mean), np.nan)
+        mean_square = np.mean(self.residual[newest, joint] ** 2)
+        return float(np.sqrt(mean_square)), len(newest), float(self.variance[newest, joint].mean())
 
 
 @dataclass(frozen=True)
@@ -126,7 +113,7 @@ class JointLevel:
 
     @property
     def sentence(self) -> str:
-        """The same in words."""
+        """What the residual of the joint says of the model."""
         if self.rows == 0:
             return "no motion to judge by: at rest, or nothing measured"
         much = (
@@ -196,7 +183,7 @@ def joint_levels(
 def _other_rate(identified: IdentifiedModel, rate: float) -> str:
     """Say so where the samples come at another rate than those of the identification."""
     rates = {bag.rate for bag in identified.result.bags}
-    if not rates or any(1.0 / _SAME_RATE < rate / each < _SAME_RATE for each in rates):
+    if not rates or any(1.0 / _SAME_RATE < rate / other < _SAME_RATE for other in rates):
         return ""
     listed = ", ".join(f"{rate:.4g}" for rate in sorted(rates))
     return (

@@ -1,11 +1,14 @@
-"""The window of samples that slides: positions filtered, efforts predicted, residual decimated."""
+"""The chain of the identification on the newest samples: grid, filters, prediction, decimation."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.prediction.grid import LiveGrid
+from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
 from idim_iv_ros.prediction.rows import ResidualRows
 from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.recording.grid import Grid, on_grid
 from idim_iv_ros.signals import (
     REVERSAL_MARGIN,
     ParallelDecimation,
@@ -16,7 +19,7 @@ from idim_iv_ros.signals import (
     zero_phase_butterworth,
 )
 from idim_iv_ros.signals.motion import all_around
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 CURVE_TOLERANCE = 0.01  # share of an impulse response that curves, and decimation, do not wait for
 ROW_TOLERANCE = 1e-4  # the same of the positions behind the rows
@@ -25,10 +28,36 @@ _CURVE_LAG = 0.15  # s, which both filters of the curves share
 _LEAST_SMOOTHING = 0.03  # s of it that is left to the efforts where the positions need more
 _HIGHEST = 0.8  # of the Nyquist frequency: smoothing that smooths nothing
 _EVERY = 0.2  # s between two looks for new rows
+_CONTEXT = (
+    0.24  # s of samples before the window, by which splines and bridged gaps are what they are
+)
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Consecutive samples of the grid, predicted.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first one.
+    torque, predicted : (n, n_joints) N m (N)
+    valid, fast : (n, n_joints) bool
+        Measured; faster than the reversal speed.
+    matrix : (n, n_joints, b)
+        Base regressor.
+    """
+
+    first: int
+    torque: FloatArray
+    predicted: FloatArray
+    valid: BoolArray
+    fast: BoolArray
+    matrix: FloatArray
 
 
 class PredictionWindow:
-    """What is filtered, predicted and smoothed of the newest samples, and how far.
+    """What is filtered, predicted and smoothed of the newest samples, at start + k / rate.
 
     Parameters
     ----------
@@ -46,40 +75,26 @@ class PredictionWindow:
         Decimated samples per second, Hz.
     """
 
-    def __init__(
-        self,
-        identified: IdentifiedModel,
-        rate: float,
-        start: int,
-    ) -> None:
-        self.rate = rate
-        self._identified = identified
-        processing = identified.result.processing
-        self._cutoff, self._order = processing.position_cutoff, processing.position_order
-        wait = butterworth_samples(rate, self._cutoff, self._order, CURVE_TOLERANCE)
-        settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
-        self._wait, self._settled = wait, settled
-        self._smoothing, self._smooth_wait = self._curve_filter(processing.decimation_cutoff)
-        self._decimation = self._row_filter()
-        self._row_wait = self._decimation.settling(CURVE_TOLERANCE)
-        margin = identified.result.configuration.get("processing")
-        given = margin.get("reversal_margin") if isinstance(margin, dict) else None
-        factor = self._decimation.factor
-        self._around = round((REVERSAL_MARGIN if given is None else float(str(given))) * factor)
-        self.row_rate = rate / factor
+    def __init__(self, identified: IdentifiedModel, rate: float, start: int) -> None:
+        self.rate, self._start, self._identified = rate, start, identified
+        result = identified.result
+        self._cutoff = result.processing.position_cutoff
+        self._order = result.processing.position_order
+        self._wait = butterworth_samples(rate, self._cutoff, self._order, CURVE_TOLERANCE)
+        self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
+        self._smoothing, self._smooth_wait = self._curve_filter(result.processing.decimation_cutoff)
         self.lag = (self._wait + self._smooth_wait) / rate
-        joints = len(identified.joints)
-        self._grid = LiveGrid(rate, start, joints)
-        self._predicted = np.zeros((0, joints))
-        self._fast: BoolArray = np.zeros((0, joints), dtype=bool)
-        self._variance: dict[int, FloatArray] = {}  # of the predictions at the next rows
-        self._end = 0  # number behind the last prediction
-        self._done = 0  # samples whose prediction will not change
-        self._first_row = -(-(settled + self._row_wait) // factor) * factor
-        self._next_row = self._first_row
-        # Long enough for both filters of the next row, and for the start of that of the positions.
-        self._kept = 2 * self._row_wait + 3 * settled + round(2 * _EVERY * rate) + factor
-        self._kept = max(self._kept, self._wait + 4 * self._smooth_wait)
+        given = ProcessingSection.model_validate(result.configuration.get("processing") or {})
+        # The decimation of the identification at this rate: the same edge in Hz.
+        self._factor = max(1, round(rate / result.processing.row_rate))
+        self.row_rate = rate / self._factor
+        edge = given.decimation_edge * result.processing.row_rate / self.row_rate
+        self._edge = min(edge, 1.0)
+        self._row_wait = ParallelDecimation(self._factor, 1, self._edge).settling(CURVE_TOLERANCE)
+        margin = REVERSAL_MARGIN if given.reversal_margin is None else given.reversal_margin
+        self._around = round(margin * self._factor)
+        self._end = 0  # number behind the newest sample
+        self._next_row = 0
 
     def _curve_filter(self, wanted: float) -> tuple[float, int]:
         """Cut-off, Hz, and samples to wait for of what smooths the curves.
@@ -97,126 +112,119 @@ class PredictionWindow:
             cutoff *= max(1.02, 0.98 * samples / allowed)
         return 0.0, 0
 
-    def _row_filter(self) -> ParallelDecimation:
-        """Return the decimation of the identification at this rate: the same edge in Hz."""
-        result = self._identified.result
-        row_rate = result.processing.row_rate
-        factor = max(1, round(self.rate / row_rate))
-        section = result.configuration.get("processing")
-        edge = (
-            float(str(section.get("decimation_edge", 0.95))) if isinstance(section, dict) else 0.95
-        )
-        scaled = min(edge * row_rate * factor / self.rate, 1.0)
-        return ParallelDecimation(factor, 1, scaled)
+    def _stamp(self, number: int) -> int:
+        return self._start + round(number * 1e9 / self.rate)
 
     @property
     def needed(self) -> int:
         """Stamp of the oldest sample that is still needed, ns."""
-        return self._grid.needed
+        oldest = min(self._curve_start, self._next_row - self._row_wait - self._factor)
+        return self._stamp(max(0, oldest - 3 * self._settled)) - round(1e9 * _CONTEXT)
 
     @property
     def missing(self) -> float:
         """Time until the first sample of the curves, s."""
-        first = self._settled + self._smooth_wait
-        return max(0.0, (first - self._curve_place) / self.rate)
+        return max(0.0, (self._settled + self._smooth_wait - self._curve_place) / self.rate)
 
     @property
     def _curve_place(self) -> int:
-        return self._grid.end - 1 - self._wait - self._smooth_wait
+        return self._end - 1 - self._wait - self._smooth_wait
 
-    def advance(self, positions: JointSamples, efforts: JointSamples, end: int) -> None:
-        """Take what has arrived up to a stamp, ns, and predict everything that is not settled."""
-        grid, joint_side = self._grid, self._identified.transform
-        grid.advance(positions, efforts, end, joint_side)
-        if grid.end <= self._settled:
-            return
-        begin = max(self._done - 3 * self._settled, grid.first)
-        record = grid.position[begin - grid.first :]
+    @property
+    def _curve_start(self) -> int:
+        return self._curve_place - max(3 * self._smooth_wait, self._factor, self._around)
+
+    def advance(
+        self, positions: JointSamples, efforts: JointSamples, until: int, rows: ResidualRows
+    ) -> tuple[int, FloatArray, FloatArray] | None:
+        """Take what has arrived up to a stamp, ns, and add the rows that both filters reach.
+
+        Returns
+        -------
+        stamp : int
+            Of the newest sample of the curves, ns.
+        measured, predicted : (n_joints,) N m (N)
+            Its smoothed efforts; None in place of all three while the filters fill.
+        """
+        self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
+        if self.missing > 0.0:
+            return None
+        oldest = max(int(samples.time[0]) for samples in (positions, efforts)) - self._start
+        available = max(0, int(np.ceil(oldest * 1e-9 * self.rate)))
+        places = self._new_rows(available)
+        first = max(self._curve_start, available)
+        if len(places):
+            # Begins at a decimated sample, as the identification does.
+            first = min(first, int(places[0]) - self._row_wait)
+            first = max(first // self._factor, -(-available // self._factor)) * self._factor
+        stretch = self._predicted(positions, efforts, first, available)
+        if len(places):
+            self._add_rows(stretch, places, rows)
+        return self._curve(stretch)
+
+    def _new_rows(self, available: int) -> IntArray:
+        """Numbers of the decimated samples that both filters reach by now, some at a time.
+
+        Where much arrives at once, rows are left out whose past is not there any more.
+        """
+        factor, wait = self._factor, self._settled + self._row_wait
+        begin = max(self._next_row, -(-(available + wait) // factor) * factor)
+        last = (self._end - 1 - wait) // factor * factor
+        due = last - begin >= _EVERY * self.rate
+        return np.arange(begin, last + 1, factor) if due else np.arange(0)
+
+    def _predicted(
+        self, positions: JointSamples, efforts: JointSamples, first: int, available: int
+    ) -> _Stretch:
+        """Samples from number `first` on, by the chain of the identification."""
+        identified, rate = self._identified, self.rate
+        begin = max(first - 3 * self._settled, available)
+        grid = Grid(self._stamp(begin), rate, self._end - begin)
+        position = on_grid(grid, positions.time, positions.values, "", smooth=True)
+        effort = on_grid(grid, efforts.time, efforts.values, "")
         filtered = zero_phase_butterworth(
-            record, rate=self.rate, cutoff=self._cutoff, order=self._order
+            identified.transform.position(position.values),
+            rate=rate,
+            cutoff=self._cutoff,
+            order=self._order,
         )
-        fresh = max(self._done, grid.first)
-        place = fresh - begin
+        kept = slice(first - begin, None)
         velocity, acceleration = central_differences(
-            filtered,
-            rate=self.rate,
-            start=place,
-            order=difference_order(self._cutoff, self.rate),
+            filtered, rate=rate, start=first - begin, order=difference_order(self._cutoff, rate)
         )
-        identified = self._identified
-        matrix = identified.model.matrix(filtered[place:], velocity, acceleration)
-        predicted = matrix @ identified.values
-        fast = fast_samples(filtered, self.rate, identified.minimum_speed, identified.couplings)[
-            place:
-        ]
-        kept = len(self._predicted) - (self._end - fresh)
-        self._predicted = np.concatenate([self._predicted[:kept], predicted])
-        self._fast = np.concatenate([self._fast[:kept], fast])
-        self._end = grid.end
-        done = max(self._done, grid.end - self._settled)
-        factor = self._decimation.factor
-        settled = np.arange(-(-fresh // factor) * factor, done, factor)
-        variance = identified.variance(matrix[settled - fresh])
-        self._variance.update(zip(settled.tolist(), variance, strict=True))
-        self._done = done
-        self._trim()
+        matrix = identified.model.matrix(filtered[kept], velocity, acceleration)
+        fast = fast_samples(filtered, rate, identified.minimum_speed, identified.couplings)
+        invented = identified.transform.touched(position.invented[kept], effort.invented[kept])
+        torque = identified.transform.torque(effort.values[kept])
+        return _Stretch(first, torque, matrix @ identified.values, ~invented, fast[kept], matrix)
 
-    def _trim(self) -> None:
-        surplus = len(self._predicted) - self._kept
-        if surplus > 0:
-            self._predicted, self._fast = self._predicted[surplus:], self._fast[surplus:]
-        self._grid.forget(self._end - len(self._predicted))
-
-    def curve(self) -> tuple[int, FloatArray, FloatArray]:
-        """Stamp (ns) of the newest sample of the curves, its effort measured and predicted."""
-        place, first = self._curve_place, self._grid.first
-        begin = max(first, place - 3 * self._smooth_wait)
-        stop = place + self._smooth_wait + 1
-        inside = slice(begin - first, stop - first)
-        both = np.hstack([self._grid.torque[inside], self._predicted[inside]])
+    def _curve(self, stretch: _Stretch) -> tuple[int, FloatArray, FloatArray]:
+        place = self._curve_place - stretch.first
+        begin = max(0, place - 3 * self._smooth_wait)
+        inside = slice(begin, place + self._smooth_wait + 1)
+        both = np.hstack([stretch.torque[inside], stretch.predicted[inside]])
         if self._smooth_wait:
             both = zero_phase_butterworth(
                 both, rate=self.rate, cutoff=self._smoothing, order=self._order
             )
         measured, predicted = np.split(both[place - begin], 2)
-        factor = self._decimation.factor
-        around = slice(
-            max(place - max(factor, self._around), first) - first,
-            place + max(factor, self._around) + 1 - first,
-        )
-        there = self._grid.valid[around].all(axis=0)
-        moves = self._fast[around].all(axis=0)
-        measured = np.where(there, measured, np.nan)
+        reach = max(self._factor, self._around)
+        around = slice(max(place - reach, 0), place + reach + 1)
+        there = stretch.valid[around].all(axis=0)
+        moves = stretch.fast[around].all(axis=0)
         return (
-            self._grid.stamp(place),
-            measured,
+            self._stamp(self._curve_place),
+            np.where(there, measured, np.nan),
             np.where(there & moves, predicted, np.nan),
         )
 
-    def look_for_rows(self, rows: ResidualRows) -> bool:
-        """Add the rows that both filters reach by now, a few at a time."""
-        factor, wait = self._decimation.factor, self._row_wait
-        last = ((self._done - 1 - wait) // factor) * factor
-        first, grid = self._grid.first, self._grid
-        # Where much arrives at once, rows are left out whose past is not there any more.
-        reached = -(-(first + min(wait, self._first_row)) // factor) * factor
-        begin_row = max(self._next_row, reached if first else 0)
-        if last - begin_row < _EVERY * self.rate:
-            return False
-        places = np.arange(begin_row, last + 1, factor)
-        begin = max(begin_row - wait, first)
-        stop = min(last + wait + 1, grid.end)
-        inside = slice(begin - first, stop - first)
-        residual = grid.torque[inside] - self._predicted[inside]
-        decimation = ParallelDecimation(factor, len(residual), self._decimation.edge)
-        filtered = decimation.at(residual, places - begin)
-        every = ParallelDecimation(1, len(residual), 1.0)
-        counts = all_around(self._fast[inside], every, self._around)
-        counts &= all_around(grid.valid[inside], every, factor)
-        variance = np.array([self._variance[place] for place in places.tolist()])
-        rows.add(places, filtered, counts[places - begin], variance)
-        self._next_row = last + factor
-        self._variance = {
-            place: each for place, each in self._variance.items() if place >= self._next_row
-        }
-        return True
+    def _add_rows(self, stretch: _Stretch, places: IntArray, rows: ResidualRows) -> None:
+        inside = slice(0, int(places[-1]) + self._row_wait + 1 - stretch.first)
+        residual = stretch.torque[inside] - stretch.predicted[inside]
+        decimation = ParallelDecimation(self._factor, len(residual), self._edge)
+        counts = all_around(stretch.fast[inside], decimation, self._around)
+        counts &= all_around(stretch.valid[inside], decimation, self._factor)
+        row = (places - stretch.first) // self._factor
+        variance = self._identified.variance(stretch.matrix[places - stretch.first])
+        rows.add(places, decimation.whole(residual)[row], counts[row], variance)
+        self._next_row = int(places[-1]) + self._factor

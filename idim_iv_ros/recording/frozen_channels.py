@@ -2,12 +2,12 @@
 
 An exact repeat is no fault by itself. A quantised channel repeats while it changes by less than a
 step, a slow one between two updates, a saturated one at its limit, any of them while the joint
-rests. What is called frozen is longer than all of these and happens while the joint moves; where
-repeats are usual, or the channel is too smooth for that, it must end in a jump as well.
+rests. What is called frozen is longer than all of these, and than what is around it, and happens
+while the joint moves; where the channel is smooth it must end in a jump instead.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,18 +17,10 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _LONGER = 5.0  # times the usual repeats of the channel
 _LEAST_REPEATS = 5  # equal values after the first one
-_LEAST_VALUES, _MOST_VALUES = 50, 20_000  # by which fine and coarse channels differ
-# Of the values that a channel takes one after the other, how many are new in a fine channel.
-_DISTINCT = 0.9
+_LEAST_VALUES = 50  # of a moving joint, from which repeats are usual or not
+_MOST = 0.99  # quantile of the lengths of runs that are usual
 # Second over first differences (medians): √3 in white noise, near 0 in a smooth signal.
 _NOISY = 0.5
-# Quantiles of the lengths of runs that are usual; a fine channel has few runs, frozen ones among
-# them.
-_MOST_FINE, _MOST_COARSE = 0.9, 0.99
-# Of the runs between so many times the usual and what is frozen, for each one that is frozen.
-_GAP, _BETWEEN = 3.0, 0.2
-# Share of samples that repeat the one before; more do where the noise is below a step.
-_OFTEN = 0.6
 # A frozen run of a coarse channel: no other within so many times its length is longer than
 # 1 / _LONGER of it.
 _AROUND = 3
@@ -37,8 +29,6 @@ _JUMP = 3.0
 _STEPS_AFTER = 10
 # Share of the joint's peak speed from which it moves.
 _MOVES = 0.02
-# Of that speed, from which a fine and noisy effort has no reason to repeat.
-_CREEPS = 0.25
 
 
 def without_frozen(
@@ -107,7 +97,7 @@ def _without(stamped: StampedMessages, field: str, lost: BoolArray) -> StampedMe
 
 
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:
-    """Mark the repeats of an effort that is frozen.
+    """Mark the repeats of an effort that is frozen while its joint moves.
 
     Parameters
     ----------
@@ -118,33 +108,47 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
     speed
         From which the joint moves, per sample; see `moving_speed`.
     """
-    first, last = _runs(effort)
-    moved = _moved(position, first, last, speed)
-    usual = _usual(effort[first], last - first + 1, moved)
-    if usual is None:
-        return np.zeros(len(effort), dtype=bool)
     finite = effort[np.isfinite(effort)]
-    value = effort[first]
-    inside = (value > finite.min()) & (value < finite.max()) & (value != 0.0)
-    if usual.fine and usual.random:
-        moved = _moved(position, first, last, _CREEPS * speed)
-    chosen = (last - first > usual.most) & moved & inside
-    if not usual.random:
-        chosen &= _jumps(effort, first, last)
-    elif not usual.fine:
-        chosen[chosen] = _alone(last - first + 1, np.flatnonzero(chosen))
-    return _repeats(len(effort), first[chosen], last[chosen])
+    if len(finite) == 0:
+        return np.zeros(len(effort), dtype=bool)
+    # At its limits a driver clips; zero is what it shows without torque.
+    inside = (effort > finite.min()) & (effort < finite.max()) & (effort != 0.0)
+    return inside & _frozen(effort, position, speed, needs_jump=not _is_noisy(effort))
 
 
 def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
     """Mark the repeats of a position that is frozen and then jumps to where the joint has gone."""
-    first, last = _runs(position)
+    return _frozen(position, position, speed, needs_jump=True)
+
+
+def _frozen(
+    values: FloatArray, position: FloatArray, speed: float, *, needs_jump: bool
+) -> BoolArray:
+    """Mark runs of equal values in motion that are much longer than those that are usual.
+
+    `needs_jump`: a run must end in a jump; otherwise, where repeats are usual, it must be much
+    longer than the runs around it.
+    """
+    first, last = _runs(values)
+    lengths = last - first + 1
     moved = _moved(position, first, last, speed)
-    usual = _usual(position[first], last - first + 1, moved)
-    if usual is None:
-        return np.zeros(len(position), dtype=bool)
-    chosen = (last - first > usual.most) & moved & _jumps(position, first, last)
-    return _repeats(len(position), first[chosen], last[chosen])
+    if np.count_nonzero(moved & np.isfinite(values[first])) < _LEAST_VALUES:
+        return np.zeros(len(values), dtype=bool)
+    usual = float(np.quantile(lengths[moved], _MOST))
+    chosen = moved & (lengths > max(_LONGER * usual, _LEAST_REPEATS + 1.0))
+    if needs_jump:
+        chosen &= _jumps(values, first, last)
+    else:
+        chosen[chosen] = _alone(lengths, moved, np.flatnonzero(chosen))
+    return _repeats(len(values), first[chosen], last[chosen])
+
+
+def _is_noisy(values: FloatArray) -> bool:
+    """Whether noise passes a step of the channel at most times, by its changes."""
+    changes = np.diff(values[_runs(values)[0]])
+    slopes, bends = np.abs(changes), np.abs(np.diff(changes))
+    slopes, bends = slopes[np.isfinite(slopes)], bends[np.isfinite(bends)]
+    return len(bends) > 0 and bool(np.median(bends) > _NOISY * np.median(slopes))
 
 
 def moving_speed(position: FloatArray) -> float:
@@ -172,49 +176,11 @@ def _moved(position: FloatArray, first: IntArray, last: IntArray, speed: float) 
     return np.asarray(distance >= speed * np.maximum(after - first, 1))
 
 
-@dataclass(frozen=True)
-class _Usual:
-    """Most repeats that are usual, and whether more are a fault by themselves (`random`).
-
-    In a `fine` channel a value hardly ever comes twice.
-    """
-
-    most: float
-    fine: bool
-    random: bool
-
-
-def _usual(held: FloatArray, lengths: IntArray, moved: BoolArray) -> _Usual | None:
-    """Describe the repeats of a channel while its joint moves, from the runs of equal values.
-
-    Repeats are random where the channel is noisy and its noise passes a step at most times. Where
-    the noise is smaller, some values last while others flicker: there is no gap between the
-    lengths of short and of long runs. None where there are too few values, or hardly any repeat.
-    """
-    few = np.count_nonzero(moved & np.isfinite(held)) < _LEAST_VALUES
-    if few or lengths[moved].max() <= _LEAST_REPEATS:
-        return None
-    sample = held[:: -(-len(held) // _MOST_VALUES)]
-    fine = len(np.unique(sample)) > _DISTINCT * len(sample)
-    moving = lengths[moved]
-    usual = float(np.quantile(moving, _MOST_FINE if fine else _MOST_COARSE))
-    most = max(_LONGER * usual, _LEAST_REPEATS + 1.0)
-    steps = np.diff(held)
-    slopes, bends = np.nanmedian(np.abs(steps)), np.nanmedian(np.abs(np.diff(steps)))
-    longer = np.count_nonzero(moving > most)
-    between = np.count_nonzero((moving > _GAP * usual) & (moving <= most))
-    repeated = 1.0 - len(moving) / float(moving.sum())
-    noisy = bends > _NOISY * slopes
-    random = noisy and (fine or (between <= _BETWEEN * longer and repeated < _OFTEN))
-    return _Usual(most - 1.0, bool(fine), bool(random))
-
-
-def _alone(lengths: IntArray, chosen: IntArray) -> BoolArray:
-    """Whether the runs around each chosen one are much shorter, frozen ones aside."""
+def _alone(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:
+    """Whether the runs of the moving joint around each chosen one are much shorter."""
     ends = np.cumsum(lengths)
-    frozen = np.zeros(len(lengths), dtype=bool)
-    frozen[chosen] = True
-    others = np.where(frozen, 0, lengths)
+    others = np.where(moved, lengths, 0)
+    others[chosen] = 0
     alone = np.empty(len(chosen), dtype=bool)
     for place, run in enumerate(chosen):
         around = _AROUND * lengths[run]

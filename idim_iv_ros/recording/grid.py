@@ -8,7 +8,6 @@ acceleration that the robot never had.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,8 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Samples from which on a stretch without a gap is interpolated by a spline.
 _SPLINE_SAMPLES = 8
+# Numbers up to which all joints are interpolated together: an hour of all would fill the memory.
+_AT_ONCE = 100_000
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3
 # Share of a sample by which a held value may come late and still belong to it.
@@ -109,16 +110,19 @@ def on_grid(
         return _held(target + _EARLY / grid.rate, seconds, values, origin)
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
-    for joint in range(values.shape[1]):
-        finite = np.isfinite(values[:, joint])
-        known = seconds[finite]
+    finite = np.isfinite(values)
+    columns = np.arange(values.shape[1])
+    together = finite.all() and values.size <= _AT_ONCE
+    for joints in [columns] if together else np.split(columns, len(columns)):
+        measured = finite[:, joints[0]]
+        known = seconds[measured]
         if len(known) == 0:
-            out[:, joint], invented[:, joint] = 0.0, True
+            out[:, joints], invented[:, joints] = 0.0, True
             continue
         gap = GAP * max(median, 1.0 / grid.rate)
-        out[:, joint] = _between(target, known, values[finite, joint], gap)
-        invented[:, joint] = _unsupported(target, known, gap)
-        if smooth:
+        out[:, joints] = _between(target, known, values[measured][:, joints], gap)
+        invented[:, joints] = _unsupported(target, known, gap)[:, None]
+        for joint in joints if smooth else ():
             bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(read_only(out), read_only(invented), origin)
 
@@ -137,14 +141,14 @@ def _held(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: s
 
 
 def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: float) -> FloatArray:
-    """Values (m,) at `target` s from those at `known` (n,) s: cubic splines, linear across gaps.
+    """Values (m, k) at `target` s from those (n, k) at `known` s: cubic splines, linear in gaps.
 
     Halfway between samples a line keeps cos(π f / rate) of a signal at f: 3 % are lost at 20 Hz of
     an effort at 250 Hz, 12 % at 125 Hz, and a spline loses 0.1 and 1 %.
     """
     from scipy.interpolate import make_interp_spline  # here, because it takes half a second
 
-    out = np.interp(target, known, values)
+    out = np.stack([np.interp(target, known, column) for column in values.T], axis=1)
     cuts = np.flatnonzero(np.diff(known) > gap) + 1
     for part in np.split(np.arange(len(known)), cuts):
         if len(part) < _SPLINE_SAMPLES:
@@ -272,15 +276,10 @@ def _speed(samples: FloatArray, rate: float) -> float:
     """Slope at the first sample, of a parabola (a line through few); zero for a single one."""
     if len(samples) < 2:
         return 0.0
-    return float(rate * (_slope(len(samples)) @ samples))
-
-
-@cache
-def _slope(samples: int) -> FloatArray:
-    """Weights (samples,) that give the slope at the first sample, per sample."""
-    degree = 2 if samples >= _EDGE_SAMPLES else 1
-    powers = np.vander(np.arange(samples, dtype=float), degree + 1, increasing=True)
-    return np.asarray(np.linalg.pinv(powers)[1])
+    degree = 2 if len(samples) >= _EDGE_SAMPLES else 1
+    return rate * float(
+        np.polynomial.polynomial.polyfit(np.arange(len(samples)), samples, degree)[1]
+    )
 
 
 def _curve(
@@ -289,29 +288,16 @@ def _curve(
     ends: tuple[float, float],
     speeds: tuple[float, float],
 ) -> FloatArray:
-    """Positions at `seconds` of a motion between two positions with given speeds there."""
+    """Positions at `seconds` of a motion between two positions with given speeds there.
+
+    In a long gap evenly slowed down to rest, and evenly speeded up from it.
+    """
+    from scipy.interpolate import CubicHermiteSpline  # here, because it takes half a second
+
     if duration <= 4.0 * _STOP:
-        return _cubic(seconds, duration, ends, speeds)
-    # In a long gap evenly slowed down to rest, and evenly speeded up from it.
+        return np.asarray(CubicHermiteSpline([0.0, duration], ends, speeds)(seconds))
     rests = ends[0] + 0.5 * _STOP * speeds[0], ends[1] - 0.5 * _STOP * speeds[1]
-    stops = _cubic(seconds, _STOP, (ends[0], rests[0]), (speeds[0], 0.0))
-    moves = _cubic(seconds - _STOP, duration - 2.0 * _STOP, rests, (0.0, 0.0))
-    starts = _cubic(seconds - duration + _STOP, _STOP, (rests[1], ends[1]), (0.0, speeds[1]))
-    late = np.where(seconds > duration - _STOP, starts, moves)
-    return np.where(seconds < _STOP, stops, late)
-
-
-def _cubic(
-    seconds: FloatArray,
-    duration: float,
-    ends: tuple[float, float],
-    speeds: tuple[float, float],
-) -> FloatArray:
-    """Cubic polynomial with given values and slopes at 0 and `duration` (Hermite's form)."""
-    u = seconds / duration
-    step = ends[1] - ends[0]
-    first, last = speeds[0] * duration, speeds[1] * duration
-    return np.asarray(
-        ends[0]
-        + u * (first + u * (3.0 * step - 2.0 * first - last + u * (first + last - 2.0 * step)))
-    )
+    times = [0.0, _STOP, duration - _STOP, duration]
+    positions = [ends[0], *rests, ends[1]]
+    spline = CubicHermiteSpline(times, positions, [speeds[0], 0.0, 0.0, speeds[1]])
+    return np.asarray(spline(seconds))

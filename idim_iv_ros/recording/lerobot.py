@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import FilePath, read_text, require_file_place
-from idim_iv_ros.recording.table import ImportSummary
+from idim_iv_ros.files import FilePath, read_text
+from idim_iv_ros.recording.table import ImportSummary, require_bag_place, write_import
 from idim_iv_ros.recording.table_file import parquet_columns
-from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.types import FloatArray
 
 STATE, ACTION = "observation.state", "action"
@@ -56,10 +55,8 @@ def import_lerobot(
     DataError
         Positions that are no radians.
     """
-    out, folder = Path(out), Path(folder)
-    if out.suffix.lower() != ".mcap":
-        raise UsageError(f"{out}: the name of the bag must end in .mcap")
-    require_file_place([out], force=force)
+    folder = Path(folder)
+    out = require_bag_place(out, [], force=force)
     information = _information(folder)
     names = _names(folder, information)
     pairs = [(joint.partition("=")[0], joint.rpartition("=")[2]) for joint in joints or names]
@@ -86,15 +83,15 @@ def import_lerobot(
     position, command = scale * state[:, columns], scale * action[:, columns]
     _require_radians(folder, [name for name, _ in pairs], position)
     stamps, warnings = _stamps(time[:, 0], float(information["fps"]))
-    chosen = [name for name, _ in pairs]
-    topics = [
-        JointTopic("/joint_states", chosen, stamps, position=position),
-        JointTopic("/joint_reference", chosen, stamps, position=command),
-    ]
-    write_bag(out, topics, robot_description=robot_description, force=force)
-    duration = float(stamps[-1] - stamps[0])
-    rate = (len(stamps) - 1) / duration
-    return ImportSummary(len(stamps), rate, duration, ("position", "reference"), warnings)
+    return write_import(
+        out,
+        [name for name, _ in pairs],
+        (stamps, stamps),
+        {"position": position, "reference": command},
+        warnings,
+        robot_description=robot_description,
+        force=force,
+    )
 
 
 def _information(folder: Path) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from idim_iv_ros.recording.bags.cdr import JOINT_STATE, MessageBatch
-from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE
+from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, JOINT_STATE
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader

@@ -86,6 +86,13 @@ def read_recordings(
         link_states,
         own_topics or {},
     )
+    return read_requested(bags, request, progress)
+
+
+def read_requested(
+    bags: FilePaths, request: Request, progress: Progress | None = None
+) -> tuple[Recording, ...]:
+    """Read one recording from each bag; see `read_recordings`."""
     recordings: list[Recording] = []
     opened = bags_of(bags)
     for number, bag in enumerate(opened):
@@ -194,10 +201,15 @@ def _checked(
     notes = []
     values = dict(messages.values)
     for name in reader.fields:
-        where = f"{path}: {topic}"
-        values[name], sentence = without_impossible(name, values[name], reader.joints, where)
+        values[name], sentence = without_impossible(
+            name,
+            values[name],
+            reader.joints,
+            f"{path}: {topic}",
+            "look at the driver, its units and its byte order",
+        )
         if sentence:
-            notes.append(Note(topic, sentence, 1, limits=True))
+            notes.append(Note(topic, f"{sentence}; left out", 1, limits=True))
         if name == "velocity" or optional:
             continue
         for column, joint in enumerate(reader.joints):

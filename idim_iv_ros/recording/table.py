@@ -1,7 +1,7 @@
-"""Tables (.csv .npy .npz .mat .parquet) become bags, so that everything enters by the same door."""
+"""Tables of any format become bags, so that everything enters by the same door."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, require_file_place
-from idim_iv_ros.recording.plausible import impossible, wrong_rows
+from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES
+from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.table_file import read_table
 from idim_iv_ros.recording.table_map import mapped_columns, read_map
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
@@ -90,45 +91,56 @@ def import_table(
         possible value.
     """
     joints = [joints] if isinstance(joints, str) else list(joints)
-    position = os.fspath(position)
-    time, effort, velocity, reference, velocity_reference, reference_time = (
-        None if given is None else os.fspath(given)
-        for given in (time, effort, velocity, reference, velocity_reference, reference_time)
-    )
     if (rate is None) == (time is None):
         raise UsageError("give either --rate or --time")
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: a positive number of samples per second is needed")
-    out = _require_bag(out, joints, force=force)
-    measured = {"position": position}
-    if effort is not None:
-        measured["effort"] = effort
-    if velocity is not None:
-        measured["velocity"] = velocity
-    warnings: list[str] = []
-    columns = {
-        name: _joint_columns(name, spec, joints, warnings) for name, spec in measured.items()
-    }
-    stamps = _stamps(time, rate, columns["position"], position)
-    for name, values in columns.items():
-        _require_length(values, stamps, measured[name], position)
-    topics = [JointTopic("/joint_states", joints, stamps, **columns)]
-    if reference is not None:
-        topics.append(
-            _reference_topic(
-                joints, (reference, velocity_reference, reference_time), stamps, rate, warnings
-            )
-        )
-    elif velocity_reference is not None or reference_time is not None:
+    if reference is None and (velocity_reference is not None or reference_time is not None):
         raise UsageError("--velocity-reference and --reference-time need --reference")
-    if link is not None:
-        behind = _joint_columns("position", os.fspath(link), joints, warnings)
-        _require_length(behind, stamps, os.fspath(link), position)
-        topics.append(JointTopic("/link_states", joints, stamps, position=behind))
-    write_bag(out, topics, robot_description=robot_description, force=force)
-    signals = tuple(measured) + (() if reference is None else ("reference",))
-    signals += () if link is None else ("link",)
-    return _summary(stamps, signals, warnings)
+    out = require_bag_place(out, joints, force=force)
+    given = {
+        "position": position,
+        "effort": effort,
+        "velocity": velocity,
+        "reference": reference,
+        "velocity_reference": velocity_reference,
+        "link": link,
+    }
+    tables = {name: os.fspath(spec) for name, spec in given.items() if spec is not None}
+    warnings: list[str] = []
+    signals = {}
+    for name, spec in tables.items():
+        values = read_table(spec)
+        if values.shape[1] != len(joints):
+            raise UsageError(f"{spec}: {values.shape[1]} columns for {len(joints)} joints")
+        signals[name] = _possible(name, values, spec, joints, warnings)
+    stamps = _stamps(time, rate, signals["position"], tables["position"])
+    reference_stamps = stamps
+    if reference is not None:
+        wanted = signals["reference"]
+        if reference_time is not None:
+            reference_stamps = _stamps(reference_time, None, wanted, tables["reference"])
+        elif rate is not None and len(wanted) != len(stamps):
+            warnings.append(
+                f"{tables['reference']}: {len(wanted)} samples, but {len(stamps)} of the "
+                "measurements; both are taken to begin at the same instant, with the same rate"
+            )
+            reference_stamps = _stamps(None, rate, wanted, tables["reference"])
+    for name, values in signals.items():
+        of_reference = name in ("reference", "velocity_reference")
+        there = reference_stamps if of_reference else stamps
+        if len(values) != len(there):
+            other = tables["reference" if name == "velocity_reference" else "position"]
+            raise DataError(f"{tables[name]}: {len(values)} samples, but {len(there)} in {other}")
+    return write_import(
+        out,
+        joints,
+        (stamps, reference_stamps),
+        signals,
+        warnings,
+        robot_description=robot_description,
+        force=force,
+    )
 
 
 def import_mapped(
@@ -160,97 +172,97 @@ def import_mapped(
     """
     described, table = read_map(columns)
     joints = list(described.joints)
-    out = _require_bag(out, joints, force=force)
+    out = require_bag_place(out, joints, force=force)
     time, signals = mapped_columns(described, table)
     warnings: list[str] = []
     source = str(table)
-    possible = {
-        name: _possible(_KINDS.get(name, name), values, source, joints, warnings)
-        for name, values in signals.items()
+    signals = {
+        name: _possible(name, values, source, joints, warnings) for name, values in signals.items()
     }
-    position = possible["position"]
     if time is None:
-        assert described.rate is not None
-        stamps = _stamps(None, described.rate, position, source)
+        stamps = _stamps(None, described.rate, signals["position"], source)
     else:
-        stamps = _checked_stamps(time, source, position, source)
-    measured = {n: possible[n] for n in ("position", "velocity", "effort") if n in possible}
-    topics = [JointTopic("/joint_states", joints, stamps, **measured)]
-    if "reference" in possible:
-        topics.append(
-            JointTopic(
-                "/joint_reference",
-                joints,
-                stamps,
-                position=possible["reference"],
-                velocity=possible.get("velocity_reference"),
-            )
-        )
-    if "link" in possible:
-        topics.append(JointTopic("/link_states", joints, stamps, position=possible["link"]))
-    write_bag(out, topics, robot_description=robot_description, force=force)
-    return _summary(stamps, tuple(possible), warnings)
+        stamps = _checked_stamps(time, source, signals["position"], source)
+    return write_import(
+        out,
+        joints,
+        (stamps, stamps),
+        signals,
+        warnings,
+        robot_description=robot_description,
+        force=force,
+    )
 
 
-def _require_bag(out: FilePath, joints: Sequence[str], *, force: bool) -> Path:
-    """Refuse a bag that cannot be written, and names that no message can hold."""
+def require_bag_place(out: FilePath, joints: Sequence[str], *, force: bool) -> Path:
+    """Refuse a bag that cannot be written, and names that no message can hold.
+
+    Raises
+    ------
+    UsageError
+        One line with the bag or the name.
+    """
     out = Path(out)
     if out.suffix.lower() != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
     require_file_place([out], force=force)
-    _require_text(joints)
-    return out
-
-
-def _summary(
-    stamps: FloatArray, signals: tuple[str, ...], warnings: Sequence[str]
-) -> ImportSummary:
-    duration = float(stamps[-1] - stamps[0])
-    rate = (len(stamps) - 1) / duration
-    return ImportSummary(len(stamps), rate, duration, signals, tuple(warnings))
-
-
-def _require_text(joints: Sequence[str]) -> None:
-    """Refuse names that no message can hold: bytes of the command line that are not UTF-8."""
     for joint in joints:
         try:
             joint.encode()
-        except UnicodeEncodeError as error:
+        except UnicodeEncodeError as error:  # bytes of the command line that are not UTF-8
             raise UsageError(f"joint {joint!a}: the name is not text in UTF-8") from error
+    return out
 
 
-def _reference_topic(
+def write_import(
+    out: Path,
     joints: Sequence[str],
-    sources: tuple[str, str | None, str | None],
-    stamps: FloatArray,
-    rate: float | None,
-    warnings: list[str],
-) -> JointTopic:
-    """Topic of the references: position, velocity and stamps come from `sources`."""
-    reference, velocity, time = sources
-    position = _joint_columns("position", reference, joints, warnings)
-    if time is not None:
-        stamps = _stamps(time, None, position, reference)
-    elif rate is not None and len(position) != len(stamps):
-        warnings.append(
-            f"{reference}: {len(position)} samples, but {len(stamps)} of the measurements; both "
-            "are taken to begin at the same instant, with the same rate"
+    stamps: tuple[FloatArray, FloatArray],
+    signals: Mapping[str, FloatArray],
+    warnings: Sequence[str],
+    *,
+    robot_description: str | None,
+    force: bool,
+) -> ImportSummary:
+    """Write the topics of an import.
+
+    Parameters
+    ----------
+    stamps
+        (n,) s of the measurements and of the references.
+    signals
+        (n, n_joints) of `table_map.SIGNALS`.
+    """
+    time, reference_time = stamps
+    measured = {name: signals[name] for name in QUANTITIES if name in signals}
+    topics = [JointTopic("/joint_states", joints, time, **measured)]
+    if "reference" in signals:
+        topics.append(
+            JointTopic(
+                "/joint_reference",
+                joints,
+                reference_time,
+                position=signals["reference"],
+                velocity=signals.get("velocity_reference"),
+            )
         )
-        stamps = _stamps(None, rate, position, reference)
-    _require_length(position, stamps, reference, "the time stamps")
-    speed = None
-    if velocity is not None:
-        speed = _joint_columns("velocity", velocity, joints, warnings)
-        _require_length(speed, stamps, velocity, reference)
-    return JointTopic("/joint_reference", joints, stamps, position=position, velocity=speed)
+    if "link" in signals:
+        topics.append(JointTopic("/link_states", joints, time, position=signals["link"]))
+    write_bag(out, topics, robot_description=robot_description, force=force)
+    duration = float(time[-1] - time[0])
+    rate = (len(time) - 1) / duration
+    return ImportSummary(len(time), rate, duration, tuple(signals), tuple(warnings))
 
 
-def _stamps(time: str | None, rate: float | None, position: FloatArray, source: str) -> FloatArray:
+def _stamps(
+    time: FilePath | None, rate: float | None, position: FloatArray, source: str
+) -> FloatArray:
     if len(position) < 2:
         raise DataError(f"{source}: {len(position)} samples: nothing to import")
     if time is None:
         assert rate is not None
         return _regular_stamps(len(position), rate)
+    time = os.fspath(time)
     stamps = read_table(time)
     if stamps.shape[1] != 1:
         raise UsageError(f"{time}: one column of time stamps is needed, not {stamps.shape[1]}")
@@ -286,36 +298,20 @@ def _regular_stamps(samples: int, rate: float) -> FloatArray:
     return np.arange(samples) / rate
 
 
-def _require_length(values: FloatArray, stamps: FloatArray, source: str, other: str) -> None:
-    if len(values) != len(stamps):
-        raise DataError(f"{source}: {len(values)} samples, but {len(stamps)} in {other}")
-
-
-def _joint_columns(name: str, spec: str, joints: Sequence[str], warnings: list[str]) -> FloatArray:
-    """Columns of the joints, NaN and a warning where a few rows hold no possible `name`.
-
-    Raises
-    ------
-    UsageError
-        Another number of columns.
-    DataError
-        More than a few such rows.
-    """
-    values = read_table(spec)
-    if values.shape[1] != len(joints):
-        raise UsageError(f"{spec}: {values.shape[1]} columns for {len(joints)} joints")
-    return _possible(name, values, spec, joints, warnings)
-
-
 def _possible(
-    name: str, values: FloatArray, spec: str, joints: Sequence[str], warnings: list[str]
+    name: str, values: FloatArray, source: str, joints: Sequence[str], warnings: list[str]
 ) -> FloatArray:
-    """Values with NaN, and a warning, where a few rows hold no possible `name`."""
-    wrong = wrong_rows(name, values, joints, missing=True)
-    if wrong is None:
-        return values
-    sentence = f"{spec}: {name}: {wrong.sentence('row', 0)}"
-    if wrong.too_many:
-        raise DataError(f"{sentence}; mend the table or leave these rows out")
-    warnings.append(f"{sentence}; imported as missing")
-    return np.where(impossible(name, values), np.nan, values)
+    """Values with NaN, and a warning, where a few rows hold no possible value."""
+    values, sentence = without_impossible(
+        _KINDS.get(name, name),
+        values,
+        joints,
+        source,
+        "mend the table or leave these rows out",
+        row="row",
+        first=0,
+        missing=True,
+    )
+    if sentence:
+        warnings.append(f"{source}: {sentence}; imported as missing")
+    return values

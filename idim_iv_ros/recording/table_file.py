@@ -1,8 +1,9 @@
-"""Numbers in .csv, .npy, .npz, .mat and .parquet files: ``FILE`` or ``FILE:KEY``."""
+"""Numbers in .csv, .npy, .npz, .mat, .parquet and .h5 files: ``FILE`` or ``FILE:KEY``."""
 
 import warnings
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +16,8 @@ from idim_iv_ros.types import FloatArray
 
 _Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
-SUFFIXES = (".csv", ".npy", ".npz", ".mat", ".parquet")
+HDF5 = (".h5", ".hdf5", ".hdf")
+SUFFIXES = (".csv", ".npy", ".npz", ".mat", ".parquet", *HDF5)
 _NUMBERS = "iuf"  # kinds of numpy: integers, unsigned ones, floats
 _LARGEST = 1 << 30  # bytes of one array
 
@@ -29,33 +31,133 @@ def read_table(spec: str) -> FloatArray:
         No such file, variable or column, or something else than real numbers.
     """
     path, key = _split(spec)
-    try:
-        # What is wrong is said by the error; a warning would only come beside it.
-        with warnings.catch_warnings(action="ignore"):
-            values = _load(path, key)
-    except (UsageError, DataError):
-        raise
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except MemoryError as error:
-        raise UsageError(f"{path}: claims more numbers than fit into memory") from error
-    except Exception as error:
-        # The readers of numpy and scipy raise more than is written down when the bytes are not
-        # what the name of the file says.
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
-    array = np.asarray(values)
-    if array.dtype.kind == "c":
-        raise UsageError(f"{spec}: holds complex numbers; real ones are needed")
-    if array.dtype.kind not in _NUMBERS:
-        raise UsageError(f"{spec}: holds something else than numbers ({array.dtype})")
+    with one_line_errors(path):
+        values = _load(path, key)
+    array = real_numbers(values, spec)
     if array.ndim == 1:
         array = array[:, None]
     if array.ndim != 2:
         raise UsageError(f"{spec}: {array.ndim} dimensions; samples and joints are needed")
-    with np.errstate(over="ignore"):  # beyond double precision: infinite, which is refused later
-        array = array.astype(float, copy=False)
+    return samples_first(array)
+
+
+@contextmanager
+def one_line_errors(path: Path) -> Iterator[None]:
+    """Turn whatever a reader of tables raises into one line with the file.
+
+    Readers of numpy, scipy, pyarrow and h5py raise more than is written down when the bytes are not
+    what the name of the file says.
+    """
+    try:
+        # What is wrong is said by the error; a warning would only come beside it.
+        with warnings.catch_warnings(action="ignore"):
+            yield
+    except (UsageError, DataError):
+        raise
+    except MemoryError as error:
+        raise UsageError(f"{path}: claims more numbers than fit into memory") from error
+    except Exception as error:
+        if isinstance(error, OSError) and error.strerror:
+            raise UsageError(f"{path}: cannot be read: {error.strerror}") from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
+
+
+def real_numbers(values: Any, source: str) -> FloatArray:
+    """Numbers in double precision; beyond it they are infinite, which is refused later.
+
+    Raises
+    ------
+    UsageError
+        They are something else than real numbers.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in _NUMBERS:
+        kind = "complex numbers" if array.dtype.kind == "c" else str(array.dtype)
+        raise UsageError(f"{source}: holds something else than real numbers ({kind})")
+    with np.errstate(over="ignore"):
+        return array.astype(float, copy=False)
+
+
+def samples_first(array: FloatArray) -> FloatArray:
+    """Two-dimensional numbers with as many rows as columns, or more."""
     return array if array.shape[0] >= array.shape[1] else array.T
+
+
+def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Names of the variables of a .npz, .mat, .parquet or HDF5 file, and their shapes."""
+    suffix = path.suffix.lower()
+    if suffix == ".parquet":
+        parquet = needs_tables(path, "pyarrow.parquet")
+        return dict.fromkeys(parquet.read_schema(path).names, ())
+    if suffix == ".npz":
+        return _npz_shapes(path)
+    if suffix == ".mat":
+        from scipy.io import whosmat  # here, because a recorder starts faster without it
+
+        return {name: shape for name, shape, _ in whosmat(path)}
+    shapes: dict[str, tuple[int, ...]] = {}
+
+    def add(name: str, item: Any) -> None:
+        if hasattr(item, "shape"):
+            shapes[name] = item.shape
+
+    with needs_tables(path, "h5py").File(path) as file:
+        file.visititems(add)
+    return shapes
+
+
+def read_array(path: Path, name: str) -> Any:
+    """One variable of a .npz, .mat, .parquet or HDF5 file."""
+    suffix = path.suffix.lower()
+    if suffix == ".parquet":
+        return parquet_columns([path], name)
+    if suffix == ".npz":
+        with zipfile.ZipFile(path) as archive:
+            _require_size(path, archive.getinfo(f"{name}.npy").file_size)
+        with np.load(path, allow_pickle=False) as variables:
+            return variables[name]
+    if suffix == ".mat":
+        from scipy.io import loadmat
+
+        return loadmat(path, variable_names=[name])[name]
+    with needs_tables(path, "h5py").File(path) as file:
+        return file[name][()]
+
+
+def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatArray:
+    """One column of parquet files, (n_samples, n_columns); one of lists has several.
+
+    Parameters
+    ----------
+    options
+        Of `pyarrow.parquet.read_table`, for example its `filters`.
+
+    Raises
+    ------
+    UsageError
+        pyarrow is not installed, or there is no such column.
+    """
+    parquet = needs_tables(paths[0], "pyarrow.parquet")
+    _variables(paths[0], parquet.read_schema(paths[0]).names, name)
+    tables = [parquet.read_table(path, columns=[name], **options) for path in paths]
+    rows = [row for table in tables for row in table[name].to_pylist()]
+    return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
+
+
+def needs_tables(path: Path, module: str) -> Any:
+    """Return a module that only some tables need.
+
+    Raises
+    ------
+    UsageError
+        It is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        name = module.partition(".")[0]
+        raise UsageError(f'{path}: needs {name}: pip install "idim-iv-ros[tables]"') from error
 
 
 def _split(spec: str) -> tuple[Path, str | None]:
@@ -90,85 +192,29 @@ def _load(path: Path, key: str | None) -> Any:
         if key is None:
             return array
         return array[:, _different(path, [_column(path, part) for part in key.split(",")])]
-    if suffix == ".npz":
-        return npz_variables(path, key)
-    if suffix == ".parquet":
-        return parquet_columns([path], key)
-    from scipy.io import loadmat, whosmat  # here, because a recorder starts faster without it
-
-    names = [name for name, _, _ in whosmat(path)]
-    wanted = _variables(path, names, key)
-    loaded = loadmat(path, variable_names=wanted)
-    return _joined([loaded[name] for name in wanted])
+    arrays = [read_array(path, name) for name in _variables(path, list(array_shapes(path)), key)]
+    if len(arrays) == 1:
+        return arrays[0]
+    return np.column_stack([_columns_of(array) for array in arrays])
 
 
-def parquet_columns(paths: Sequence[Path], key: str | None, **options: Any) -> FloatArray:
-    """Columns of parquet files, (n_samples, n_columns); a column of lists has several.
-
-    Parameters
-    ----------
-    key
-        Names with commas between them; None where there is one column.
-    options
-        Of `pyarrow.parquet.read_table`, for example its `filters`.
-
-    Raises
-    ------
-    UsageError
-        pyarrow is not installed, or there is no such column.
-    """
-    parquet = needs_tables(paths[0], "pyarrow.parquet")
-    wanted = _variables(paths[0], parquet.read_schema(paths[0]).names, key)
-    tables = [parquet.read_table(path, columns=wanted, **options) for path in paths]
-    parts = []
-    for name in wanted:
-        rows = [row for table in tables for row in table[name].to_pylist()]
-        parts.append(np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1))
-    return np.column_stack(parts)
+def _columns_of(array: Any) -> Any:
+    """A row or column of numbers as one column, others with the samples first."""
+    return samples_first(array) if np.ndim(array) == 2 and min(array.shape) > 1 else np.ravel(array)
 
 
-def needs_tables(path: Path, module: str) -> Any:
-    """Return a module that only some tables need.
-
-    Raises
-    ------
-    UsageError
-        It is not installed.
-    """
-    try:
-        return import_module(module)
-    except ImportError as error:
-        name = module.partition(".")[0]
-        raise UsageError(f'{path}: needs {name}: pip install "idim-iv-ros[tables]"') from error
-
-
-def npz_variables(path: Path, key: str | None) -> Any:
-    """Variables of a .npz, side by side where there are several; no larger than they claim."""
+def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Shapes by the headers of the variables, of which nothing is unpacked."""
+    shapes = {}
     with zipfile.ZipFile(path) as archive:
-        sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
-    with np.load(path, allow_pickle=False) as variables:
-        wanted = _variables(path, list(variables.files), key)
-        for name in wanted:
-            _require_size(path, sizes.get(f"{name}.npy", 0))
-            _require_claim(path, name, sizes.get(f"{name}.npy", 0))
-        return _joined([variables[name] for name in wanted])
-
-
-def _require_claim(path: Path, name: str, size: int) -> None:
-    """Refuse an array whose header claims more than is packed: numpy makes room for the claim."""
-    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as stream:
-        version = np.lib.format.read_magic(stream)
-        read = (
-            np.lib.format.read_array_header_1_0
-            if version == (1, 0)
-            else np.lib.format.read_array_header_2_0
-        )
-        shape, _, dtype = read(stream)
-    claimed = dtype.itemsize
-    for length in shape:
-        claimed *= int(length)
-    if not 0 <= claimed <= size:
-        raise ValueError(f"{name} claims {claimed:.4g} bytes, and there are {size}")
+        for name in archive.namelist():
+            with archive.open(name) as stream:
+                if np.lib.format.read_magic(stream) == (1, 0):
+                    shape, _, _ = np.lib.format.read_array_header_1_0(stream)
+                else:
+                    shape, _, _ = np.lib.format.read_array_header_2_0(stream)
+            shapes[name.removesuffix(".npy")] = shape
+    return shapes
 
 
 def _require_size(path: Path, size: int) -> None:
@@ -194,16 +240,10 @@ def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
 
 def _different(path: Path, wanted: list[_Wanted]) -> list[_Wanted]:
     """Refuse what is asked for twice: it would be the signal of two joints."""
-    for each in wanted:
-        if wanted.count(each) > 1:
-            raise UsageError(f"{path}: {each} is given twice; each joint has its own")
+    for column in wanted:
+        if wanted.count(column) > 1:
+            raise UsageError(f"{path}: {column} is given twice; each joint has its own")
     return wanted
-
-
-def _joined(variables: list[Any]) -> Any:
-    if len(variables) == 1:
-        return variables[0]
-    return np.column_stack([np.ravel(variable) for variable in variables])
 
 
 def _column(path: Path, text: str) -> int:
@@ -217,27 +257,13 @@ def _csv(path: Path, key: str | None) -> FloatArray:
         first = file.readline().strip()
     delimiter = ";" if first.count(";") > first.count(",") else ","
     names = [name.strip().strip('"') for name in first.split(delimiter)]
-    headed = not all(_is_number(name) for name in names)
+    headed = not all(is_number(name) for name in names)
     wanted = None
     if key is not None:
-        wanted = []
-        for column in key.split(","):
-            if headed and names.count(column) > 1:
-                raise UsageError(
-                    f"{path}: {names.count(column)} columns are named {column}; give their numbers "
-                    "from 0"
-                )
-            if headed and column in names:
-                wanted.append(names.index(column))
-            elif column.isdigit() and int(column) < len(names):
-                wanted.append(int(column))
-            else:
-                listed = ", ".join(names) if headed else f"0 to {len(names) - 1}"
-                raise UsageError(
-                    f"{path}: no column {column}; there are {listed}"
-                    + (", or numbers from 0" if headed else "")
-                )
-        wanted = _different(path, wanted)
+        listed = names if headed else []
+        wanted = _different(
+            path, [_csv_column(path, k, listed, len(names)) for k in key.split(",")]
+        )
     return np.loadtxt(
         path,
         delimiter=delimiter,
@@ -248,9 +274,24 @@ def _csv(path: Path, key: str | None) -> FloatArray:
     )
 
 
-def _is_number(text: str) -> bool:
+def _csv_column(path: Path, column: str, names: list[str], count: int) -> int:
+    """Number of a column by its name in the header, if there are `names`, or by its number."""
+    if names.count(column) > 1:
+        raise UsageError(
+            f"{path}: {names.count(column)} columns are named {column}; give their numbers from 0"
+        )
+    if column in names:
+        return names.index(column)
+    if column.isdigit() and int(column) < count:
+        return int(column)
+    listed = f"{', '.join(names)}, or numbers from 0" if names else f"0 to {count - 1}"
+    raise UsageError(f"{path}: no column {column}; there are {listed}")
+
+
+def is_number(value: object) -> bool:
+    """Whether a text can be read as a number."""
     try:
-        float(text)
+        float(str(value))
     except ValueError:
         return False
     return True

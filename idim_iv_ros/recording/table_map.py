@@ -1,6 +1,10 @@
-"""A table of any shape with a map of its columns: which are time, positions, efforts of a joint."""
+"""A table of any shape with a map of its columns: which are time, positions, efforts of a joint.
+
+A first map is proposed from the names of the columns, to be corrected by whoever knows them.
+"""
 
 import io
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,21 +15,38 @@ from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, is_file
 from idim_iv_ros.recording.table_file import (
+    HDF5,
+    array_shapes,
+    is_number,
     needs_tables,
-    npz_variables,
-    parquet_columns,
+    one_line_errors,
+    read_array,
+    real_numbers,
+    samples_first,
 )
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
 
 TEXT = (".csv", ".tsv", ".txt")
-HDF5 = (".h5", ".hdf5", ".hdf")
 SUFFIXES = (*TEXT, *HDF5, ".parquet", ".npz", ".mat")
 SIGNALS = ("position", "velocity", "effort", "reference", "velocity_reference", "link")
 _EMPTY = ["", "NA", "N/A", "na", "nan", "NaN", "NAN", "null", "NULL", "None", "-", "#N/A"]
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
 _EFFORTS = {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "kN": 1e3, "A": 1.0, "mA": 1e-3}
+
+_TIME = re.compile(r"^(t|time|times|timestamp|stamp|sec|secs|seconds|clock)([_ .(\[]|$)", re.I)
+_UNITS = (("ns", r"ns\b|nano"), ("us", r"us\b|µs|micro"), ("ms", r"ms\b|milli"))
+# Words of a name that say which signal it is; what is left says which joint.
+_WORDS = {
+    "reference": r"ref|reference|des|desired|cmd|command|commanded|target|goal|set|setpoint",
+    "velocity": r"dq|qd|qdot|vel|velocity|velocities|speed|omega",
+    "effort": r"tau|torque|torques|effort|efforts|current|trq|eff|moment",
+    "link": r"link|output|load|secondary",
+    "position": r"q|pos|position|positions|theta|angle|angles|act|actual|meas|measured",
+}
+# Words that tell no joint from another.
+_OF_ALL = ("j", "joint", "joints", "axis", "motor", "robot", "arm", "deg", "rad", "nm")
 
 
 class _Part(BaseModel):
@@ -162,60 +183,39 @@ def _scale(signal: str, units: Units) -> float:
 
 def read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
     """Columns (n,) by their names; those of an ISO time are s since 1970."""
-    suffix = table.suffix.lower()
     iso = described.time.column if described.time and described.time.unit == "iso" else ""
-    try:
-        if suffix in TEXT:
-            found = _text_columns(table, described, wanted, iso)
+    with one_line_errors(table):
+        if table.suffix.lower() in TEXT:
+            columns = _text_columns(table, described, wanted, iso)
         else:
-            found = {name: _part(table, suffix, name) for name in wanted}
-    except OSError as error:
-        raise UsageError(f"{table}: cannot be read: {error.strerror or error}") from error
-    lengths = {len(column) for column in found.values()}
+            columns = {name: _array_column(table, name) for name in wanted}
+    lengths = {len(column) for column in columns.values()}
     if len(lengths) > 1:
-        listed = ", ".join(f"{name}: {len(column)}" for name, column in found.items())
+        listed = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
         raise DataError(f"{table}: columns of different lengths ({listed})")
-    return found
+    return columns
 
 
-def column_names(table: Path, comment: str = "#") -> list[str]:
+def column_names(table: Path) -> list[str]:
     """Names that a map may use: of columns, or of datasets, ``NAME[k]`` for parts of one."""
-    suffix = table.suffix.lower()
-    if suffix in TEXT:
-        return list(_text_table(table, TableMap(file=table.name, rate=1.0, joints={
-            "joint": JointColumns(position="")}, comment=comment), "").column_names)  # fmt: skip
-    names: list[str] = []
-    for name, shape in _datasets(table, suffix).items():
-        wide = [length for length in shape if length > 1]
-        columns = min(wide) if len(wide) > 1 else 1
-        names += [f"{name}[{k}]" for k in range(columns)] if columns > 1 else [name]
-    return names
+    with one_line_errors(table):
+        if table.suffix.lower() in TEXT:
+            return list(_text_table(table).column_names)
+        names: list[str] = []
+        for name, shape in array_shapes(table).items():
+            wide = [length for length in shape if length > 1]
+            columns = min(wide) if len(wide) > 1 else 1
+            names += [f"{name}[{k}]" for k in range(columns)] if columns > 1 else [name]
+        return names
 
 
-def _datasets(table: Path, suffix: str) -> dict[str, tuple[int, ...]]:
-    if suffix == ".parquet":
-        parquet = needs_tables(table, "pyarrow.parquet")
-        return dict.fromkeys(parquet.read_schema(table).names, ())
-    if suffix == ".npz":
-        with np.load(table, allow_pickle=False) as variables:
-            return {name: variables[name].shape for name in variables.files}
-    if suffix == ".mat":
-        from scipy.io import whosmat
-
-        return {name: shape for name, shape, _ in whosmat(table)}
-    shapes: dict[str, tuple[int, ...]] = {}
-    h5py = needs_tables(table, "h5py")
-    with h5py.File(table) as file:
-        file.visititems(
-            lambda name, item: shapes.update({name: item.shape}) if hasattr(item, "shape") else None
-        )
-    return shapes
-
-
-def _part(table: Path, suffix: str, name: str) -> FloatArray:
+def _array_column(table: Path, name: str) -> FloatArray:
     """One column of a file of arrays: a whole one, or ``NAME[k]``."""
     whole, _, rest = name.partition("[")
-    values = _array(table, suffix, whole)
+    names = array_shapes(table)
+    if whole not in names:
+        raise UsageError(f"{table}: no {whole}; there are {', '.join(sorted(names)[:30])}")
+    values = real_numbers(read_array(table, whole), f"{table}: {whole}")
     if not rest:
         if values.ndim > 1 and min(values.shape) > 1:
             raise UsageError(
@@ -223,38 +223,21 @@ def _part(table: Path, suffix: str, name: str) -> FloatArray:
             )
         return np.ravel(values)
     number = rest.rstrip("]")
-    rows = values if values.ndim < 2 or values.shape[0] >= values.shape[1] else values.T
-    if not number.isdigit() or rows.ndim != 2 or int(number) >= rows.shape[1]:
+    if not number.isdigit() or values.ndim != 2 or int(number) >= min(values.shape):
         raise UsageError(f"{table}: no column {name}")
-    return np.asarray(rows[:, int(number)])
-
-
-def _array(table: Path, suffix: str, name: str) -> FloatArray:
-    names = _datasets(table, suffix)
-    if name not in names:
-        raise UsageError(f"{table}: no {name}; there are {', '.join(sorted(names)[:30])}")
-    values: Any
-    if suffix == ".parquet":
-        values = parquet_columns([table], name)
-    elif suffix == ".npz":
-        values = npz_variables(table, name)
-    elif suffix == ".mat":
-        from scipy.io import loadmat
-
-        values = loadmat(table, variable_names=[name])[name]
-    else:
-        with needs_tables(table, "h5py").File(table) as file:
-            values = file[name][()]
-    array = np.asarray(values)
-    if array.dtype.kind not in "iuf":
-        raise UsageError(f"{table}: {name} holds something else than numbers ({array.dtype})")
-    return array.astype(float, copy=False)
+    return samples_first(values)[:, int(number)]
 
 
 def _text_columns(
     table: Path, described: TableMap, wanted: list[str], iso: str
 ) -> dict[str, FloatArray]:
-    read = _text_table(table, described, iso)
+    read = _text_table(
+        table,
+        delimiter=described.delimiter,
+        decimal=described.decimal,
+        comment=described.comment,
+        iso=bool(iso),
+    )
     made = {}
     for name in dict.fromkeys(wanted):
         if read.column_names.count(name) != 1:
@@ -267,7 +250,7 @@ def _text_columns(
         elif kind in ("int64", "double", "null"):
             made[name] = column.cast("double").to_numpy(zero_copy_only=False)
         else:
-            shown = next((str(v) for v in column.to_pylist() if not _is_number(v)), "")
+            shown = next((str(v) for v in column.to_pylist() if not is_number(v)), "")
             raise DataError(
                 f"{table}: {name} holds {shown[:40]!r}: no number"
                 + ("" if name != iso else " and no time of ISO 8601")
@@ -276,29 +259,22 @@ def _text_columns(
     return made
 
 
-def _is_number(value: object) -> bool:
-    try:
-        float(str(value))
-    except ValueError:
-        return False
-    return True
-
-
-def _text_table(table: Path, described: TableMap, iso: str) -> Any:
+def _text_table(
+    table: Path, *, delimiter: str = "", decimal: str = ".", comment: str = "#", iso: bool = False
+) -> Any:
     """The whole table; empty cells are missing, lines that begin with the comment left out."""
     csv = needs_tables(table, "pyarrow.csv")
     content = table.read_bytes().removeprefix(b"\xef\xbb\xbf")
-    if described.comment:
-        start = described.comment.encode()
+    if comment:
+        start = comment.encode()
         lines = [line for line in content.splitlines() if not line.lstrip().startswith(start)]
         content = b"\n".join(lines)
-    delimiter = described.delimiter or _delimiter(content, described.decimal)
     try:
         return csv.read_csv(
             io.BytesIO(content),
-            parse_options=csv.ParseOptions(delimiter=delimiter),
+            parse_options=csv.ParseOptions(delimiter=delimiter or _delimiter(content, decimal)),
             convert_options=csv.ConvertOptions(
-                decimal_point=described.decimal,
+                decimal_point=decimal,
                 null_values=_EMPTY,
                 strings_can_be_null=True,
                 timestamp_parsers=[csv.ISO8601] if iso else ["%never"],
@@ -316,3 +292,77 @@ def _delimiter(content: bytes, decimal: str) -> str:
     first = content.split(b"\n", 1)[0].decode("utf-8", "replace")
     signs = [sign for sign in (",", ";", "\t", "|") if sign != decimal]
     return max(signs, key=first.count)
+
+
+def _signal(name: str) -> tuple[str, str] | None:
+    """Signal and joint that a name stands for; None where no word of it says so."""
+    parts = re.findall(r"[A-Za-z]+|\d+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))
+    kinds, rest = set(), []
+    for part in parts:
+        kind = next((k for k, words in _WORDS.items() if re.fullmatch(words, part, re.I)), None)
+        if kind is not None:
+            kinds.add(kind)
+        elif part.lower() not in _OF_ALL:
+            rest.append(part.lower())
+    if not kinds:
+        return None
+    if kinds >= {"reference", "velocity"}:
+        return "velocity_reference", "_".join(rest)
+    first = next(kind for kind in _WORDS if kind in kinds)
+    return first, "_".join(rest)
+
+
+def proposed_map(table: Path) -> str:
+    """Text of a map, every key with a comment.
+
+    Raises
+    ------
+    UsageError
+        No column is named like a position.
+    """
+    names = column_names(table)
+    time = next((name for name in names if _TIME.match(name.rpartition("/")[2])), None)
+    joints: dict[str, dict[str, str]] = {}
+    unknown = []
+    for name in names:
+        signal_and_joint = None if name == time else _signal(name.rpartition("/")[2])
+        if signal_and_joint is None:
+            unknown += [name] if name != time else []
+            continue
+        signal, joint = signal_and_joint
+        joints.setdefault(joint, {}).setdefault(signal, name)
+    joints = {joint: columns for joint, columns in joints.items() if "position" in columns}
+    if not joints:
+        raise UsageError(
+            f"{table}: no column is named like a position, there are {', '.join(names[:30])}; "
+            "write a map by hand, see docs/commands.md"
+        )
+    lines = [
+        "# Which column is what: correct it, then idim-iv import OUT.mcap --columns THIS_FILE",
+        f"file: {_quoted(table.name)}  # beside this map",
+    ]
+    if time is None:
+        lines.append("rate: 1000.0  # rows per second: no column is named like a time; CHECK")
+    else:
+        unit = next((u for u, words in _UNITS if re.search(words, time, re.I)), "s")
+        lines.append(f"time: {{column: {_quoted(time)}, unit: {unit}}}  # s, ms, us, ns or iso")
+    lines.append("joints:  # names as the URDF has them")
+    for joint, columns in joints.items():
+        shown = f"joint_{joint}" if joint.isdigit() else joint or "joint_1"
+        pairs = ", ".join(f"{s}: {_quoted(columns[s])}" for s in SIGNALS if s in columns)
+        lines.append(f"  {shown}: {{{pairs}}}")
+    lines += [
+        "units:",
+        "  position: rad  # rad, deg, rev, m or mm; of references and link, too",
+        "  velocity: rad/s  # rad/s, deg/s, rev/s, rpm, m/s or mm/s",
+        "  effort: N m  # N m, mN m, N, kN, A or mA",
+        "# Of text: delimiter: ';'   decimal: ','   comment: '#'",
+    ]
+    if unknown:
+        lines.append(f"# Not used: {', '.join(unknown)}")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(name: str) -> str:
+    """A name as YAML reads it back, whatever is in it."""
+    return "'" + name.replace("'", "''") + "'"

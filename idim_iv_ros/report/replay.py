@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from idim_iv_ros.files import GENERATOR
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
 from idim_iv_ros.report.numerals import number, round_number, with_unit
 from idim_iv_ros.report.page import environment, page_parts

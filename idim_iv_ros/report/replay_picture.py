@@ -6,7 +6,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from idim_iv_ros.files import GENERATOR, FilePath
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.numerals import number
 from idim_iv_ros.report.page import environment
 from idim_iv_ros.report.picture import HEIGHT, WIDTH, bars, save_picture

@@ -3,18 +3,16 @@
 from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import (
     ControlLaw,
+    ControllerFit,
     control_law,
     control_period,
     factor_of_lateness,
+    fit_controller,
 )
-from idim_iv_ros.simulation.controller_fit import ControllerFit, fit_controller
 from idim_iv_ros.simulation.effects import SimulatedEffect
-from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, joint_inertia, mass_matrix
-from idim_iv_ros.simulation.recorded_robot import (
-    SimulatedRecording,
-    record_simulated_robot,
-)
+from idim_iv_ros.simulation.recorded_robot import SimulatedRecording, record_simulated_robot
 from idim_iv_ros.simulation.reference_filter import ReferenceFilter, filter_reference
+from idim_iv_ros.simulation.rigid_body import inverse_dynamics, joint_inertia, mass_matrix
 
 __all__ = [
     "ClosedLoopResult",

@@ -31,7 +31,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 # A step is at most this over the pulsation of the fastest shaft, rad.
 SHAFT_ANGLE = 0.4
 # Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
-_STICKS = 1e-9
+STICKS = 1e-9
 
 _Kind = TypeVar("_Kind", bound=Contribution)
 
@@ -44,23 +44,21 @@ class JointContributions:
 
     def of(self, kind: type[_Kind]) -> Iterator[tuple[int, _Kind]]:
         """Those of one kind, each after its joint."""
-        return ((joint, each) for joint, _, each in self.items if isinstance(each, kind))
+        return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
 
     @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
         """Those between two joints."""
-        return [(a, b, each) for a, b, each in self.items if isinstance(each, CouplingTerm)]
+        return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
 
 
-def contributions_of(
-    effects: Sequence[JointEffect], parameters: DynamicParameters
-) -> JointContributions:
-    """What effects add to a robot with these parameters."""
+def contributions_of(effects: Sequence[JointEffect], coulomb: FloatArray) -> JointContributions:
+    """What effects add to joints with this Coulomb friction, (n_joints,) N m (N)."""
     return JointContributions(
         tuple(
             (one.joint, one.other_joint, contribution)
             for one in effects
-            for contribution in one.contributions(float(parameters.coulomb[one.joint]))
+            for contribution in one.contributions(float(coulomb[one.joint]))
         )
     )
 
@@ -112,7 +110,7 @@ def affected_robot(
     for joint, term in added.of(TorqueTerm):
         level[place[joint]] -= term.replaced
     # Where bristles are all of the friction nothing sticks: they hold by themselves.
-    dry |= level[:n] > _STICKS * base.level[:n]
+    dry |= level[:n] > STICKS * base.level[:n]
     level[:n] = np.where(dry, level[:n], 0.0)
     grown = _coupled(_grown(base, level, damping, extra), added, place)
     # The plant's own level and damping are those of the instant.
@@ -120,14 +118,14 @@ def affected_robot(
     current[:n] = np.where(dry, np.maximum(current[:n], LEAST_LEVEL), 0.0)
     changing = grown._replace(level=current, damping=grown.damping.copy())
     couplings = len(added.couplings)
-    own = grown.level.copy()
-    own[len(own) - couplings :] = 0.0
+    unchanged = grown.level.copy()
+    unchanged[len(unchanged) - couplings :] = 0.0
     link = np.arange(n)
     for k, shaft in enumerate(shafts):
         link[place[shaft.joint]] = n + k
     arrays = Effects(
-        rows=effect_rows(added, place, first_coupling=len(own) - couplings),
-        level=own,
+        rows=effect_rows(added, place, first_coupling=len(unchanged) - couplings),
+        level=unchanged,
         damping=grown.damping,
         model_level=np.pad(model.level, (0, couplings)),
         model_damping=model.damping,
@@ -161,12 +159,12 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     """Contributions with compiled laws; `first_coupling`: contact of the first coupling."""
     torques: list[_Row] = []
     contact = first_coupling
-    for joint, _, each in added.items:
-        if isinstance(each, TorqueTerm):
-            kind = TORQUE_LAWS.index(each.law)
-            torques.append((kind, int(place[joint]), each.load, each.values))
-        elif isinstance(each, CouplingTerm):
-            torques.append((TORQUE_LAWS.index(each.law), contact, Load.LINKS, each.values))
+    for joint, _, part in added.items:
+        if isinstance(part, TorqueTerm):
+            kind = TORQUE_LAWS.index(part.law)
+            torques.append((kind, int(place[joint]), part.load, part.values))
+        elif isinstance(part, CouplingTerm):
+            torques.append((TORQUE_LAWS.index(part.law), contact, Load.LINKS, part.values))
             contact += 1
     curves: list[_Row] = [
         (DRIVE_LAWS.index(curve.law), int(place[joint]), Load.LINKS, curve.values)
@@ -262,12 +260,12 @@ def changed_law(
 def encoder_error(added: JointContributions, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What encoders add to true positions (…, n_joints), and its derivative by position."""
     error, slope = np.zeros_like(position), np.zeros_like(position)
-    for j, each in added.of(EncoderError):
-        own, own_slope = each.law.error.py_func(  # type: ignore[attr-defined]
-            each.values, position[..., j]
+    for j, encoder in added.of(EncoderError):
+        of_encoder, slope_of_encoder = encoder.law.error.py_func(  # type: ignore[attr-defined]
+            encoder.values, position[..., j]
         )
-        error[..., j] += own
-        slope[..., j] += own_slope
+        error[..., j] += of_encoder
+        slope[..., j] += slope_of_encoder
     return error, slope
 
 

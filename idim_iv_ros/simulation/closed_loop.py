@@ -8,6 +8,7 @@ import numpy as np
 
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation.affected_robot import (
     JointContributions,
     LawParts,
@@ -137,7 +138,7 @@ def simulate_closed_loop(
     joints = position_reference.shape[1]
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
-    present = contributions_of(joint_effects(effects or (), robot.joints), parameters)
+    present = contributions_of(joint_effects(effects or (), robot.joints), parameters.coulomb)
     q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
     arrays: Effects | None = None
     shafts: tuple[Shaft, ...] = ()
@@ -259,4 +260,49 @@ def _result(
         measured_velocity=measured_speed,
         link_position=link,
         link_velocity=link_speed,
+    )
+
+
+def replay(
+    robot: RobotModel,
+    parameters: DynamicParameters,
+    law: ControlLaw,
+    motion: Motion,
+    *,
+    effects: Sequence[SimulatedEffect] | None = None,
+    start_time: float = 0.0,
+    accelerations: bool = True,
+) -> ClosedLoopResult:
+    """Simulate a recording's whole reference from the state in which the recording began.
+
+    Parameters
+    ----------
+    motion
+        With a reference; the start is its filtered position and speed.
+    effects, start_time, accelerations
+        See `simulate_closed_loop`.
+
+    Raises
+    ------
+    ValueError
+        The recording has no reference.
+    UsageError
+        See `simulate_closed_loop`.
+    """
+    signals = motion.signals
+    if signals.position_reference is None:
+        raise ValueError(f"{signals.name} has no reference")
+    velocity, _ = central_differences(motion.position, rate=signals.rate, start=0, stop=1)
+    return simulate_closed_loop(
+        robot,
+        parameters,
+        law,
+        rate=signals.rate,
+        position_reference=signals.position_reference,
+        velocity_reference=signals.velocity_reference,
+        initial_position=motion.position[0],
+        initial_velocity=velocity[0],
+        effects=effects,
+        start_time=start_time,
+        accelerations=accelerations,
     )

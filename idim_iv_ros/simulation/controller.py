@@ -5,10 +5,19 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.types import FloatArray
+
+# Always in the law; the others enter only where they lower the residual's energy by this share.
+LAW = ("kp", "kd", "bias")
+CANDIDATES = ("ki", "reference_velocity", "reference_acceleration", "reference_direction")
+CLEAR_IMPROVEMENT = 0.2
+# The worst ratio of the law's unit-scaled columns' singular values that a term may cause.
+COLLINEAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -139,3 +148,218 @@ def control_law(
         delay=section.delay,
         feedforward=feedforward,
     )
+
+
+@dataclass(frozen=True)
+class ControllerFit:
+    """Law of each joint fitted to the logged torque: τ = Σ gain · term.
+
+    Attributes
+    ----------
+    terms : tuple of str
+        ``kp`` (position error), ``kd`` (velocity error), ``bias``, ``ki`` (integral of the
+        position error), and feedforward of ``reference_velocity``, ``reference_acceleration``,
+        ``reference_direction`` (its sign). A law with −dq in its kd term shows as a
+        reference_velocity gain of −kd.
+    gains, std : (n_joints, n_terms)
+        Zero where a joint's law leaves a term out. The standard deviations allow for the
+        residual's autocorrelation at one sample.
+    included : (n_joints, n_terms) bool
+    r_squared : (n_joints,)
+        Share of the (low-passed) torque's variance that the law explains.
+    delay : int
+        Samples from the errors to the torque, common to all joints.
+    rate : float
+        Hz.
+    cutoff : float
+        Low-pass of all signals before the regression, Hz.
+    """
+
+    terms: tuple[str, ...]
+    gains: FloatArray
+    std: FloatArray
+    included: NDArray[np.bool_]
+    r_squared: FloatArray
+    delay: int
+    rate: float
+    cutoff: float
+
+    def gain(self, term: str) -> FloatArray:
+        """Gains (n_joints,) of one term."""
+        return np.asarray(self.gains[:, self.terms.index(term)])
+
+    def describe(self, joint: int) -> str:
+        """Say the law of one joint in one line."""
+        parts = [
+            f"{term} {self.gains[joint, k]:.3g} ± {self.std[joint, k]:.2g}"
+            for k, term in enumerate(self.terms)
+            if self.included[joint, k]
+        ]
+        delay = f", delay {self.delay} samples" if self.delay else ""
+        return f"fitted law {', '.join(parts)}{delay}; R² = {self.r_squared[joint]:.3f}"
+
+    def law(
+        self,
+        position_reference: FloatArray,
+        velocity_reference: FloatArray | None = None,
+        *,
+        torque_limit: Sequence[float] | None = None,
+    ) -> ControlLaw:
+        """Law that follows a reference (n_samples, n_joints), sampled at `rate`.
+
+        Raises
+        ------
+        ValueError
+            A position or velocity gain is not positive: nothing that can be simulated.
+        """
+        kp, kd = self.gain("kp"), self.gain("kd")
+        if np.any(kp <= 0.0) or np.any(kd < 0.0):
+            raise ValueError("the fitted law has a negative gain")
+        velocity, acceleration = _derivatives(position_reference, velocity_reference, self.rate)
+        feedforward = (
+            self.gain("bias")
+            + self.gain("reference_velocity") * velocity
+            + self.gain("reference_acceleration") * acceleration
+            + self.gain("reference_direction") * np.sign(velocity)
+        )
+        joints = len(kp)
+        limit = np.full(joints, np.inf) if torque_limit is None else np.asarray(torque_limit)
+        return ControlLaw(
+            type="pd",
+            kp=kp,
+            kd=kd,
+            ki=self.gain("ki"),
+            kv=np.zeros(joints),
+            drive_gain=np.ones(joints),
+            velocity_reference=True,
+            torque_limit=np.asarray(limit, dtype=float),
+            period=None,
+            delay=self.delay / self.rate,
+            feedforward=feedforward,
+        )
+
+
+def fit_controller(
+    rate: float,
+    position: FloatArray,
+    velocity: FloatArray | None,
+    torque: FloatArray,
+    position_reference: FloatArray,
+    velocity_reference: FloatArray | None = None,
+    *,
+    cutoff: float | None = None,
+    torque_limit: Sequence[float] | None = None,
+    longest_delay: int = 3,
+) -> ControllerFit:
+    """Regress the logged torque on what a control law can be made of.
+
+    Parameters
+    ----------
+    rate
+        Hz.
+    position, velocity, torque, position_reference, velocity_reference
+        (n_samples, n_joints) on the joint side; velocities that are missing are central
+        differences.
+    cutoff
+        Zero-phase low-pass (Butterworth, order 4) of all signals, Hz. Default: a tenth of
+        the rate. Noise of the measured errors biases the gains towards zero.
+    torque_limit
+        (n_joints,) Samples at the limit do not follow the law and are left out.
+    longest_delay
+        Delays of 0 … this many samples are tried.
+    """
+    cutoff = rate / 10.0 if cutoff is None else cutoff
+    sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")
+
+    def smooth(signal: FloatArray) -> FloatArray:
+        return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=0))
+
+    dq = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
+    reference_dq, reference_ddq = _derivatives(position_reference, velocity_reference, rate)
+    error = position_reference - position
+    signals = {
+        "kp": smooth(error),
+        "kd": smooth(reference_dq - dq),
+        "bias": np.ones_like(position),
+        "ki": smooth(np.cumsum(error, axis=0) / rate),
+        "reference_velocity": smooth(reference_dq),
+        "reference_acceleration": smooth(reference_ddq),
+        "reference_direction": smooth(np.sign(reference_dq)),
+    }
+    terms = (*LAW, *CANDIDATES)
+    stack = np.stack([signals[term] for term in terms], axis=2)
+    target = smooth(torque)
+    edge = min(int(np.ceil(2.0 * rate / cutoff)), len(position) // 10) + longest_delay
+    inside = np.zeros(len(position), dtype=bool)
+    inside[edge : len(position) - edge] = True
+    joints = position.shape[1]
+    rows = np.repeat(inside[:, None], joints, axis=1)
+    if torque_limit is not None:
+        rows &= np.abs(torque) < 0.99 * np.asarray(torque_limit)
+    delay = _delay(stack[:, :, : len(LAW)], target, rows, longest_delay)
+    stack = np.roll(stack, delay, axis=0)
+    fits = [_fit_joint(stack[rows[:, j], j], target[rows[:, j], j]) for j in range(joints)]
+    gains, std, included, r_squared = (np.array(values) for values in zip(*fits, strict=True))
+    return ControllerFit(terms, gains, std, included, r_squared, delay, rate, cutoff)
+
+
+def _derivatives(
+    position: FloatArray, velocity: FloatArray | None, rate: float
+) -> tuple[FloatArray, FloatArray]:
+    velocity = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
+    return velocity, np.asarray(np.gradient(velocity, 1.0 / rate, axis=0))
+
+
+def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_], longest: int) -> int:
+    """Delay with the least residual energy, each joint's in units of its torque's."""
+    energies = []
+    for delay in range(longest + 1):
+        shifted, total = np.roll(stack, delay, axis=0), 0.0
+        for joint in range(target.shape[1]):
+            y = target[rows[:, joint], joint]
+            _, residual = _least_squares(shifted[rows[:, joint], joint], y)
+            total += float(residual @ residual) / max(float(y @ y), 1e-300)
+        energies.append(total)
+    return int(np.argmin(energies))
+
+
+def _fit_joint(
+    columns: FloatArray, target: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], float]:
+    """Gains, their std, which terms are in, R²; terms are added while one helps clearly."""
+    chosen = list(range(len(LAW)))
+    _, residual = _least_squares(columns[:, chosen], target)
+    while True:
+        energies = {}
+        for term in set(range(columns.shape[1])) - set(chosen):
+            tried = columns[:, [*chosen, term]]
+            scaled = tried / np.maximum(np.linalg.norm(tried, axis=0), 1e-300)
+            singular = np.linalg.svd(scaled, compute_uv=False)
+            if singular[-1] > COLLINEAR * singular[0]:
+                _, left = _least_squares(tried, target)
+                energies[term] = float(left @ left)
+        if not energies:
+            break
+        best = min(energies, key=lambda term: energies[term])
+        if energies[best] > (1.0 - CLEAR_IMPROVEMENT) * float(residual @ residual):
+            break
+        chosen.append(best)
+        _, residual = _least_squares(columns[:, chosen], target)
+    solution, residual = _least_squares(columns[:, chosen], target)
+    correlation = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
+    inflation = (1.0 + min(correlation, 0.999)) / max(1.0 - correlation, 1e-3)
+    freedom = max(len(target) - len(chosen), 1)
+    variance = float(residual @ residual) / freedom * max(inflation, 1.0)
+    inverse = np.linalg.pinv(columns[:, chosen].T @ columns[:, chosen])
+    gains, std = np.zeros(columns.shape[1]), np.zeros(columns.shape[1])
+    included = np.zeros(columns.shape[1], dtype=bool)
+    gains[chosen], included[chosen] = solution, True
+    std[chosen] = np.sqrt(variance * np.diag(inverse))
+    spread = float(np.sum((target - target.mean()) ** 2))
+    r_squared = 1.0 - float(residual @ residual) / spread if spread > 0.0 else 0.0
+    return gains, std, included, r_squared
+
+
+def _least_squares(columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    solution = np.linalg.lstsq(columns, target, rcond=None)[0]
+    return np.asarray(solution), np.asarray(target - columns @ solution)

@@ -8,8 +8,9 @@ does is in its file of `effects/`.
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from idim_iv_ros.documents import Unsaved
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
 from idim_iv_ros.effects.contribution import Contribution
 from idim_iv_ros.effects.registry import BY_NAME
@@ -38,10 +39,10 @@ class SimulatedEffect:
     """
 
     effect: str
-    joint: str | None
-    parameters: Mapping[str, float]
+    joint: str | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
     other_joint: str | None = None
-    source: str = ""
+    source: Unsaved[str] = ""
     native: bool = False
 
 
@@ -78,8 +79,8 @@ def joint_effects(
         name = f"{one.source}: {one.effect}" if one.source else one.effect
         cause = BY_NAME.get(one.effect)
         if cause is None:
-            known = ", ".join(sorted(BY_NAME))
-            raise UsageError(f"{name} is not an effect that can be simulated; they are {known}")
+            names = ", ".join(sorted(BY_NAME))
+            raise UsageError(f"{name} is not an effect that can be simulated; they are {names}")
         if cause.in_base_parameters:
             continue
         places = _places(one, cause, name, list(joints))
@@ -113,8 +114,8 @@ def _completed(
     for key, number in given.items():
         spec = cause.spec(key)
         if spec is None or key.endswith("_k"):
-            known = ", ".join(spec.name for spec in cause.specs)
-            raise UsageError(f"{name}: unknown parameter {key}; they are {known}")
+            names = ", ".join(spec.name for spec in cause.specs)
+            raise UsageError(f"{name}: unknown parameter {key}; they are {names}")
         spec.check(float(number), f"{name}: {key}")
         term = re.search(r"_(\d+)$", key) if spec.name.endswith("_k") else None
         place = value if term is None else numbered.setdefault(int(term[1]), {})

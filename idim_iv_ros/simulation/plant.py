@@ -1,11 +1,11 @@
 """A robot's tree, dynamic parameters and friction as the arrays that compiled code works on."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.model.link_frames import link_frames
+from idim_iv_ros.model.link_motion import empty_motion, link_frames
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -50,7 +50,7 @@ class Plant(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays that compiled code writes to, so that its loops allocate nothing."""
+    """Arrays that compiled code writes to: those of `LinkMotion` first, then its own."""
 
     rotation: FloatArray
     translation: FloatArray
@@ -133,45 +133,21 @@ def initial_state(
     whole = np.floor(delay / period + 1e-6).astype(np.int64)
     fraction = np.maximum(delay - whole * period, 0.0)
     fraction[fraction < 1e-6 * period] = 0.0
-    speed = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
-    n, contacts = len(delay), len(plant.level)
-    ddq, middle, predicted, spare, rest = np.zeros((5, len(q)))
-    integral, applied, acting, before, filtered, seen, speed_seen = np.zeros((7, n))
-    return State(
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        middle=middle,
-        predicted=predicted,
-        spare=spare,
-        rest=rest,
-        integral=integral,
-        applied=applied,
-        acting=acting,
-        before=before,
-        filtered=filtered,
-        fraction=fraction,
-        seen=seen,
-        speed=speed_seen,
-        whole=whole,
-        arrivals=np.zeros(n, dtype=np.int64),
-        pending=np.zeros((whole.max() + 2, n)),
-        resting=(speed == 0.0) & (plant.level > 0.0),
-        mode=np.sign(speed).astype(np.int64),
-        spare_mode=np.zeros(contacts, dtype=np.int64),
-    )
+    slip = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
+    n = len(delay)
+    # In the order of the fields.
+    values: list[Any] = [q, dq, *np.zeros((5, len(q))), *np.zeros((5, n)), fraction]
+    values += [*np.zeros((2, n)), whole, np.zeros(n, dtype=np.int64)]
+    values += [np.zeros((whole.max() + 2, n)), (slip == 0.0) & (plant.level > 0.0)]
+    values += [np.sign(slip).astype(np.int64), np.zeros(len(slip), dtype=np.int64)]
+    return State(*values)
 
 
 def workspace(plant: Plant) -> Workspace:
     """Allocate the arrays for one plant."""
     n, contacts = len(plant.offset), len(plant.level)
     return Workspace(
-        rotation=np.zeros((n + 1, 3, 3)),
-        translation=np.zeros((n + 1, 3)),
-        spin=np.zeros((n + 1, 3)),
-        spin_rate=np.zeros((n + 1, 3)),
-        gradient=np.zeros((n + 1, 3, 3)),
-        acceleration=np.zeros((n + 1, 3)),
+        *empty_motion(n),
         wrench=np.zeros((n + 1, 6)),
         composite=np.zeros((n + 1, 10)),
         bias=np.zeros(n),

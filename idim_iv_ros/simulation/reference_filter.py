@@ -24,8 +24,6 @@ class ReferenceFilter:
     ----------
     position : (n_samples, n_joints)
         rad or m.
-    velocity, acceleration : (n_samples, n_joints)
-        Central differences of `position`.
     error : (n_joints,)
         RMS of measured less filtered position on the last 30 % of the record, which the filter had
         not seen, rad or m.
@@ -34,8 +32,6 @@ class ReferenceFilter:
     """
 
     position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
     error: FloatArray
     spread: FloatArray
 
@@ -84,11 +80,9 @@ def filter_reference(
         weights[kept] = _solve(columns.T @ columns, columns.T @ some[:, joint])
         explained[:, joint] = _filtered(signals, _discrete(pole, rate), weights)
     simulated = position_reference - explained
-    velocity = np.gradient(simulated, 1.0 / rate, axis=0)
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
     missed = np.sqrt(energy / max(len(some) - split, 1))
     spread = np.std(position[::every][split:], axis=0)
-    return ReferenceFilter(simulated, velocity, acceleration, missed, spread)
+    return ReferenceFilter(simulated, missed, spread)
 
 
 def _discrete(pole: float, rate: float) -> float:
@@ -134,9 +128,9 @@ def _filtered(signals: FloatArray, pole: float, weights: FloatArray) -> FloatArr
     """Weighted sum (n_samples,) of the columns, one signal at a time."""
     total = np.full(signals.shape[1], weights[0])
     for k, signal in enumerate(signals):
-        own = weights[1 + ORDER * k : 1 + ORDER * (k + 1)]
-        if np.any(own != 0.0):
-            total += _laguerre(signal, pole) @ own
+        of_signal = weights[1 + ORDER * k : 1 + ORDER * (k + 1)]
+        if np.any(of_signal != 0.0):
+            total += _laguerre(signal, pole) @ of_signal
     return total
 
 

@@ -10,7 +10,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import RobotModel
-from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 
 # Gear flanks whose stiffness is not given: natural frequency of motor against link, Hz, and
@@ -59,14 +59,14 @@ def split_drives(
         The drive inertia of one of `joints` is in neither of them, or not positive.
     """
     for joint in joints:
-        own, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
-        if own > 0.0:
+        inertia, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
+        if inertia > 0.0:
             continue
         name = robot.joints[joint]
-        if own < 0.0:
+        if inertia < 0.0:
             raise UsageError(
                 f"elasticity or backlash at {name} needs a positive drive inertia, "
-                f"not {own:.3g} (Ia{joint + 1})"
+                f"not {inertia:.3g} (Ia{joint + 1})"
             )
         taken = None if given <= 0.0 else _link_share(robot, joint)
         if taken is None:
@@ -77,9 +77,7 @@ def split_drives(
         drive_inertia = parameters.drive_inertia.copy()
         drive_inertia[joint] = given
         parameters = replace(
-            parameters,
-            inertial=parameters.inertial - given * taken,
-            drive_inertia=drive_inertia,
+            parameters, inertial=parameters.inertial - given * taken, drive_inertia=drive_inertia
         )
     return parameters
 
@@ -102,11 +100,23 @@ def _link_share(robot: RobotModel, joint: int) -> FloatArray | None:
     return layout.dynamic_parameters(vector).inertial
 
 
+def completed_shaft(shaft: Shaft, reduced: float) -> tuple[Shaft, float]:
+    """Give a shaft the stiffness and damping that were not given; return its pulsation, rad/s, too.
+
+    `reduced`: inertia of motor and link against each other, kg m² (kg).
+    """
+    stiffness, damping = shaft.stiffness, shaft.damping
+    if np.isnan(stiffness):
+        stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
+    stiffness = min(stiffness, reduced * FASTEST**2)
+    if np.isnan(damping):
+        damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
+    complete = replace(shaft, stiffness=stiffness, damping=damping)
+    return complete, float(np.sqrt(stiffness / reduced))
+
+
 def fastest_shaft(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Sequence[Shaft],
-    position: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
 ) -> tuple[tuple[Shaft, ...], float]:
     """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
 
@@ -123,22 +133,14 @@ def fastest_shaft(
     for shaft in shafts:
         link = max(float(mobility[shaft.joint]), 0.0)
         reduced = 1.0 / (1.0 / float(parameters.drive_inertia[shaft.joint]) + link)
-        stiffness, damping = shaft.stiffness, shaft.damping
-        if np.isnan(stiffness):
-            stiffness = reduced * (2.0 * np.pi * FLANK_FREQUENCY) ** 2
-        stiffness = min(stiffness, reduced * FASTEST**2)
-        if np.isnan(damping):
-            damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
-        complete.append(replace(shaft, stiffness=stiffness, damping=damping))
-        fastest = max(fastest, float(np.sqrt(stiffness / reduced)))
+        shaft, pulsation = completed_shaft(shaft, reduced)
+        complete.append(shaft)
+        fastest = max(fastest, pulsation)
     return tuple(complete), fastest
 
 
 def link_positions(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Sequence[Shaft],
-    position: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
 ) -> FloatArray:
     """Positions (n_joints,) of the links at rest under gravity behind motors at `position`."""
     zeros = np.zeros_like(parameters.drive_inertia)

@@ -1,6 +1,5 @@
 """A result as the files of a simulator."""
 
-from idim_iv_ros.simulator_files.export import export
-from idim_iv_ros.simulator_files.findings import Exported
+from idim_iv_ros.simulator_files.export import Exported, export
 
 __all__ = ["Exported", "export"]

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,33 +12,30 @@ from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP_FORMAT, read_text
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import (
-    InverseModel,
-    RobotModel,
-    build_inverse_model,
-    kinematics_digest,
-)
+from idim_iv_ros.model import InverseModel, RobotModel, build_inverse_model, kinematics_digest
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf_reader import LARGEST
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
-from idim_iv_ros.physical.remainder import USUAL_ERROR, Remainder
+from idim_iv_ros.physical.remainder import USUAL_ERROR
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulator_files.named import (
-    Load,
+    CorrectedModel,
     cause_name,
+    corrected_model,
     kept_causes,
-    mended_model,
+    kind_of,
     numbers_in_words,
     with_remainder,
 )
-from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.simulators.effects_file import effect_of_cause
 from idim_iv_ros.types import FloatArray
 
 _LARGEST = 50.0  # MB
 _LONGEST_DELAY = 1.0  # s, as controller.delay
 _SAME = 1e-6  # relative to the largest of its kind: rounding of a file that was written again
+Result = GapResult | IdentificationResult
 
 
 @dataclass(frozen=True)
@@ -54,16 +50,13 @@ class Answer:
     diagnosed : bool
         A gap.json; otherwise a result.json.
     refit : bool
-        Whether the parameters are the physical set of the refit; otherwise they are the nominal
-        ones with the causes.
+        Whether the model is the physical set of the refit; otherwise the nominal one with the
+        causes.
     robot : RobotModel
     physical : PhysicalParameters
-    parameters : tuple of StandardValue
-    loads : tuple of Load
-        Payloads as bodies of their own; empty of a refit.
-    gravity : (3,) m/s²
-    effects : tuple of PlantedEffect
-        Causes beyond these.
+    model : CorrectedModel
+    effects : tuple of SimulatedEffect
+        Causes beyond the model.
     in_parameters : tuple of str
         Causes that are no effects, in words.
     left_out : tuple of str
@@ -72,8 +65,6 @@ class Answer:
         s by which dry friction turned before its joint in the recording, as a simulator has it.
     errors : tuple of ParameterError
         What of the torque gap the causes leave at each joint.
-    remainder : Remainder or None
-        What no cause explains, where `parameters` hold it.
     notes : tuple of str
         What a reader of the files must know.
     """
@@ -84,25 +75,18 @@ class Answer:
     refit: bool
     robot: RobotModel
     physical: PhysicalParameters
-    parameters: tuple[StandardValue, ...]
-    loads: tuple[Load, ...]
-    gravity: FloatArray
-    effects: tuple[PlantedEffect, ...]
+    model: CorrectedModel
+    effects: tuple[SimulatedEffect, ...]
     in_parameters: tuple[str, ...]
     left_out: tuple[str, ...]
     friction_leads: dict[str, float]
     errors: tuple[ParameterError, ...]
-    remainder: Remainder | None
     notes: tuple[str, ...]
 
-    @cached_property
-    def values(self) -> dict[str, float]:
-        """Standard parameters by name."""
-        return {parameter.name: parameter.value for parameter in self.parameters}
-
-    def value(self, kind: str, joint: int, otherwise: float) -> float:
-        """One standard parameter; `otherwise` where the model does not have it."""
-        return self.values.get(f"{kind}{joint + 1}", otherwise)
+    def values(self, kind: str, otherwise: FloatArray) -> list[float]:
+        """Standard parameters of a kind by joint; `otherwise` where the model lacks them."""
+        values = self.model.values
+        return [values.get(f"{kind}{k + 1}", float(other)) for k, other in enumerate(otherwise)]
 
 
 def read_answer(
@@ -124,93 +108,74 @@ def read_answer(
         cause that is to be left out.
     """
     text = read_text(path, "the result", megabytes=_LARGEST)
-    result: GapResult | IdentificationResult
-    if GAP_FORMAT in text:
-        result = GapResult.from_json(text, str(path))
-    else:
-        result = IdentificationResult.from_json(text, str(path))
-    joints = _require_same_joints(path, result, configuration)
+    kind = GapResult if GAP_FORMAT in text else IdentificationResult
+    result: Result = kind.from_json(text, str(path))
+    _require_same_joints(path, result, configuration)
     model = build_inverse_model(configuration, urdf, source)
-    if result.kinematics and result.kinematics != kinematics_digest(model.robot):
-        raise UsageError(
-            f"{path}: its robot is another than {source}: joints are placed or turned differently; "
-            f"run `idim-iv {result.written_by}` again with this URDF"
-        )
-    physical = result.physical
-    if physical is None:
-        raise UsageError(
-            f"{path}: has no physically consistent parameters: "
-            f"{result.why_no_physical or 'it was written before they were part of it'}; then "
-            f"run `idim-iv {result.written_by}` again"
-        )
-    _require_same_nominal(path, result, physical, model, source)
-    bags = tuple(bag if isinstance(bag, str) else bag.path for bag in result.bags)
+    physical = _require_same_nominal(path, result, model, source)
     gap = result if isinstance(result, GapResult) else None
-    if without and (refit or gap is None):
-        raise UsageError(
-            f"{path}: --without {', '.join(without)}: "
-            + ("one dense refit" if refit else "an identification")
-            + " has no causes that could be left out"
-        )
-    if remainder and (refit or gap is None):
-        raise UsageError(
-            f"{path}: --remainder: "
-            + ("one dense refit" if refit else "an identification")
-            + " names no causes, so that nothing remains beside them"
-        )
+    if refit or gap is None:
+        whole = "one dense refit" if refit else "an identification"
+        if without:
+            what = f"--without {', '.join(without)}: {whole} has no causes that could be left out"
+            raise UsageError(f"{path}: {what}")
+        if remainder:
+            what = f"--remainder: {whole} names no causes, so that nothing remains beside them"
+            raise UsageError(f"{path}: {what}")
     causes = [] if gap is None else list(gap.causes)
-    _require_known(path, causes)
+    _require_effects(path, causes)
     kept, others = kept_causes(causes, without, str(path))
-    effects, notes = _effects(path, kept, joints)
-    errors: tuple[ParameterError, ...] = ()
-    parameters, loads = physical.parameters, tuple[Load, ...]()
-    spread: Remainder | None = None
-    gravity = np.array(model.robot.pinocchio.gravity.linear)
-    if not refit and gap is not None:
+    structural = [cause for cause in kept if BY_NAME[cause.effect].kind == "structural"]
+    effects = tuple(effect_of_cause(cause, f"{path}: causes") for cause in structural)
+    joint_effects(effects, model.robot.joints)  # names and numbers as the simulator takes them
+    notes = tuple(
+        f"{cause_name(cause)} is indistinguishable from "
+        f"{', '.join(other.effect for other in cause.indistinguishable_from)}: it is a guess"
+        for cause in structural
+        if cause.indistinguishable_from
+    )
+    given = np.array(model.robot.pinocchio.gravity.linear)
+    corrected = CorrectedModel(physical.parameters, (), (), given)
+    if gap is not None and not refit:
         if gap.nominal is not None:
             raise UsageError(
                 f"{path}: its causes are changes of {gap.nominal.file}, which is no {source}: "
                 "export with --refit, or diagnose with the URDF that an export of that file wrote"
             )
-        if remainder:
-            mended, spread = with_remainder(model, kept, others, physical, str(path))
-            notes += _far_links(mended.parameters, model.robot.joints)
-        else:
-            mended = mended_model(model, kept, others, physical, str(path))
-        parameters, loads, gravity = mended.parameters, mended.loads, mended.gravity
-        effects, errors = (*effects, *mended.effects), gap.parameter_errors
-        if not np.array_equal(gravity, model.robot.pinocchio.gravity.linear):
-            listed = ", ".join(f"{each:.5g}" for each in gravity)
+        make = with_remainder if remainder else corrected_model
+        corrected = make(model, kept, others, physical, str(path))
+        notes += _far_links(corrected.parameters, model.robot.joints)
+        if not np.array_equal(corrected.gravity, given):
+            listed = ", ".join(f"{component:.5g}" for component in corrected.gravity)
+            tilt = next(c.effect for c in kept if BY_NAME[c.effect].part == "gravity")
             notes += (
-                f"gravity_direction: robot.gravity would be [{listed}] m/s²; an MJCF that is made "
-                "from a URDF has it, no other file",
+                f"{tilt}: robot.gravity would be [{listed}] m/s²; an MJCF that is made from a URDF "
+                "has it, no other file",
             )
-    parametric = [entry for entry in kept if entry.kind == "parametric"]
     return Answer(
         path=path,
-        bags=bags,
+        bags=tuple(bag if isinstance(bag, str) else bag.path for bag in result.bags),
         diagnosed=gap is not None,
         refit=refit or gap is None,
         robot=model.robot,
         physical=physical,
-        parameters=parameters,
-        loads=loads,
-        gravity=gravity,
-        effects=effects,
+        model=corrected,
+        effects=(*effects, *corrected.effects),
         in_parameters=tuple(
-            f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}" for cause in parametric
+            f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
+            for cause in kept
+            if cause.kind == "parametric"
         ),
         left_out=tuple(map(cause_name, others)),
         friction_leads={} if gap is None else gap.friction_leads,
-        errors=errors,
-        remainder=spread,
+        errors=() if gap is None or refit else gap.parameter_errors,
         notes=notes,
     )
 
 
 def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tuple[str, ...]:
     """Links whose mass is farther from the nominal one than nominal links usually are."""
-    masses = [parameter for parameter in parameters if parameter.name.rstrip("0123456789") == "M"]
+    masses = [parameter for parameter in parameters if kind_of(parameter.name) == "M"]
     return tuple(
         f"the link of {joint} weighs {mass.value:.3g} kg, {mass.given:.3g} in the nominal model: "
         f"more than three times the usual error of {100.0 * USUAL_ERROR:.0f} %, so that an effect "
@@ -221,57 +186,60 @@ def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tu
     )
 
 
-def _require_same_joints(
-    path: Path, result: GapResult | IdentificationResult, configuration: Configuration
-) -> Sequence[str]:
+def _require_same_joints(path: Path, result: Result, configuration: Configuration) -> None:
     joints = configuration.robot.joints
     if list(result.joints) != joints:
         raise UsageError(
             f"{path}: its joints are {', '.join(result.joints)}, those of "
             f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
         )
-    return joints
 
 
 def _require_same_nominal(
-    path: Path,
-    result: GapResult | IdentificationResult,
-    physical: PhysicalParameters,
-    model: InverseModel,
-    source: str,
-) -> None:
-    """Refuse a nominal model that changed since: what no motion shows was taken from it."""
+    path: Path, result: Result, model: InverseModel, source: str
+) -> PhysicalParameters:
+    """Return the physical parameters, whose nominal model is still that of the robot.
+
+    What no motion shows was taken from it.
+    """
+    again = f"run `idim-iv {result.written_by}` again"
+    if result.kinematics and result.kinematics != kinematics_digest(model.robot):
+        raise UsageError(
+            f"{path}: its robot is another than {source}: joints are placed or turned "
+            f"differently; {again} with this URDF"
+        )
+    physical = result.physical
+    if physical is None:
+        why = result.why_no_physical or "it was written before they were part of it"
+        raise UsageError(f"{path}: has no physically consistent parameters: {why}; then {again}")
     layout = model.regressor.layout
     now = dict(zip(layout.names, layout.vector(model.robot.given), strict=True))
     for name in layout.names:
-        if name.rstrip("0123456789") in INERTIAL and name not in physical.values:
-            raise UsageError(
-                f"{path}: physical.parameters: {name} is missing; run "
-                f"`idim-iv {result.written_by}` again"
-            )
-    for parameter in physical.parameters:
-        kind = parameter.name.rstrip("0123456789")
-        bounded = kind in NON_NEGATIVE and kind not in INERTIAL  # links are judged as bodies
-        bounded &= parameter.name not in physical.shared
-        if not abs(parameter.value) <= LARGEST or (bounded and parameter.value < 0.0):
-            raise UsageError(
-                f"{path}: physical.parameters: {parameter.name} is {parameter.value:g} "
-                f"{parameter.unit}, which no robot has"
-            )
+        if kind_of(name) in INERTIAL and name not in physical.values:
+            raise UsageError(f"{path}: physical.parameters: {name} is missing; {again}")
     sizes: dict[str, float] = {}
     for parameter in physical.parameters:
-        sizes[parameter.unit] = max(sizes.get(parameter.unit, 0.0), abs(parameter.given))
+        sizes[parameter.unit] = max(sizes.get(parameter.unit, 1e-12), abs(parameter.given))
     for parameter in physical.parameters:
-        value = now.get(parameter.name, parameter.given)
-        if abs(value - parameter.given) > _SAME * max(sizes[parameter.unit], 1e-12):
+        name, kind = parameter.name, kind_of(parameter.name)
+        # Links are judged as bodies.
+        bounded = kind in NON_NEGATIVE and kind not in INERTIAL and name not in physical.shared
+        if not abs(parameter.value) <= LARGEST or (bounded and parameter.value < 0.0):
             raise UsageError(
-                f"{path}: the nominal model changed since: {parameter.name} was "
-                f"{parameter.given:.6g} {parameter.unit}, and is {value:.6g} in {source} and its "
-                f"configuration; run `idim-iv {result.written_by}` again"
+                f"{path}: physical.parameters: {name} is {parameter.value:g} {parameter.unit}, "
+                "which no robot has"
             )
+        value = now.get(name, parameter.given)
+        if abs(value - parameter.given) > _SAME * sizes[parameter.unit]:
+            raise UsageError(
+                f"{path}: the nominal model changed since: {name} was {parameter.given:.6g} "
+                f"{parameter.unit}, and is {value:.6g} in {source} and its configuration; {again}"
+            )
+    return physical
 
 
-def _require_known(path: Path, causes: Sequence[Cause]) -> None:
+def _require_effects(path: Path, causes: Sequence[Cause]) -> None:
+    """Refuse effects of another version, and delays that no drive has."""
     for number, cause in enumerate(causes):
         if cause.effect not in BY_NAME:
             raise UsageError(
@@ -281,40 +249,3 @@ def _require_known(path: Path, causes: Sequence[Cause]) -> None:
         delay = cause.parameters.get("delay")
         if delay is not None and delay.value > _LONGEST_DELAY:
             raise UsageError(f"{path}: causes.{number}: a delay of {delay.value:g} s is no drive's")
-
-
-def _effects(
-    path: Path, causes: Sequence[Cause], joints: Sequence[str]
-) -> tuple[tuple[PlantedEffect, ...], tuple[str, ...]]:
-    """Structural effects to simulate, and notes."""
-    structural = [cause for cause in causes if BY_NAME[cause.effect].kind == "structural"]
-    effects = tuple(
-        PlantedEffect(
-            each.effect,
-            each.joint,
-            each.other_joint,
-            {name: number.value for name, number in each.parameters.items()},
-        )
-        for each in structural
-    )
-    notes = tuple(
-        f"{cause_name(each)} is indistinguishable from "
-        f"{', '.join(other.effect for other in each.indistinguishable_from)}: it is a guess"
-        for each in structural
-        if each.indistinguishable_from
-    )
-    # Names and numbers as the simulator takes them.
-    joint_effects(
-        [
-            SimulatedEffect(
-                effect.effect,
-                effect.joint,
-                effect.parameters,
-                effect.other_joint,
-                f"{path}: causes",
-            )
-            for effect in effects
-        ],
-        joints,
-    )
-    return effects, notes

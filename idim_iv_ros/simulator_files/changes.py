@@ -3,23 +3,24 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.physical import StandardValue
+from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.randomization import Randomization
-from idim_iv_ros.simulator_files.xml_edits import number_text
-from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.simulator_files.xml_text import number_text
 
 _SOURCES = {
     "recording": "recording",
     "recording and nominal model": "recording; split by the {file}",
     "nominal model": "{file}, as near as the rest lets it be: no motion shows it",
 }
-_ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "torque_offset"}
+_ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "constant torque"}
 
 
 def changes_text(
     answer: Answer,
-    effects: Sequence[PlantedEffect],
+    effects: Sequence[SimulatedEffect],
     law: DriveLaw,
     files: Sequence[str],
     notes: Sequence[str],
@@ -48,7 +49,7 @@ def changes_text(
         "|---|---|---|---|---|---|---|",
         *(
             _row(parameter, answer.robot.joints, file)
-            for parameter in answer.parameters
+            for parameter in answer.model.parameters
             if answer.refit or parameter.source != "nominal model"
         ),
         "",
@@ -77,16 +78,16 @@ def _of_refit(answer: Answer) -> list[str]:
 
 def _of_causes(answer: Answer) -> list[str]:
     """The causes, and what they leave of the torque gap."""
-    rest = "what no cause explains" if answer.remainder else "nothing else"
+    rest = "what no cause explains" if answer.model.remainder else "nothing else"
     lines = [f"The nominal model with the causes that the diagnosis names, and {rest}:", ""]
     lines += [f"- {change}" for change in answer.in_parameters]
     lines += [f"- {effect.effect} at {effect.joint or 'all joints'}" for effect in answer.effects]
-    lines += [f"- left out: {each}" for each in answer.left_out]
+    lines += [f"- left out: {cause}" for cause in answer.left_out]
     if answer.errors:
         lines += [
             "",
             "What errors of parameters that no cause names make of the torque"
-            + (":" if answer.remainder else " (`--remainder` spreads it, `--refit` has it):"),
+            + (":" if answer.model.remainder else " (`--remainder` spreads it, `--refit` has it):"),
             "",
             "| joint | rms | share of the torque |",
             "|---|---|---|",
@@ -99,14 +100,11 @@ def _of_causes(answer: Answer) -> list[str]:
 
 def _remainder(answer: Answer) -> list[str]:
     """How far the recording asks for other links and drives than the causes make."""
-    if answer.remainder is None:
+    remainder = answer.model.remainder
+    if remainder is None:
         return []
-    masses = [
-        parameter for parameter in answer.parameters if parameter.name.rstrip("0123456789") == "M"
-    ]
-    sizes = zip(
-        answer.robot.joints, masses, answer.remainder.links, answer.remainder.drives, strict=True
-    )
+    masses = [number for number in answer.model.parameters if kind_of(number.name) == "M"]
+    sizes = zip(answer.robot.joints, masses, remainder.links, remainder.drives, strict=True)
     return [
         "## What no cause explains",
         "",
@@ -129,19 +127,13 @@ def _size(size: float) -> str:
 
 def _without_element(answer: Answer, file: str) -> list[str]:
     """Where the values are that the file has no element for."""
-    robot = answer.robot
-    numbers = {
-        kind: [
-            answer.value(kind, joint, float(robot.given.of_drives[kind][joint]))
-            for joint in range(len(robot.joints))
-        ]
-        for kind in ("Ia", "off")
-    }
+    given = answer.robot.given.of_drives
+    armature, offset = (answer.values(kind, given[kind]) for kind in ("Ia", "off"))
     lines = []
     if file == "URDF":
-        lines += [f"  armature: [{', '.join(map(number_text, numbers['Ia']))}]   # kg m²"]
-    if any(numbers["off"]):
-        lines += [f"  torque_offset: [{', '.join(map(number_text, numbers['off']))}]   # N m"]
+        lines += [f"  armature: [{', '.join(map(number_text, armature))}]   # kg m²"]
+    if any(offset):
+        lines += [f"  torque_offset: [{', '.join(map(number_text, offset))}]   # N m"]
     if not lines:
         return []
     said = (
@@ -151,20 +143,20 @@ def _without_element(answer: Answer, file: str) -> list[str]:
     return [said, "", "```yaml", "simulator:", *lines, "```", ""]
 
 
-def _row(each: StandardValue, joints: Sequence[str], file: str) -> str:
-    kind, number = each.name.rstrip("0123456789"), each.name.lstrip("XYZMFIacvmof")
-    where = f" ({_ELEMENTS[kind]} of {joints[int(number) - 1]})" if kind in _ELEMENTS else ""
-    spread = score = "–"
-    if each.std is not None and each.std > 0.0:
-        spread = f"{1.96 * each.std:.2g}"
-        score = f"{(each.value - each.given) / each.std:+.1f}"
+def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> str:
+    name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
+    kind = kind_of(name)
+    where = ""
+    if kind in _ELEMENTS:
+        where = f" ({_ELEMENTS[kind]} of {joints[int(name.removeprefix(kind)) - 1]})"
+    spread, score = (f"{1.96 * std:.2g}", f"{(value - given) / std:+.1f}") if std else ("–", "–")
     return (
-        f"| {each.name}{where} | {each.given:.6g} | {each.value:.6g} | {spread} | {score} | "
-        f"{each.unit} | {_SOURCES[each.source].format(file=file)} |"
+        f"| {name}{where} | {given:.6g} | {value:.6g} | {spread} | {score} | "
+        f"{parameter.unit} | {_SOURCES[parameter.source].format(file=file)} |"
     )
 
 
-def _effect_lines(answer: Answer, effects: Sequence[PlantedEffect]) -> list[str]:
+def _effect_lines(answer: Answer, effects: Sequence[SimulatedEffect]) -> list[str]:
     lines = ["## Effects", ""]
     if not answer.diagnosed:
         lines += ["An identification names no cause: `idim-iv diagnose` does.", ""]

@@ -1,29 +1,22 @@
 """Effects for which MuJoCo has an element that does exactly the same.
 
-======================  ==========================================================================
-effect                  element
-======================  ==========================================================================
-`nonlinear_viscous`     second and third number of a joint's `damping` (power 2 or 3)
-`spring`                `stiffness` of a joint, a polynomial, where its range is never left
-`joint_coupling`        `damping` and `frictionloss` of a fixed tendon over both joints (power 1)
-`time_delay`            `delay` and `nsample` of a motor
-`torque_saturation`     range of the command, where nothing more acts beyond the knee
-`controller_mismatch`   gains of the actuators, where no lag and no feedforward is part of it
-======================  ==========================================================================
-
-It has none for a constant torque. Its DC motor has LuGre friction, another law than the Stribeck
-curve and the Maxwell slip of the catalogue. All these stay with `Effects`.
+The numbers of a joint (damping, stiffness) and of a tendon over two joints are what the effect's
+own file says (`Cause.element`). Of the control: a delay is that of a motor, a limit beyond which
+nothing more acts the range of its command, and gains are those of the actuators where no lag and no
+feedforward is part of it. MuJoCo has no element for a constant torque, and its DC motor has LuGre
+friction, another law than those of the catalogue. All these stay with `Effects`.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from idim_iv_ros.effects.registry import part_of
+import numpy as np
+
+from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.mjcf_ties import COUPLING, DAMPING, SPRING
+from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.law import DriveLaw
-from idim_iv_ros.simulators.effects_file import PlantedEffect
+from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -37,6 +30,10 @@ class Coupled:
     friction: float
     inertia: float = 0.0
 
+    def name(self, joints: Sequence[str]) -> str:
+        """Of the tendon."""
+        return f"{joints[self.first]}_{joints[self.second]}"
+
 
 @dataclass
 class NativeEffects:
@@ -44,76 +41,60 @@ class NativeEffects:
 
     Attributes
     ----------
-    damping : dict of joint index to list of float
-        Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³.
-    stiffness : dict of joint index to list of float
-        Coefficients of q, q², q³.
+    damping, stiffness : dict of joint index to array
+        Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³; of q, q², q³.
     couplings : list of Coupled
+    listed : dict of str to list of str
+        Names of the joints or tendons that hold an effect, by its name.
     """
 
-    damping: dict[int, list[float]] = field(default_factory=dict)
-    stiffness: dict[int, list[float]] = field(default_factory=dict)
+    damping: dict[int, FloatArray] = field(default_factory=dict)
+    stiffness: dict[int, FloatArray] = field(default_factory=dict)
     couplings: list[Coupled] = field(default_factory=list)
+    listed: dict[str, list[str]] = field(default_factory=dict)
 
-    @property
-    def joints(self) -> dict[str, list[int]]:
-        """Joints whose elements hold an effect, by its name."""
-        found = {DAMPING: list(self.damping), SPRING: list(self.stiffness)}
-        return {effect: joints for effect, joints in found.items() if joints}
+    def take(self, effect: SimulatedEffect, robot: RobotModel) -> bool:
+        """Hold an effect; False where MuJoCo has no element for it."""
+        cause = BY_NAME[effect.effect]
+        if not cause.element_of or effect.joint is None:
+            return False
+        joint = robot.joints.index(effect.joint)
+        low, high = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
+        element = cause.element(effect.parameters, low, high)
+        if element is None:
+            return False
+        name = effect.joint
+        for numbers, values in (
+            (self.damping, element.damping),
+            (self.stiffness, element.stiffness),
+        ):
+            if values:
+                numbers[joint] = numbers.get(joint, np.zeros(len(values))) + values
+        if element.tendon:
+            if effect.other_joint is None:
+                return False
+            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *element.tendon)
+            self.couplings.append(tendon)
+            name = tendon.name(robot.joints)
+        self.listed.setdefault(effect.effect, []).append(name)
+        return True
 
 
 def native_effects(
-    effects: Sequence[PlantedEffect], robot: RobotModel, law: DriveLaw
-) -> tuple[NativeEffects, tuple[PlantedEffect, ...]]:
+    effects: Sequence[SimulatedEffect], robot: RobotModel, law: DriveLaw
+) -> tuple[NativeEffects, tuple[SimulatedEffect, ...]]:
     """Return what the model has natively, and all effects, marked where they are in it."""
-    found = NativeEffects()
-    marked = tuple(replace(effect, native=_taken(effect, robot, law, found)) for effect in effects)
-    return found, marked
+    native = NativeEffects()
+    marked = tuple(
+        replace(effect, native=_in_control(effect, law) or native.take(effect, robot))
+        for effect in effects
+    )
+    return native, marked
 
 
-def _taken(effect: PlantedEffect, robot: RobotModel, law: DriveLaw, found: NativeEffects) -> bool:
-    """Put an effect into `found`; False where MuJoCo has no element for it."""
-    numbers, part = effect.parameters, part_of(effect.effect)
-    if part == "delay":
-        return True
+def _in_control(effect: SimulatedEffect, law: DriveLaw) -> bool:
+    """Whether motors or actuators hold an effect; see `law.drive_law`."""
+    part = part_of(effect.effect)
     if part == "limit":
-        return not numbers.get("slope", 0.0)
-    if part == "gains":
-        return law.known and not law.beyond
-    if effect.joint is None:
-        return False
-    joint = robot.joints.index(effect.joint)
-    if effect.effect == DAMPING and numbers.get("power", 2.0) in (2.0, 3.0):
-        place = int(numbers.get("power", 2.0)) - 2
-        found.damping.setdefault(joint, [0.0, 0.0])[place] += numbers.get("coefficient", 0.0)
-        return True
-    if effect.effect == SPRING:
-        return _spring(effect, robot, joint, found)
-    if effect.effect == COUPLING:
-        return _coupling(effect, robot, joint, found)
-    return False
-
-
-def _spring(effect: PlantedEffect, robot: RobotModel, joint: int, found: NativeEffects) -> bool:
-    numbers = effect.parameters
-    low, high = robot.limits.lower[joint], robot.limits.upper[joint]
-    lowest, highest = numbers.get("lowest", -math.inf), numbers.get("highest", math.inf)
-    if numbers.get("bent") or numbers.get("constant") or low < lowest or high > highest:
-        return False
-    own = found.stiffness.setdefault(joint, [0.0, 0.0, 0.0])
-    for place, name in enumerate(("linear", "quadratic", "cubic")):
-        own[place] += numbers.get(name, 0.0)
-    return True
-
-
-def _coupling(effect: PlantedEffect, robot: RobotModel, joint: int, found: NativeEffects) -> bool:
-    numbers = effect.parameters
-    coulomb, viscous = numbers.get("coulomb", 0.0), numbers.get("viscous", 0.0)
-    if numbers.get("power", 1.0) != 1.0 or coulomb < 0.0 or viscous < 0.0:
-        return False
-    if effect.other_joint is None:
-        return False
-    other = robot.joints.index(effect.other_joint)
-    direction = numbers.get("direction", 1.0)
-    found.couplings.append(Coupled(joint, other, direction, viscous, coulomb))
-    return True
+        return not effect.parameters.get("slope", 0.0)
+    return part == "delay" or (part == "gains" and law.known and not law.beyond)

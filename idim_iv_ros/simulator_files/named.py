@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -26,8 +27,8 @@ from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
 from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
 from idim_iv_ros.physical.remainder import Remainder, spread_remainder
+from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.links import LinkBody, is_possible
-from idim_iv_ros.simulators.effects_file import PlantedEffect
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
@@ -51,22 +52,36 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Mended:
-    """The nominal model with named causes.
+class CorrectedModel:
+    """The robot that is exported: the nominal model with named causes, or physical parameters.
 
     Attributes
     ----------
     parameters : tuple of StandardValue
     loads : tuple of Load
-    effects : tuple of PlantedEffect
-        Causes that are no parameter of a model.
+        Payloads as bodies of their own.
+    effects : tuple of SimulatedEffect
+        Parametric causes that are no parameter of a model.
     gravity : (3,) m/s²
+    remainder : Remainder or None
+        What no cause explains, where `parameters` hold it.
     """
 
     parameters: tuple[StandardValue, ...]
     loads: tuple[Load, ...]
-    effects: tuple[PlantedEffect, ...]
+    effects: tuple[SimulatedEffect, ...]
     gravity: FloatArray
+    remainder: Remainder | None = None
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Standard parameters by name."""
+        return {parameter.name: parameter.value for parameter in self.parameters}
+
+
+def kind_of(name: str) -> str:
+    """Kind of a standard parameter: Fv of Fv2."""
+    return name.rstrip("0123456789")
 
 
 def cause_name(cause: Cause) -> str:
@@ -107,13 +122,13 @@ def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
     )
 
 
-def mended_model(
+def corrected_model(
     model: InverseModel,
     causes: Sequence[Cause],
     left_out: Sequence[Cause],
     physical: PhysicalParameters,
     source: str,
-) -> Mended:
+) -> CorrectedModel:
     """Return the nominal model with these causes.
 
     Parameters
@@ -135,58 +150,51 @@ def mended_model(
     """
     robot, layout = model.robot, model.regressor.layout
     given = dict(zip(layout.names, map(float, layout.vector(robot.given)), strict=True))
-    found: dict[str, tuple[float, float | None]] = {}
+    changed: dict[str, tuple[float, float | None]] = {}
     loads: list[Load] = []
-    effects: list[PlantedEffect] = []
+    effects: list[SimulatedEffect] = []
     gravity = np.array(robot.pinocchio.gravity.linear)
     for cause in causes:
         part = part_of(cause.effect)
         if part == "torque scale":
             numbers = {name: _rounded(parameter) for name, parameter in cause.parameters.items()}
-            effects.append(PlantedEffect(cause.effect, cause.joint, None, numbers))
+            effects.append(SimulatedEffect(cause.effect, cause.joint, numbers))
         elif part == "gravity":
-            turn = [
-                cause.parameters[f"rotation_about_{axis}"].value
-                if f"rotation_about_{axis}" in cause.parameters
-                else 0.0
-                for axis in "xyz"
-            ]
-            gravity = np.asarray(pin.exp3(np.array(turn)) @ gravity)
+            names = [f"rotation_about_{axis}" for axis in "xyz"]
+            present = {name: number.value for name, number in cause.parameters.items()}
+            turn = np.array([present.get(name, 0.0) for name in names])
+            gravity = np.asarray(pin.exp3(turn) @ gravity)
         elif cause.kind == "parametric":
             changes = _changes(cause, robot.joints)
             mass = changes.get(f"M{_number(cause, robot.joints)}")
             if part == "load" and mass is not None and mass.value > 0.0:
                 loads.append(_load(cause, changes, len(loads), source))
-            elif any(name.rstrip("0123456789") in INERTIAL for name in changes):
-                found |= _link(cause, changes, given, source)
+            elif any(kind_of(name) in INERTIAL for name in changes):
+                changed |= _link(cause, changes, given, source)
             else:
                 for name, change in changes.items():
                     value = given[name] + _rounded(change)
-                    found[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
+                    changed[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
     # Of the refit's friction beside an effect, what left-out causes account for goes with them.
-    refit = physical.values
     others = [_changes(effect, robot.joints) for effect in left_out if effect.kind == "parametric"]
     for cause in causes:
-        places = [robot.joints.index(each) + 1 for each in (cause.joint, cause.other_joint) if each]
+        joints = [joint for joint in (cause.joint, cause.other_joint) if joint]
+        places = [robot.joints.index(joint) + 1 for joint in joints]
         for name in (f"{kind}{place}" for place in places for kind in ("Fv", "Fc")):
             if cause.kind == "structural" and name in physical.shared:
                 gone = sum(other[name].value for other in others if name in other)
-                found[name] = (refit[name] - gone, None)
-    return Mended(
-        tuple(
-            StandardValue(
-                parameter.name,
-                parameter.unit,
-                *found.get(parameter.name, (given[parameter.name], None)),
-                given[parameter.name],
-                "recording" if parameter.name in found else "nominal model",
-            )
-            for parameter in layout.parameters
-        ),
-        tuple(loads),
-        tuple(effects),
-        gravity,
+                changed[name] = (physical.values[name] - gone, None)
+    parameters = tuple(
+        StandardValue(
+            parameter.name,
+            parameter.unit,
+            *changed.get(parameter.name, (given[parameter.name], None)),
+            given[parameter.name],
+            "recording" if parameter.name in changed else "nominal model",
+        )
+        for parameter in layout.parameters
     )
+    return CorrectedModel(parameters, tuple(loads), tuple(effects), gravity)
 
 
 def with_remainder(
@@ -195,38 +203,38 @@ def with_remainder(
     left_out: Sequence[Cause],
     physical: PhysicalParameters,
     source: str,
-) -> tuple[Mended, Remainder]:
-    """Return the same with what no cause explains, spread as far as the recording asks for it.
+) -> CorrectedModel:
+    """Return the corrected model with what no cause explains, as far as the recording asks for it.
 
     It is found beside all causes, so that it stays where one is left out. Parameters as for
-    `mended_model`.
+    `corrected_model`.
     """
-    kept = mended_model(model, causes, left_out, physical, source)
+    kept = corrected_model(model, causes, left_out, physical, source)
     for cause in (*causes, *left_out):
         if part_of(cause.effect) in _NO_BODY:
             raise UsageError(
                 f"{source}: beside {cause_name(cause)}, which is no number of a body or a joint, "
                 "what remains cannot be spread: leave out --remainder"
             )
-    size = len(model.base.names)
+    names, covariance = list(model.base.names), physical.covariance
     if (
-        physical.covariance is None
-        or physical.covariance.shape != (size, size)
-        or not np.all(np.isfinite(physical.covariance))
-        or [change.name for change in physical.base] != list(model.base.names)
+        covariance is None
+        or covariance.shape != (len(names), len(names))
+        or not np.all(np.isfinite(covariance))
+        or [change.name for change in physical.base] != names
     ):
         raise UsageError(
-            f"{source}: physical.covariance is not that of the {size} base parameters of this "
-            "robot; run `idim-iv diagnose` again"
+            f"{source}: physical.covariance is not that of the {len(names)} base parameters of "
+            "this robot; run `idim-iv diagnose` again"
         )
-    whole = mended_model(model, [*causes, *left_out], [], physical, source)
+    whole = corrected_model(model, [*causes, *left_out], [], physical, source)
     joints = model.robot.joints
     try:
-        found = spread_remainder(
+        remainder = spread_remainder(
             model.robot,
             model.base,
-            np.array([each.estimate for each in physical.base]),
-            physical.covariance,
+            np.array([change.estimate for change in physical.base]),
+            covariance,
             np.array([parameter.value for parameter in whole.parameters]),
             [(joints.index(load.joint), load.parameters) for load in whole.loads],
             {parameter.name for parameter in whole.parameters if parameter.source == "recording"},
@@ -241,7 +249,7 @@ def with_remainder(
         if parameter.value != other.value or value == parameter.value
         else replace(parameter, value=value, std=None, source="recording and nominal model")
         for parameter, other, value in zip(
-            kept.parameters, whole.parameters, map(float, found.standard), strict=True
+            kept.parameters, whole.parameters, map(float, remainder.standard), strict=True
         )
     )
     # The loads of causes that are kept are the first.
@@ -251,9 +259,9 @@ def with_remainder(
             parameters=body,
             words=f"{load.words}; with what no cause explains {body[-1]:.4g} kg",
         )
-        for load, body in zip(kept.loads, found.loads, strict=False)
+        for load, body in zip(kept.loads, remainder.loads, strict=False)
     )
-    return replace(kept, parameters=parameters, loads=loads), found
+    return replace(kept, parameters=parameters, loads=loads, remainder=remainder)
 
 
 def _number(cause: Cause, joints: Sequence[str]) -> int:
@@ -278,7 +286,7 @@ def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
 
 def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:
     """A payload with a mass, at the joint that carries it."""
-    numbers = {name.rstrip("0123456789"): change for name, change in changes.items()}
+    numbers = {kind_of(name): change for name, change in changes.items()}
     mass = numbers["M"].value
     none = EffectParameter(0.0, None, "kg m")
     first = np.array([numbers.get(kind, none).value for kind in ("MX", "MY", "MZ")])
@@ -292,7 +300,8 @@ def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, sou
     if missing:
         words += "; the rest as of a ball of water"
     assert cause.joint is not None
-    return Load("payload" if not number else f"payload_{number + 1}", cause.joint, body, words)
+    name = cause.effect if not number else f"{cause.effect}_{number + 1}"
+    return Load(name, cause.joint, body, words)
 
 
 def _link(
@@ -303,7 +312,7 @@ def _link(
 ) -> dict[str, tuple[float, float | None]]:
     """The parameters of one link."""
     number = re.sub(r"\D", "", next(iter(changes)))
-    numbers = {name.rstrip("0123456789"): change for name, change in changes.items()}
+    numbers = {kind_of(name): change for name, change in changes.items()}
     nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
     body = _nearest(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
     return {

@@ -1,25 +1,27 @@
-"""Splice values into the bytes of a URDF: all else stays as it is, to the last blank."""
+"""A user's URDF with other inertials, damping and friction, and links for payloads."""
 
 from collections.abc import Mapping
-from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
+from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.named import Load
-from idim_iv_ros.simulator_files.xml_edits import (
-    Edits,
-    Element,
+from idim_iv_ros.simulator_files.xml_text import (
     comment_text,
-    end_of_tag,
+    elements,
     number_text,
-    numbers,
     numbers_text,
+    put_before,
+    put_first,
+    put_last,
+    read_xml,
+    set_values,
+    tag_text,
+    written_xml,
 )
 
-MOMENTS = {
+_MOMENTS = {
     "ixx": (0, 0),
     "ixy": (0, 1),
     "ixz": (0, 2),
@@ -36,7 +38,7 @@ def with_values(
     mounted: Mapping[str, tuple[str, Load]],
     source: str,
 ) -> bytes:
-    """Return the URDF with other inertials, damping and friction, and links for payloads.
+    """Return the URDF with other values; all else stays, but for blanks.
 
     Parameters
     ----------
@@ -54,108 +56,74 @@ def with_values(
     Raises
     ------
     UsageError
-        The encoding of the file has no ASCII in it.
+        As `read_xml`.
     """
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise UsageError(f"{source}: is UTF-16; write it as UTF-8")
-    found = _elements(content)
-    edits = _UrdfEdits(content)
+    document = read_xml(content, source)
+    robot = document.documentElement
+    places = {
+        (child.tagName, child.getAttribute("name")): child
+        for child in elements(robot, "link", "joint")
+    }
     for name, body in links.items():
-        edits.inertial(found["link", name], body)
+        _set_inertial(places["link", name], body)
     for name, values in dynamics.items():
-        edits.dynamics(found["joint", name], values)
-    for name, (link, load) in mounted.items():
-        edits.payload(found["robot", ""], name, link, load)
-    return edits.made()
-
-
-def _elements(content: bytes) -> dict[tuple[str, str], Element]:
-    """Links and joints of the robot by tag and name."""
-    parser = expat.ParserCreate()
-    stack: list[Element] = []
-    found: dict[tuple[str, str], Element] = {}
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        element = Element(parser.CurrentByteIndex, len(stack))
-        element.end_of_start = end_of_tag(content, element.start)
-        if not stack:
-            found["robot", ""] = element
-        elif len(stack) == 1 and tag in ("link", "joint"):
-            found[tag, attributes.get("name", "")] = element
-        elif stack:
-            stack[-1].children.setdefault(tag, element)
-        stack.append(element)
-
-    def end(tag: str) -> None:
-        stack.pop().end = parser.CurrentByteIndex
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(content, True)
-    return found
+        _set_dynamics(places["joint", name], values)
+    for name, (carrier, load) in mounted.items():
+        fixed = tag_text("joint", {"name": f"{name}_fixed", "type": "fixed"})
+        lines = [
+            comment_text(load.words),
+            tag_text("link", {"name": name}).replace("/>", ">"),
+            *(f"  {line}" for line in _inertial(load.body)),
+            "</link>",
+            fixed.replace("/>", ">"),
+            f"  {tag_text('parent', {'link': carrier})}",
+            f"  {tag_text('child', {'link': name})}",
+            "</joint>",
+        ]
+        put_last(robot, lines)
+    return written_xml(document, content)
 
 
 def _moments(body: LinkBody) -> dict[str, str]:
-    values = numbers_text(np.array([body.inertia[place] for place in MOMENTS.values()]))
-    return dict(zip(MOMENTS, values.split(), strict=True))
+    values = numbers_text(np.array([body.inertia[place] for place in _MOMENTS.values()]))
+    return dict(zip(_MOMENTS, values.split(), strict=True))
 
 
 def _inertial(body: LinkBody) -> list[str]:
-    listed = " ".join(f'{key}="{value}"' for key, value in _moments(body).items())
     return [
         "<inertial>",
-        f'  <origin xyz="{numbers_text(body.centre)}" rpy="0 0 0"/>',
-        f'  <mass value="{number_text(body.mass)}"/>',
-        f"  <inertia {listed}/>",
+        f"  {tag_text('origin', {'xyz': numbers_text(body.centre), 'rpy': '0 0 0'})}",
+        f"  {tag_text('mass', {'value': number_text(body.mass)})}",
+        f"  {tag_text('inertia', _moments(body))}",
         "</inertial>",
     ]
 
 
-class _UrdfEdits(Edits):
-    """What the elements of a URDF hold."""
+def _set_inertial(link: Any, body: LinkBody) -> None:
+    """Mass, centre and moments of a link."""
+    inertial = next(elements(link, "inertial"), None)
+    if inertial is None:
+        put_first(link, _inertial(body))
+        return
+    mass, inertia = (next(elements(inertial, tag)) for tag in ("mass", "inertia"))
+    set_values(mass, {"value": number_text(body.mass)})
+    set_values(inertia, _moments(body))
+    centre = {"xyz": numbers_text(body.centre)}
+    origin = next(elements(inertial, "origin"), None)
+    if origin is None:
+        put_before(mass, tag_text("origin", {**centre, "rpy": "0 0 0"}))
+        return
+    # The moments are written in the axes of the link: whoever turns them by an angle of few digits
+    # gets the same.
+    turned = any(float(angle) for angle in origin.getAttribute("rpy").split())
+    set_values(origin, centre | ({"rpy": "0 0 0"} if turned else {}))
 
-    def payload(self, robot: Element, name: str, carrier: str, load: Load) -> None:
-        """A link of its own, fixed to another, at the end of the robot."""
-        lines = [
-            f"<!-- {comment_text(load.words)} -->",
-            f"<link name={quoteattr(name)}>",
-            *(f"  {line}" for line in _inertial(load.body)),
-            "</link>",
-            f'<joint name={quoteattr(f"{name}_fixed")} type="fixed">',
-            f"  <parent link={quoteattr(carrier)}/>",
-            f"  <child link={quoteattr(name)}/>",
-            "</joint>",
-        ]
-        self.insert(robot.end, b"".join(b"  " + line.encode() + self.newline for line in lines))
 
-    def inertial(self, link: Element, body: LinkBody) -> None:
-        """Mass, centre and moments of a link."""
-        centre = numbers_text(body.centre)
-        inertial = link.children.get("inertial")
-        if inertial is None:
-            self.first_child(link, _inertial(body))
-            return
-        self.set(inertial.children["mass"], {"value": number_text(body.mass)})
-        self.set(inertial.children["inertia"], _moments(body))
-        origin = inertial.children.get("origin")
-        if origin is None:
-            before = inertial.children["mass"].start
-            line = f'<origin xyz="{centre}" rpy="0 0 0"/>'
-            self.insert(before, line.encode() + self.newline + self.indent(before))
-        else:
-            # The moments are written in the axes of the link: whoever turns them by an angle of
-            # few digits gets the same.
-            turned = numbers(self.attributes(origin).get("rpy", (0, 0))[:2], self.content)
-            self.set(origin, {"xyz": centre} | ({"rpy": "0 0 0"} if any(turned) else {}))
-
-    def dynamics(self, joint: Element, values: Mapping[str, float]) -> None:
-        """Damping and friction of a joint."""
-        texts = {key: number_text(value) for key, value in values.items()}
-        element = joint.children.get("dynamics")
-        if element is not None:
-            self.set(element, texts)
-            return
-        listed = " ".join(f'{key}="{value}"' for key, value in texts.items())
-        inside = max(joint.children.values(), key=lambda child: child.start)
-        last = self.end_of(inside)
-        line = self.newline + self.indent(inside.start) + f"<dynamics {listed}/>".encode()
-        self.insert(last, line)
+def _set_dynamics(joint: Any, values: Mapping[str, float]) -> None:
+    """Damping and friction of a joint."""
+    texts = {key: number_text(value) for key, value in values.items()}
+    element = next(elements(joint, "dynamics"), None)
+    if element is None:
+        put_last(joint, [tag_text("dynamics", texts)])
+    else:
+        set_values(element, texts)

@@ -1,10 +1,10 @@
 """What a simulated robot has beyond its configuration: a diagnosis, or effects written by hand."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result import Cause, GapResult
 from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
@@ -14,40 +14,26 @@ EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
 _LARGEST = 50.0  # MB
 
 
-@dataclass(frozen=True)
-class PlantedEffect:
-    """One effect at a joint, or at all; numbers as in docs/simulation.md.
-
-    `native`: whether the MJCF that the file goes with has it already, so that
-    `simulators.mujoco.Effects` passes it over.
-    """
-
-    effect: str
-    joint: str | None = None
-    other_joint: str | None = None
-    parameters: dict[str, float] = field(default_factory=dict)
-    native: bool = False
-
-
 @dataclass(frozen=True, kw_only=True)
 class EffectsFile(Document):
-    """A file of effects that a user writes.
+    """A file of effects that a user or an export writes.
 
     Attributes
     ----------
     format : str
     base_parameters : dict of str to float
         Those that differ from the configuration's, by name.
-    effects : tuple of PlantedEffect
+    effects : tuple of SimulatedEffect
+        Numbers as in docs/simulation.md. `native`: the MJCF that the file goes with has it already.
     recordings : tuple of str
-        Names of those that they were found on.
+        Names of those that they are from.
     """
 
     what: ClassVar[str] = "a file of effects"
     written_by: ClassVar[str] = "simulate"
     format: Literal["idim_iv_ros/effects/1"] = EFFECTS_FORMAT
     base_parameters: dict[str, float] = field(default_factory=dict)
-    effects: tuple[PlantedEffect, ...] = ()
+    effects: tuple[SimulatedEffect, ...] = ()
     recordings: tuple[str, ...] = ()
 
 
@@ -62,6 +48,12 @@ class ExtendedModel:
     effects: tuple[SimulatedEffect, ...]
     key: str
     recordings: tuple[str, ...]
+
+
+def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
+    """Return a cause of a diagnosis as the simulators take it; `source` names it in messages."""
+    numbers = {name: parameter.value for name, parameter in cause.parameters.items()}
+    return SimulatedEffect(cause.effect, cause.joint, numbers, cause.other_joint, source)
 
 
 def read_effects(path: Path) -> ExtendedModel:
@@ -79,30 +71,14 @@ def read_effects(path: Path) -> ExtendedModel:
             "--model an MJCF"
         )
     if EFFECTS_FORMAT in text:
-        planted = EffectsFile.from_json(text, str(path))
+        file = EffectsFile.from_json(text, str(path))
         effects = tuple(
-            SimulatedEffect(
-                effect.effect,
-                effect.joint,
-                effect.parameters,
-                effect.other_joint,
-                f"{path}: effects.{k}",
-                effect.native,
-            )
-            for k, effect in enumerate(planted.effects)
+            replace(effect, source=f"{path}: effects.{k}") for k, effect in enumerate(file.effects)
         )
-        key, recordings = "base_parameters", planted.recordings
-        return ExtendedModel(planted.base_parameters, effects, key, recordings)
+        return ExtendedModel(file.base_parameters, effects, "base_parameters", file.recordings)
     gap = GapResult.from_json(text, str(path))
-    causes = tuple(
-        SimulatedEffect(
-            effect=cause.effect,
-            joint=cause.joint,
-            parameters={name: parameter.value for name, parameter in cause.parameters.items()},
-            other_joint=cause.other_joint,
-            source=f"{path}: causes.{k}",
-        )
-        for k, cause in enumerate(gap.causes)
+    effects = tuple(
+        effect_of_cause(cause, f"{path}: causes.{k}") for k, cause in enumerate(gap.causes)
     )
     parameters = {name: parameter.value for name, parameter in gap.extended_parameters.items()}
-    return ExtendedModel(parameters, causes, "extended_parameters", gap.bags)
+    return ExtendedModel(parameters, effects, "extended_parameters", gap.bags)

@@ -30,25 +30,31 @@ from idim_iv_ros.effects.contribution import (
     LawChange,
     TorqueTerm,
 )
-from idim_iv_ros.effects.registry import part_of
+from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco
-from idim_iv_ros.model.parameters import DynamicParameters
-from idim_iv_ros.simulation.affected_robot import JointContributions, contributions_of, effect_rows
+from idim_iv_ros.simulation.affected_robot import (
+    STICKS,
+    JointContributions,
+    contributions_of,
+    effect_rows,
+)
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
 from idim_iv_ros.simulators.effects_file import read_effects
-from idim_iv_ros.simulators.mujoco_drive import DelayLine
 from idim_iv_ros.simulators.mujoco_kernel import Friction, Motion, drives, encoders, torques
-from idim_iv_ros.simulators.mujoco_parts import SHAFT, coupling_name, model_with_effects
-from idim_iv_ros.simulators.mujoco_shaft import MujocoShafts
+from idim_iv_ros.simulators.mujoco_parts import (
+    SHAFT,
+    MujocoShafts,
+    coupling_name,
+    first_column,
+    model_with_effects,
+)
 from idim_iv_ros.types import FloatArray
 
 __all__ = ["Effects", "model_with_effects"]
 
 STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp; 0.9999 is MuJoCo's largest impedance
-# Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
-_STICKS = 1e-9
 
 
 class Effects:
@@ -85,98 +91,88 @@ class Effects:
         start_time: float = 0.0,
     ) -> None:
         self._mujoco = load_mujoco("Effects")
+        self._start_time = start_time
         if isinstance(effects, str | PathLike):
             effects = read_effects(Path(effects)).effects
-        given = tuple(effect for effect in effects if not effect.native)
+        given = [effect for effect in effects if not effect.native]
         names = _joint_names(self._mujoco, model)
         parts = joint_effects(given, names)
+        offsets = [effect for effect in given if part_of(effect.effect) == "offset"]
+        constant = [effect for effect in offsets if effect.joint in names]
         affected = {j for part in parts for j in (part.joint, part.other_joint) if j >= 0}
-        used = sorted(
-            {*affected, *(names.index(e.joint) for e in _offsets(given, names) if e.joint)}
-        )
+        used = sorted(affected | {names.index(str(effect.joint)) for effect in constant})
         self.joints = tuple(names[joint] for joint in used)
-        self._affected = np.isin(used, list(affected))
+        own = [model.joint(name) for name in self.joints]
+        self._dof = np.array([int(joint.dofadr[0]) for joint in own], dtype=np.int64)
+        self._qpos = np.array([int(joint.qposadr[0]) for joint in own], dtype=np.int64)
         # Contributions are numbered as `names`; here only joints with effects count.
         number = {joint: k for k, joint in enumerate(used)} | {-1: -1}
-        parts = tuple(
-            replace(part, joint=number[part.joint], other_joint=number[part.other_joint])
-            for part in parts
+        added = contributions_of(
+            [
+                replace(part, joint=number[part.joint], other_joint=number[part.other_joint])
+                for part in parts
+            ],
+            model.dof_frictionloss[self._dof],
         )
-        self._start_time = start_time
-        self._find(model)
-        added = contributions_of(parts, _as_parameters(self._level, len(used)))
         self._offset = np.zeros(len(used))
-        for one in _offsets(given, names):
-            self._offset[self.joints.index(str(one.joint))] += one.parameters.get("offset", 0.0)
-        self.notes = _notes(added, self.joints)
+        for effect in constant:
+            place = self.joints.index(str(effect.joint))
+            self._offset[place] += effect.parameters.get("offset", 0.0)
+        self.notes = tuple(
+            f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
+            "there"
+            for joint, _ in added.of(LawChange)
+        )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
         self._compile(model, added)
-        self.reset()
-
-    def _find(self, model: Any) -> None:
-        """Addresses of the joints, and what the model says of their drives."""
-        own = [model.joint(name) for name in self.joints]
-        self._dof = np.array([int(j.dofadr[0]) for j in own], dtype=np.int64)
-        self._qpos = np.array([int(j.qposadr[0]) for j in own], dtype=np.int64)
-        self._id = [int(j.id) for j in own]
-        self._level = np.array(model.dof_frictionloss[self._dof])
-        self._damping = np.array(_first_column(model.dof_damping)[self._dof])
-        self._inertia = np.array(model.dof_armature[self._dof])
-
-    def _compile(self, model: Any, added: JointContributions) -> None:
-        n = len(self.joints)
-        couplings = added.couplings
-        contacts = n + len(couplings)
-        rows = effect_rows(added, np.arange(n), first_coupling=n)
-        level, dry = np.pad(self._level, (0, len(couplings))), np.zeros(contacts, dtype=bool)
-        dissipative = np.zeros(n, dtype=bool)
-        for joint, term in added.of(TorqueTerm):
-            level[joint] -= term.replaced
-            dissipative[joint] |= term.friction
-            dry[joint] |= term.dry
-        dry[:n] |= level[:n] > _STICKS * np.maximum(self._level, 1e-300)
-        level[:n] = np.where(dry[:n], level[:n], 0.0)
-        dry[n:] = [term.dry for _, _, term in couplings]
-        self._tendons = [
-            self._tendon(model, self.joints[a], self.joints[b]) for a, b, _ in couplings
-        ]
-        self._rows = rows
-        self._friction = Friction(
-            level=level,
-            damping=self._damping,
-            model_level=self._level,
-            inertia=self._inertia,
-            dry=dry,
-            dissipative=dissipative,
-            first=np.array([*range(n), *(a for a, _, _ in couplings)], dtype=np.int64),
-            second=np.array([-1] * n + [b for _, b, _ in couplings], dtype=np.int64),
-            direction=np.array([1.0] * n + [term.direction for _, _, term in couplings]),
-        )
-        self._now = (np.zeros(contacts), np.zeros(contacts), np.zeros(n))
-        lag = np.zeros(n)
-        for joint, delay in added.of(CommandDelay):
-            lag[joint] += delay.seconds
-        curves = any(True for _ in added.of(DriveCurve))
-        self._wrong = any(True for _ in added.of(EncoderError))
-        self._drive = None
-        if curves or self._wrong or np.any(lag > 0.0):
-            self._drive = DelayLine(self._mujoco, model, self._id, lag)
+        rubbing = self._friction.dissipative | self._friction.dry[: len(used)]
+        rubbing = (rubbing | (self._friction.model_level > 0.0)) & np.isin(used, list(affected))
         reference = (2.0 * model.opt.timestep, 1.0)
-        rubbing = (dissipative | dry[:n] | (self._level > 0.0)) & self._affected
         for dof in self._dof[rubbing]:
             model.dof_solref[dof], model.dof_solimp[dof] = reference, STIFFEST
         for tendon in self._tendons:
             model.tendon_solref_fri[tendon] = reference
             model.tendon_solimp_fri[tendon] = STIFFEST
+        lag = np.zeros(len(used))
+        for joint, delay in added.of(CommandDelay):
+            lag[joint] += delay.seconds
+        self._wrong = any(True for _ in added.of(EncoderError))
+        self._drive = None
+        if self._wrong or np.any(lag > 0.0) or any(True for _ in added.of(DriveCurve)):
+            ids = [int(joint.id) for joint in own]
+            self._drive = _DelayLine(self._mujoco, model, ids, lag)
+        self.reset()
 
-    def _tendon(self, model: Any, first: str, second: str) -> int:
-        for index in range(model.ntendon):
-            if model.tendon(index).name == coupling_name(first, second):
-                return index
-        raise UsageError(
-            f"joint_coupling of {first} and {second}: the model has no tendon "
-            f"{coupling_name(first, second)}; build it with model_with_effects(xml, effects)"
+    def _compile(self, model: Any, added: JointContributions) -> None:
+        """Shape friction and contributions for compiled code; find the tendons of couplings."""
+        n, couplings = len(self.joints), added.couplings
+        model_level = np.array(model.dof_frictionloss[self._dof])
+        level, dry = np.pad(model_level, (0, len(couplings))), np.zeros(n + len(couplings), bool)
+        dissipative = np.zeros(n, dtype=bool)
+        for joint, term in added.of(TorqueTerm):
+            level[joint] -= term.replaced
+            dissipative[joint] |= term.friction
+            dry[joint] |= term.dry
+        dry[:n] |= level[:n] > STICKS * np.maximum(model_level, 1e-300)
+        level[:n] = np.where(dry[:n], level[:n], 0.0)
+        dry[n:] = [term.dry for _, _, term in couplings]
+        self._tendons = [
+            _tendon(model, self.joints[first], self.joints[second])
+            for first, second, _ in couplings
+        ]
+        self._rows = effect_rows(added, np.arange(n), first_coupling=n)
+        self._friction = Friction(
+            level=level,
+            damping=np.array(first_column(model.dof_damping)[self._dof]),
+            model_level=model_level,
+            inertia=np.array(model.dof_armature[self._dof]),
+            dry=dry,
+            dissipative=dissipative,
+            first=np.array([*range(n), *(first for first, _, _ in couplings)], dtype=np.int64),
+            second=np.array([-1] * n + [second for _, second, _ in couplings], dtype=np.int64),
+            direction=np.array([1.0] * n + [term.direction for _, _, term in couplings]),
         )
+        self._now = (np.zeros_like(level), np.zeros_like(level), np.zeros(n))
 
     def reset(self) -> None:
         """Forget what states and delays hold; called by itself where the data's time goes back."""
@@ -184,7 +180,7 @@ class Effects:
         self._before = np.zeros(len(self.joints))
         self._rows.state[:] = 0.0
         if self._drive is not None:
-            self._drive.reset()
+            self._drive.sent = []
 
     def position(self, data: Any) -> FloatArray:
         """What the encoders show of `joints`, (n,) rad (m): of the motors, with their errors."""
@@ -214,99 +210,97 @@ class Effects:
         time = float(data.time)
         if time < self._time and self._time != np.inf:
             self.reset()
-        step = float(model.opt.timestep)
         q, dq = data.qpos[self._qpos], data.qvel[self._dof]
-        first = self._time == np.inf
-        if first:  # nothing was computed yet at this state
+        if self._time == np.inf:  # nothing was computed yet at this state
             self._mujoco.mj_forward(model, data)
+            self._before = q
         force = -self._offset
         if self._rows.state.shape[0]:
-            load, static = np.empty((2, model.nv))
-            self._mujoco.mj_rne(model, data, 1, load)
-            self._mujoco.mj_rne(model, data, 0, static)
-            push = -np.sign(data.qfrc_constraint[self._dof])
-            moved = np.zeros_like(q) if first else q - self._before
-            motion = Motion(
-                q,
-                dq,
-                data.qacc[self._dof],
-                load[self._dof],
-                static[self._dof],
-                push,
-                moved,
-                np.zeros_like(q),
-            )
-            level, damping, opposing = self._now
-            torques(
-                self._rows,
-                self._friction,
-                motion,
-                self._start_time,
-                time,
-                step,
-                level,
-                damping,
-                opposing,
-            )
-            n = len(self.joints)
-            model.dof_frictionloss[self._dof] = level[:n]
-            _first_column(model.dof_damping)[self._dof] = damping[:n]
-            for k, tendon in enumerate(self._tendons):
-                model.tendon_frictionloss[tendon] = level[n + k]
-                _first_column(model.tendon_damping)[tendon] = damping[n + k]
-            force = force - opposing
+            force -= self._frictions(model, data, q, dq)
         if self._drive is not None:
-            force = force + self._changed_drive(model, data, q, dq, step)
+            # What acts on the joints beyond the torque that MuJoCo computes from the controls.
+            sent = seen = self._drive.commanded(model, data, q, dq)
+            if self._wrong:
+                seen = self._drive.commanded(model, data, *self.measured(data))
+            acting = np.empty_like(sent)
+            drives(self._rows, self._drive.delayed(seen, float(model.opt.timestep)), acting)
+            force += acting - sent
         self._shafts.apply(model, data)
         if applied is not None:
-            force = force + applied[self._dof]
+            force += applied[self._dof]
         data.qfrc_applied[self._dof] = force
         self._before, self._time = q, time
 
-    def _changed_drive(
-        self, model: Any, data: Any, q: FloatArray, dq: FloatArray, step: float
-    ) -> FloatArray:
-        """What acts on the joints beyond the torque that MuJoCo computes from the controls."""
-        assert self._drive is not None
-        shown = self.measured(data) if self._wrong else None
-        own, seen = self._drive.commanded(model, data, q, dq, shown)
-        acting = np.empty_like(own)
-        drives(self._rows, self._drive.delayed(seen, step), acting)
-        return acting - own
+    def _frictions(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Set friction and damping of this step; return what else opposes the motors, (n,) N m."""
+        load, static = np.empty((2, model.nv))
+        self._mujoco.mj_rne(model, data, 1, load)
+        self._mujoco.mj_rne(model, data, 0, static)
+        push = -np.sign(data.qfrc_constraint[self._dof])
+        acceleration, rest = data.qacc[self._dof], np.zeros_like(q)
+        loads = (load[self._dof], static[self._dof])
+        motion = Motion(q, dq, acceleration, *loads, push, q - self._before, rest)
+        time, step = float(data.time), float(model.opt.timestep)
+        torques(self._rows, self._friction, motion, self._start_time, time, step, *self._now)
+        level, damping, opposing = self._now
+        n = len(self.joints)
+        model.dof_frictionloss[self._dof] = level[:n]
+        first_column(model.dof_damping)[self._dof] = damping[:n]
+        for k, tendon in enumerate(self._tendons, n):
+            model.tendon_frictionloss[tendon] = level[k]
+            first_column(model.tendon_damping)[tendon] = damping[k]
+        return opposing
 
 
-def _first_column(values: Any) -> Any:
-    """The linear coefficient of a damping, whatever this version of MuJoCo keeps beside it."""
-    return values if values.ndim == 1 else values[:, 0]
+class _DelayLine:
+    """Torques of the actuators of some joints (by their numbers) on their way, (n,) s late."""
+
+    def __init__(self, mujoco: Any, model: Any, joints: list[int], delay: FloatArray) -> None:
+        self._mujoco, self._delay = mujoco, delay
+        self._dof = model.jnt_dofadr[joints]
+        driven = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        driven &= np.isin(model.actuator_trnid[:, 0], joints)
+        self._actuators = np.flatnonzero(driven)
+        self._place = [joints.index(int(joint)) for joint in model.actuator_trnid[driven, 0]]
+        self._gear = model.actuator_gear[driven, 0]
+        self.sent: list[FloatArray] = []
+
+    def commanded(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Torque (n,) of the actuators at a motion."""
+        data.actuator_length[self._actuators] = self._gear * q[self._place]
+        data.actuator_velocity[self._actuators] = self._gear * dq[self._place]
+        self._mujoco.mj_fwdActuation(model, data)
+        return np.array(data.qfrc_actuator[self._dof])
+
+    def delayed(self, torque: FloatArray, step: float) -> FloatArray:
+        """What arrives in a step of this length, (n,): the mean where a command ends within it.
+
+        The first command is taken to have been held before.
+        """
+        whole = np.floor(self._delay / step + 1e-9).astype(np.int64)
+        if not self.sent:
+            self.sent = [torque] * (int(whole.max(initial=0)) + 2)
+        self.sent = [torque, *self.sent[:-1]]
+        share = self._delay / step - whole
+        sent, columns = np.array(self.sent), np.arange(len(torque))
+        arrived = (1.0 - share) * sent[whole, columns] + share * sent[whole + 1, columns]
+        return np.asarray(arrived)
+
+
+def _tendon(model: Any, first: str, second: str) -> int:
+    name = coupling_name(first, second)
+    for index in range(model.ntendon):
+        if model.tendon(index).name == name:
+            return index
+    raise UsageError(
+        f"friction between {first} and {second}: the model has no tendon {name}; build it with "
+        "model_with_effects(xml, effects)"
+    )
 
 
 def _joint_names(mujoco: Any, model: Any) -> list[str]:
     """Names of hinges and slides, without the shafts that `model_with_effects` adds."""
-    types = mujoco.mjtJoint
-    names = []
-    for joint in range(model.njnt):
-        name, kind = model.joint(joint).name, model.jnt_type[joint]
-        if name and (kind == types.mjJNT_HINGE or kind == types.mjJNT_SLIDE):
-            names.append(name)
-    return [name for name in names if not name.endswith(SHAFT)]
-
-
-def _offsets(effects: Sequence[SimulatedEffect], names: Sequence[str]) -> list[SimulatedEffect]:
-    """Constant torques, which no base parameter of MuJoCo holds."""
-    return [one for one in effects if part_of(one.effect) == "offset" and one.joint in names]
-
-
-def _as_parameters(level: FloatArray, joints: int) -> DynamicParameters:
-    """Dry friction (n,) as what contributions read it from."""
-    nothing, uncoupled = np.zeros(joints), np.zeros(0)
-    return DynamicParameters(
-        np.zeros((joints, 10)), nothing, nothing, level, nothing,
-        np.zeros((0, 2), dtype=np.int64), uncoupled, uncoupled, uncoupled,
-    )  # fmt: skip
-
-
-def _notes(added: JointContributions, joints: Sequence[str]) -> tuple[str, ...]:
-    return tuple(
-        f"controller_mismatch at {joints[joint]}: the control law is the user's; set it there"
-        for joint, _ in added.of(LawChange)
-    )
+    kinds = [int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)]
+    joints = [joint for joint in range(model.njnt) if model.jnt_type[joint] in kinds]
+    names = [model.joint(joint).name for joint in joints]
+    return [name for name in names if name and not name.endswith(SHAFT)]

@@ -1,9 +1,8 @@
 """Torques of effects at one step of MuJoCo (compiled).
 
-The laws are those of `effects/`; MuJoCo has the rest: what opposes motion becomes its dry friction
-(`frictionloss`) and its damping of this step, which it solves together with contacts and limits,
-and what does not becomes an applied force. The project's own simulator asks the same laws at the
-same instants (`simulation.effect_kernel`), but solves friction, steps and rigid bodies by itself.
+The laws are those of `effects/`, asked as `simulation.effect_kernel` asks them; MuJoCo has the
+rest: what opposes motion becomes its dry friction (`frictionloss`) and its damping of this step,
+which it solves together with contacts and limits, and what does not becomes an applied force.
 """
 
 from collections.abc import Callable
@@ -12,10 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.compilation import dispatcher, entry, kernel, source_digest
+from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.effects import registry
-from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load
-from idim_iv_ros.effects.registry import TORQUE_LAWS
+from idim_iv_ros.effects.contribution import LEAST_SPEED, Load
 from idim_iv_ros.simulation import effect_kernel
 from idim_iv_ros.simulation.effect_kernel import (
     LEAST_LEVEL,
@@ -24,10 +22,9 @@ from idim_iv_ros.simulation.effect_kernel import (
     advance_states,
     measure,
     states_turn,
+    torque_at,
 )
 from idim_iv_ros.types import FloatArray, IntArray
-
-_torque = dispatcher({kind: law.torque for kind, law in enumerate(TORQUE_LAWS)}, "p, at, state")
 
 
 class Friction(NamedTuple):
@@ -37,10 +34,8 @@ class Friction(NamedTuple):
     ----------
     level, damping : (contacts,), (n,)
         Dry friction less what effects take the place of; viscous friction.
-    model_level : (n,)
-        Dry friction before that.
-    inertia : (n,)
-        Of the drives, kg m².
+    model_level, inertia : (n,)
+        Dry friction before that; of the drives, kg m².
     dry, dissipative : (contacts,), (n,)
         Which have dry friction at any time; whose friction is kept from driving.
     first, second, direction : (contacts,)
@@ -59,18 +54,11 @@ class Friction(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where the n joints are at the start of a step.
+    """Where the n joints are at the start of a step, (n,) each.
 
-    Attributes
-    ----------
-    position, velocity, acceleration : (n,)
-        The acceleration is that of the last step.
-    load, static : (n,)
-        Torque of the links, and the same without accelerations, N m (N).
-    push : (n,)
-        Direction in which a joint at rest would be moved, −1, 0 or 1.
-    moved, rest : (n,)
-        Since the last step, rad (m); zeros.
+    The acceleration is that of the last step, `moved` the way since then. `load` is the torque of
+    the links, `static` the same without accelerations; `push` is the direction in which a joint at
+    rest would be moved; `rest` is zero.
     """
 
     position: FloatArray
@@ -91,7 +79,7 @@ def _slip(friction: Friction, contact: int, values: FloatArray) -> float:
     return total
 
 
-def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
     """Compile what Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
@@ -118,6 +106,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
             damping[c] = friction.damping[c] if c < n else 0.0
         for i in range(n):
             force[i] = 0.0
+        middle = time + 0.5 * step
         for t in range(rows.state.shape[0]):
             c = rows.joint[t]
             ahead = _slip(friction, c, motion.velocity)
@@ -135,10 +124,9 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                 elif rows.load[t] == Load.MOTOR:
                     load += friction.inertia[c] * motion.acceleration[c]
                     load += sign * friction.model_level[c] + friction.damping[c] * velocity
-            middle = time + 0.5 * step
-            at = Instant(start_time + middle, middle, position, max(sign * ahead, 0.0), sign, load,
-                         velocity, step)  # fmt: skip
-            term = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
+            term = torque_at(
+                rows, t, start_time + middle, middle, position, ahead, sign, load, velocity, step
+            )
             level[c] += term.level
             damping[c] += term.damping
             if c < n:
@@ -147,21 +135,15 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                 damping[c] += stiff
                 force[c] += term.force - stiff * velocity
         for c in range(level.shape[0]):
-            speed_of = abs(_slip(friction, c, motion.velocity))
             if damping[c] < 0.0 and (c >= n or friction.dissipative[c]):
                 # Less friction at higher speed: a lower level, which cannot drive.
-                level[c] += damping[c] * max(speed_of, LEAST_SPEED)
+                speed = abs(_slip(friction, c, motion.velocity))
+                level[c] += damping[c] * max(speed, LEAST_SPEED)
                 damping[c] = 0.0
-            if friction.dry[c]:
-                level[c] = max(level[c], LEAST_LEVEL)
-            level[c] = max(level[c], 0.0)
+            level[c] = max(level[c], LEAST_LEVEL if friction.dry[c] else 0.0)
 
     @entry
-    def drives(
-        rows: Rows,
-        commanded: FloatArray,
-        acting: FloatArray,
-    ) -> None:
+    def drives(rows: Rows, commanded: FloatArray, acting: FloatArray) -> None:
         """Write the torque that acts for a commanded one, (n,)."""
         _ = digest
         for i in range(commanded.shape[0]):
@@ -173,7 +155,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         _ = digest
         measure(rows, q, dq, measured)
 
-    return torques, drives, encoders  # type: ignore[return-value]
+    return torques, drives, encoders
 
 
-torques, drives, encoders = _entries(source_digest(effect_kernel, *registry.MODULES))  # type: ignore[misc]
+torques, drives, encoders = _entries(source_digest(effect_kernel, *registry.MODULES))

@@ -10,11 +10,16 @@ import numpy as np
 from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
-from idim_iv_ros.simulation.affected_robot import LawParts, changed_law, contributions_of
+from idim_iv_ros.simulation.affected_robot import (
+    JointContributions,
+    LawParts,
+    changed_law,
+    contributions_of,
+)
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.mujoco import Effects
+from idim_iv_ros.simulators.mujoco_parts import StepTooLongError
 from idim_iv_ros.simulators.mujoco_plant import REPLAY
-from idim_iv_ros.simulators.mujoco_shaft import StepTooLongError
 from idim_iv_ros.types import FloatArray
 
 # Longest step when nothing asks for a shorter one, s, and how often it is halved for a shaft.
@@ -104,8 +109,9 @@ def run_in_mujoco(
     if law.delay > 0.0:
         delayed.append(SimulatedEffect(name_of("delay"), None, {"delay": law.delay}))
     active, steps = _effects(model, delayed, period, references.start_time, longest_step)
-    loop = _Loop(mujoco, model, joints, law, references, parameters, effects, period)
-    return loop.run(active, steps)
+    added = contributions_of(joint_effects(effects, joints), parameters.coulomb)
+    loop = _SampledLaw(joints, law, references, added, period)
+    return _run(mujoco, model, joints, loop, active, steps)
 
 
 def _effects(
@@ -126,124 +132,109 @@ def _effects(
     raise AssertionError("the last halving returns or raises")
 
 
-class _Loop:
-    """The law, sampled, and where the joints are in the model."""
+class _SampledLaw:
+    """The law at its instants, with what it remembers from one to the next."""
 
     def __init__(
         self,
-        mujoco: Any,
-        model: Any,
         joints: Sequence[str],
         law: ControlLaw,
         references: References,
-        parameters: DynamicParameters,
-        effects: Sequence[SimulatedEffect],
+        added: JointContributions,
         period: float,
     ) -> None:
-        self._mujoco, self._model, self._references = mujoco, model, references
-        self._joints, self._period = joints, period
-        self._qpos = np.array([int(model.joint(name).qposadr[0]) for name in joints])
-        self._dof = np.array([int(model.joint(name).dofadr[0]) for name in joints])
-        self._motor = np.array([int(model.actuator(REPLAY + name).id) for name in joints])
-        n = len(joints)
-        added = contributions_of(joint_effects(effects, joints), parameters)
-        feedforward = law.feedforward
+        feedforward, still = law.feedforward, np.zeros(len(joints))
         if feedforward is None:
             feedforward = np.zeros_like(references.position)
-        still = np.zeros(n)
         parts = LawParts(*law.torque_gains, feedforward, still, still)
         self._law = changed_law(parts, added, references.velocity, references.rate)
-        self._limit = law.torque_limit
-        self._speed_factor = law.speed_factor
+        self._limit, self._speed_factor, self.period = law.torque_limit, law.speed_factor, period
+        self.references = references
         count = math.floor((len(references.position) - 1) / references.rate / period + 1e-6) + 1
-        self._time = np.arange(count) * period
-        self._wanted = self._at(references.position)
-        uses = law.uses_velocity_reference
-        self._speed = self._at(references.velocity if uses else np.zeros_like(references.velocity))
+        self.time = np.arange(count) * period
+        uses = 1.0 if law.uses_velocity_reference else 0.0
+        self.wanted = self._at(references.position)
+        self._speed = uses * self._at(references.velocity)
         self._feedforward = self._at(self._law.feedforward)
+        lag = self._law.lag
+        self._share = np.where(lag > 0.0, -np.expm1(-period / np.maximum(lag, 1e-12)), 1.0)
+        self._integral, self._late = still.copy(), still.copy()
+        self._sent: FloatArray | None = None
+        self._seen: FloatArray | None = None
 
     def _at(self, values: FloatArray) -> FloatArray:
         """Values of the samples at the control instants, linear between them."""
-        samples = np.arange(len(values)) / self._references.rate
-        columns = [np.interp(self._time, samples, column) for column in values.T]
-        return np.column_stack(columns)
+        samples = np.arange(len(values)) / self.references.rate
+        return np.column_stack([np.interp(self.time, samples, column) for column in values.T])
 
-    def run(self, effects: Effects | None, steps: int) -> MujocoMotion:
-        mujoco, model = self._mujoco, self._model
-        data = mujoco.MjData(model)
-        self._start(data, effects)
-        law, limit = self._law, self._limit
-        own = np.zeros(0, dtype=np.int64)
-        if effects is not None:
-            own = np.array([self._joints.index(name) for name in effects.joints], dtype=np.int64)
-        position = np.zeros_like(self._wanted)
-        torque = np.zeros_like(self._wanted)
-        integral = np.zeros(len(self._joints))
-        lag = np.where(law.lag > 0.0, -np.expm1(-self._period / np.maximum(law.lag, 1e-12)), 1.0)
-        sent: FloatArray | None = None
-        seen: FloatArray | None = None
-        late = np.zeros(len(self._joints))
-        before = data.qvel[self._dof] - model.opt.timestep * data.qacc[self._dof]
-        for k, wanted in enumerate(self._wanted):
-            q = data.qpos[self._qpos]
-            # MuJoCo's positions move by the velocity of a step's end: it is that of half a step
-            # ago. Its accelerations are those before implicit damping.
-            speed = data.qvel[self._dof]
-            dq = speed + 0.5 * (speed - before)
-            if not np.all(np.abs(dq) < _FASTEST):
-                return self._recorded(position[:k], torque[:k], self._lost(dq, k))
-            if effects is not None and len(own):
-                true = data.qvel[self._dof[own]]
-                q[own], shown = effects.measured(data)
-                dq[own] += shown - true
-            if self._speed_factor is not None:
-                difference = dq if seen is None else (q - seen) / self._period
-                late = dq if seen is None else late + self._speed_factor * (difference - late)
-                seen, dq = q, late
-            error = wanted - q
-            command = law.kp * error + law.kd * (self._speed[k] - dq) + self._feedforward[k]
-            moved = self._period * error
-            command += law.ki * (integral + moved)
-            free = (np.abs(command) <= limit) | (command * error < 0.0)
-            integral[free] += moved[free]
-            command = np.minimum(np.maximum(command, -limit), limit)
-            sent = command if sent is None else sent + lag * (command - sent)
-            position[k], torque[k] = q, sent
-            data.ctrl[self._motor] = sent
-            if effects is None:
-                if steps > 1:
-                    mujoco.mj_step(model, data, steps - 1)
-                before = data.qvel[self._dof]
-                mujoco.mj_step(model, data)
+    def command(self, instant: int, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Torque (n_joints,) that is sent at a control instant, of what the encoders show."""
+        law = self._law
+        if self._speed_factor is not None:
+            if self._seen is None:
+                self._late = dq
             else:
-                for _ in range(steps):
-                    before = data.qvel[self._dof]
-                    effects.apply(model, data)
-                    mujoco.mj_step(model, data)
-        return self._recorded(position, torque, "")
+                difference = (q - self._seen) / self.period
+                self._late = self._late + self._speed_factor * (difference - self._late)
+            self._seen, dq = q, self._late
+        error = self.wanted[instant] - q
+        torque = law.kp * error + law.kd * (self._speed[instant] - dq) + self._feedforward[instant]
+        moved = self.period * error
+        torque += law.ki * (self._integral + moved)
+        free = (np.abs(torque) <= self._limit) | (torque * error < 0.0)
+        self._integral[free] += moved[free]
+        torque = np.clip(torque, -self._limit, self._limit)
+        sent = torque if self._sent is None else self._sent
+        self._sent = sent + self._share * (torque - sent)
+        return self._sent
 
-    def _start(self, data: Any, effects: Effects | None) -> None:
-        start = self._references
-        data.qpos[self._qpos], data.qvel[self._dof] = start.start, start.speed
-        if effects is not None:
-            for _ in range(20):  # the slope of an encoder's error is far below one
-                shown = effects.position(data)
-                own = [self._joints.index(name) for name in effects.joints]
-                data.qpos[self._qpos[own]] += start.start[own] - shown
-            effects.place_links(self._model, data)
-        self._mujoco.mj_forward(self._model, data)
 
-    def _lost(self, dq: FloatArray, instant: int) -> str:
-        joint = self._joints[int(np.argmin(np.abs(dq) < _FASTEST))]
-        return f"joint {joint} passed {_FASTEST:g} rad/s (m/s) at {self._time[instant]:.3f} s"
-
-    def _recorded(self, position: FloatArray, torque: FloatArray, diverged: str) -> MujocoMotion:
-        """At the samples of the references; the torque as it was held."""
-        count = len(self._references.position)
-        samples = np.arange(count) / self._references.rate
-        place = np.minimum((samples / self._period + 1e-6).astype(int), len(torque) - 1)
-        if diverged:
-            return MujocoMotion(position, torque, diverged)
-        time = self._time
-        shown = np.column_stack([np.interp(samples, time, column) for column in position.T])
-        return MujocoMotion(shown, torque[place])
+def _run(
+    mujoco: Any,
+    model: Any,
+    joints: Sequence[str],
+    law: _SampledLaw,
+    effects: Effects | None,
+    steps: int,
+) -> MujocoMotion:
+    qpos, dof = (
+        np.array([int(getattr(model.joint(name), address)[0]) for name in joints])
+        for address in ("qposadr", "dofadr")
+    )
+    motor = np.array([int(model.actuator(REPLAY + name).id) for name in joints])
+    names = () if effects is None else effects.joints
+    own = np.array([joints.index(name) for name in names], dtype=np.int64)
+    data, references = mujoco.MjData(model), law.references
+    data.qpos[qpos], data.qvel[dof] = references.start, references.speed
+    if effects is not None:
+        for _ in range(20):  # the slope of an encoder's error is far below one
+            data.qpos[qpos[own]] += references.start[own] - effects.position(data)
+        effects.place_links(model, data)
+    mujoco.mj_forward(model, data)
+    position, torque = np.zeros((2, *law.wanted.shape))
+    before = data.qvel[dof] - model.opt.timestep * data.qacc[dof]
+    for k, time in enumerate(law.time):
+        q, speed = data.qpos[qpos], data.qvel[dof]
+        # MuJoCo's positions move by the velocity of a step's end: it is that of half a step ago.
+        # Its accelerations are those before implicit damping.
+        dq = speed + 0.5 * (speed - before)
+        fast = ~(np.abs(dq) < _FASTEST)
+        if np.any(fast):
+            joint = joints[int(np.argmax(fast))]
+            diverged = f"joint {joint} passed {_FASTEST:g} rad/s (m/s) at {time:.3f} s"
+            return MujocoMotion(position[:k], torque[:k], diverged)
+        if effects is not None and len(own):
+            q[own], shown = effects.measured(data)
+            dq[own] += shown - speed[own]
+        position[k], torque[k] = q, law.command(k, q, dq)
+        data.ctrl[motor] = torque[k]
+        for _ in range(steps):
+            before = data.qvel[dof]
+            if effects is not None:
+                effects.apply(model, data)
+            mujoco.mj_step(model, data)
+    # At the samples of the references; the torque as it was held.
+    samples = np.arange(len(references.position)) / references.rate
+    place = np.minimum((samples / law.period + 1e-6).astype(int), len(torque) - 1)
+    shown = np.column_stack([np.interp(samples, law.time, column) for column in position.T])
+    return MujocoMotion(shown, torque[place])

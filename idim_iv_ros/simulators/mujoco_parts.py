@@ -10,15 +10,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from idim_iv_ros.effects.contribution import CouplingTerm, ShaftPart
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads
-from idim_iv_ros.simulation.affected_robot import JointContributions
+from idim_iv_ros.simulation.affected_robot import JointContributions, contributions_of
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.shaft import Shaft, completed_shaft, joined_shafts
 from idim_iv_ros.simulators.effects_file import read_effects
 
 SHAFT, COUPLING = "_shaft", "_coupling"
+# A step is at most this over the pulsation of a shaft, rad; MuJoCo's springs are explicit.
+LARGEST_ANGLE = 0.8
+
+
+class StepTooLongError(UsageError):
+    """The time step of a model does not resolve one of its shafts."""
 
 
 def model_with_effects(model: FilePath, effects: FilePath) -> Any:
@@ -43,18 +52,12 @@ def model_with_effects(model: FilePath, effects: FilePath) -> Any:
 def add_parts(spec: Any, effects: Sequence[SimulatedEffect]) -> None:
     """Add shafts and couplings to a specification that is not compiled yet."""
     joints = [joint.name for joint in spec.joints if joint.name]
-    ours = [effect for effect in effects if not effect.native]
-    for one in joint_effects(ours, joints):
-        parts = JointContributions(
-            tuple(
-                (one.joint, one.other_joint, contribution)
-                for contribution in one.contributions(0.0)
-            )
-        )
-        for joint, _ in parts.of(ShaftPart):
-            _add_shaft(spec, joints[joint])
-        for first, second, term in parts.couplings:
-            _add_coupling(spec, joints[first], joints[second], term)
+    given = joint_effects([effect for effect in effects if not effect.native], joints)
+    parts = contributions_of(given, np.zeros(len(joints)))
+    for joint in dict.fromkeys(joint for joint, _ in parts.of(ShaftPart)):
+        _add_shaft(spec, joints[joint])
+    for first, second, term in parts.couplings:
+        _add_coupling(spec, joints[first], joints[second], term)
 
 
 def _add_shaft(spec: Any, name: str) -> None:
@@ -76,13 +79,93 @@ def _add_shaft(spec: Any, name: str) -> None:
 
 def _add_coupling(spec: Any, first: str, second: str, term: CouplingTerm) -> None:
     name = coupling_name(first, second)
-    if spec.tendon(name) is not None:
-        return
-    tendon = spec.add_tendon(name=name)
-    tendon.wrap_joint(first, 1.0)
-    tendon.wrap_joint(second, float(term.direction))
+    if spec.tendon(name) is None:
+        tendon = spec.add_tendon(name=name)
+        tendon.wrap_joint(first, 1.0)
+        tendon.wrap_joint(second, float(term.direction))
 
 
 def coupling_name(first: str, second: str) -> str:
     """Name of the tendon that couples two joints."""
     return f"{first}_{second}{COUPLING}"
+
+
+class MujocoShafts:
+    """Shafts of the joints that have one, as joints ``NAME_shaft``: link less motor.
+
+    Flanks only push: beyond the play such a joint has its stiffness and damping, within it neither.
+
+    Raises
+    ------
+    UsageError
+        The model has no such joint, or its time step is too long for the shaft.
+    """
+
+    def __init__(
+        self, mujoco: Any, model: Any, joints: Sequence[str], added: JointContributions
+    ) -> None:
+        self._mujoco = mujoco
+        # Each with the numbers of its joint, its position and its velocity in the model.
+        self._shafts: list[tuple[Shaft, int, int, int]] = []
+        present = {model.joint(k).name for k in range(model.njnt)}
+        for shaft in joined_shafts(added.of(ShaftPart)):
+            name = joints[shaft.joint]
+            if name + SHAFT not in present:
+                raise UsageError(
+                    f"elasticity or backlash at {name}: the model has no joint {name + SHAFT}; "
+                    "build it with model_with_effects(xml, effects)"
+                )
+            joint = model.joint(name + SHAFT)
+            dof = int(joint.dofadr[0])
+            shaft = self._complete(model, shaft, dof, name)
+            self._shafts.append((shaft, int(joint.id), int(joint.qposadr[0]), dof))
+
+    def _complete(self, model: Any, shaft: Shaft, dof: int, name: str) -> Shaft:
+        """Stiffness and damping that are not given, from the inertias of motor and link."""
+        data = self._mujoco.MjData(model)
+        self._mujoco.mj_forward(model, data)
+        unit, response = np.zeros((2, 1, model.nv))
+        unit[0, dof] = 1.0
+        self._mujoco.mj_solveM(model, data, response, unit)
+        # The motor is not held: its own inertia is part of the mobility of the twist.
+        shaft, pulsation = completed_shaft(shaft, 1.0 / float(response[0, dof]))
+        longest = LARGEST_ANGLE / pulsation
+        if model.opt.timestep > longest:
+            raise StepTooLongError(
+                f"elasticity or backlash at {name} swings fast: the model's timestep is "
+                f"{model.opt.timestep:g} s and {longest:.2g} s or less is needed"
+            )
+        return shaft
+
+    def apply(self, model: Any, data: Any) -> None:
+        """Set stiffness and damping of this step."""
+        for shaft, joint, place, dof in self._shafts:
+            twist, rate = -data.qpos[place], -data.qvel[dof]
+            stiffness, damping = shaft.stiffness, shaft.damping
+            side = 1.0 if twist > 0.0 else -1.0
+            if shaft.gap > 0.0:
+                bent = side * twist - 0.5 * shaft.gap
+                if bent <= 0.0 or stiffness * bent + damping * side * rate <= 0.0:
+                    stiffness = damping = 0.0
+            model.qpos_spring[place] = -0.5 * side * shaft.gap
+            first_column(model.jnt_stiffness)[joint] = stiffness
+            first_column(model.dof_damping)[dof] = damping
+
+    def place(self, model: Any, data: Any) -> None:
+        """Put the links where gravity holds them behind their motors, all at rest."""
+        load, speed = np.empty(model.nv), np.array(data.qvel)
+        for _ in range(30 if self._shafts else 0):
+            data.qvel[:] = 0.0
+            self._mujoco.mj_fwdPosition(model, data)
+            self._mujoco.mj_fwdVelocity(model, data)
+            self._mujoco.mj_rne(model, data, 0, load)
+            for shaft, _, place, dof in self._shafts:
+                bent = load[dof] / shaft.stiffness + 0.5 * shaft.gap * np.sign(load[dof])
+                data.qpos[place] = -bent
+                speed[dof] = 0.0
+        data.qvel[:] = speed
+
+
+def first_column(values: Any) -> Any:
+    """The linear coefficient of stiffness or damping, whatever newer versions keep beside it."""
+    return values if values.ndim == 1 else values[:, 0]

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
-from idim_iv_ros.model.link_frames import link_frames
+from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.types import FloatArray
 
 REPLAY = "replay_"

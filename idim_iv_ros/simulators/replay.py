@@ -1,8 +1,9 @@
 """The recorded references once more, in MuJoCo: how far is the simulator from the robot?"""
 
-import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import instrument_sources
@@ -27,7 +27,7 @@ from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
-from idim_iv_ros.simulators.mujoco_loop import MujocoMotion, References, run_in_mujoco
+from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
 from idim_iv_ros.simulators.replay_models import (
     StageModel,
     nominal_stage,
@@ -61,9 +61,10 @@ class _Run:
 
 
 @dataclass(frozen=True)
-class _Compared:
-    """One stage on all recordings: filtered positions and torques on the whole record."""
+class _Simulated:
+    """One stage on all recordings: filtered positions and torques; why there are none."""
 
+    name: str
     positions: tuple[FloatArray, ...]
     torques: tuple[FloatArray, ...]
     note: str
@@ -108,23 +109,40 @@ def replay_bags(
         watch.stage("reading", 0.0)
         extended = None if effects is None else read_effects(Path(effects))
         prepared = prepare(read_configured(bags, configuration), configuration)
-        known = _stages(mujoco, prepared, model, extended, effects)
-        models = [stage for stage in known if stage.name in stages]
+        possible = _stages(mujoco, prepared, model, extended, effects)
+        models = [stage for stage in possible if stage.name in stages]
         fitted = () if extended is None else extended.recordings
-        runs, notes = _runs(
-            prepared, fitted, [effect for stage in known for effect in stage.effects]
-        )
-        compared = []
+        planted = [effect for stage in possible for effect in stage.effects]
+        runs, notes = _runs(prepared, fitted, planted)
+        simulated = []
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
-            compared.append(_compare(mujoco, prepared.model.robot, runs, stage))
-    result = _result(prepared, [run.motion for run in runs], models, compared)
-    return replace(
-        result,
-        model=URDF if str(model) == URDF else str(model),
+            simulated.append(_simulate(mujoco, prepared.model.robot, runs, stage))
+    comparison = _Comparison(prepared.model.robot, [run.motion for run in runs])
+    done = {stage.name: stage for stage in simulated if not stage.note}
+    bags = tuple(run.motion.signals.name for run in runs)
+    return ReplayResult(
+        robot=prepared.model.robot.name,
+        joints=prepared.model.robot.joints,
+        joint_types=prepared.model.robot.joint_types,
+        bags=bags,
+        duration=comparison.seconds,
+        software={"idim_iv_ros": version("idim-iv-ros"), "mujoco": version("mujoco")},
+        model=str(model),
         effects="" if effects is None else str(effects),
-        held_out=None if not fitted else not any(bag in fitted for bag in result.bags),
-        notes=result.notes + notes,
+        tracking_noise=comparison.by_joint(comparison.position_noise),
+        torque_noise=comparison.by_joint(comparison.torque_noise),
+        stages=tuple(
+            comparison.stage(stage, model) for stage, model in zip(simulated, models, strict=True)
+        ),
+        held_out=None if not fitted else not any(bag in fitted for bag in bags),
+        notes=(*prepared.doubts, *(note for stage in models for note in stage.notes), *notes),
+        series=comparison.series(done),
+        positions={
+            "recorded": runs[0].motion.position,
+            **{name: stage.positions[0] for name, stage in done.items()},
+        },
+        rate=runs[0].motion.signals.rate,
     )
 
 
@@ -147,11 +165,13 @@ def _runs(
     if any(BY_NAME[effect.effect].part == "gains" for effect in effects):
         return runs, ()
     beyond = [_beyond_gains(run) for run in runs]
-    sizes = [
-        [_rms(part) for part in (torque, run.motion.filtered(run.motion.signals.torque))]
-        for run, torque in zip(runs, beyond, strict=True)
-    ]
-    shares = np.max([rest / np.maximum(whole, 1e-300) for rest, whole in sizes], axis=0)
+    shares = np.max(
+        [
+            _rms(torque) / np.maximum(_rms(run.motion.filtered(run.motion.signals.torque)), 1e-300)
+            for run, torque in zip(runs, beyond, strict=True)
+        ],
+        axis=0,
+    )
     worst = int(np.argmax(shares))
     if shares[worst] < _BEYOND_GAINS:
         return runs, ()
@@ -171,7 +191,7 @@ def _beyond_gains(run: _Run) -> FloatArray:
     signals = run.motion.signals
     speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
     law = [
-        ControllerMismatch().parts(signals, run.law, joint, speed[:, joint]).command
+        CONTROL_LAW.parts(signals, run.law, joint, speed[:, joint]).command
         for joint in range(signals.position.shape[1])
     ]
     return run.motion.filtered(signals.torque - np.column_stack(law))
@@ -179,11 +199,8 @@ def _beyond_gains(run: _Run) -> FloatArray:
 
 def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
     """Control law of each recording."""
-    missing = [
-        motion.signals.name
-        for motion in prepared.motions
-        if motion.signals.position_reference is None
-    ]
+    signals = [motion.signals for motion in prepared.motions]
+    missing = [recording.name for recording in signals if recording.position_reference is None]
     if missing:
         raise DataError(
             f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
@@ -207,7 +224,7 @@ def _stages(
     source: FilePath | None,
 ) -> list[StageModel]:
     """Nominal, corrected and with effects, as far as there is something to simulate."""
-    robot = prepared.model.robot
+    robot, base = prepared.model.robot, prepared.model.base
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
     stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
@@ -215,234 +232,187 @@ def _stages(
     joint_effects(effects, robot.joints)  # refuses what is not known before anything is simulated
     parameters = {} if extended is None else extended.parameters
     if str(model) != URDF:
-        offsets = {name: v for name, v in parameters.items() if re.fullmatch(r"off\d+", name)}
-        stage = xml_stage(mujoco, robot, Path(model), offsets)
+        path = Path(model)
+        stage = xml_stage(mujoco, robot, path, parameters)
         if source is not None:
-            require_same_native(mujoco, Path(model), effects, source)
+            require_same_native(mujoco, path, effects, source)
+        elif path.with_name(EFFECTS).is_file():
+            beside = path.with_name(EFFECTS)
+            note = f"without the effects of {beside}: add --effects {beside}"
+            stage = replace(stage, notes=(note,))
         # Constant torques are parameters that the XML has no place for.
-        planted = () if offsets else effects
-        constant = [one for one in planted if BY_NAME[one.effect].part == "offset"]
-        stages.append(
-            replace(
-                stage,
-                effects=(*stage.effects, *constant),
-                notes=_beside(Path(model), source),
-            )
-        )
+        if not stage.effects:
+            constant = [effect for effect in effects if BY_NAME[effect.effect].part == "offset"]
+            stage = replace(stage, effects=tuple(constant))
+        stages.append(stage)
     elif parameters:
-        values = prepared.given.copy()
-        names = list(prepared.model.base.names)
-        for name, value in parameters.items():
-            if name not in names:
+        values = dict(zip(base.names, prepared.given, strict=True))
+        for name in parameters:
+            if name not in values:
                 raise UsageError(
                     f"{source}: {name} is not a base parameter of this robot; they are "
-                    f"{', '.join(names)}"
+                    f"{', '.join(base.names)}"
                 )
-            values[names.index(name)] = value
-        stages.append(plant_stage(mujoco, prepared.model, values, CORRECTED))
+        corrected = np.array(list((values | parameters).values()))
+        stages.append(plant_stage(mujoco, prepared.model, corrected))
     beyond = [effect for effect in effects if not BY_NAME[effect.effect].in_base_parameters]
     if beyond:
-        stages.append(stages[-1].with_effects(WITH_EFFECTS, beyond))
+        stages.append(stages[-1].with_effects(beyond))
     return stages
 
 
-def _beside(model: Path, source: FilePath | None) -> tuple[str, ...]:
-    """Say that effects of an export were left out, where they lie beside its MJCF."""
-    effects = model.with_name(EFFECTS)
-    if source is not None or not effects.is_file():
-        return ()
-    return (f"without the effects of {effects}: add --effects {effects}",)
-
-
-def _compare(mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel) -> _Compared:
+def _simulate(
+    mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel
+) -> _Simulated:
+    """Simulate all recordings, from where the filtered motion and so its speed is known."""
     positions: list[FloatArray] = []
     torques: list[FloatArray] = []
     for run in runs:
-        ran = _ran(mujoco, robot, run, stage)
-        if ran.diverged:
-            return _Compared((), (), f"{run.motion.signals.name}: {ran.diverged}")
-        motion, first = run.motion, run.motion.span.start
-        for made, before, after in (
-            (positions, motion.position, ran.position),
-            (torques, motion.signals.torque, ran.torque),
-        ):
-            made.append(motion.filtered(np.concatenate([before[:first], after])))
-    return _Compared(tuple(positions), tuple(torques), "")
-
-
-def _ran(mujoco: Any, robot: RobotModel, run: _Run, stage: StageModel) -> MujocoMotion:
-    """Simulate from where the filtered motion is known, so that its speed there is, too."""
-    motion, signals, first = run.motion, run.motion.signals, run.motion.span.start
-    wanted = signals.position_reference
-    assert wanted is not None
-    speed = signals.velocity_reference
-    if speed is None:
-        speed = np.gradient(wanted, 1.0 / signals.rate, axis=0)
-    start = motion.position[first]
-    moving, _ = central_differences(motion.position, rate=signals.rate, start=first, stop=first + 1)
-    when = run.start + first / signals.rate
-    references = References(signals.rate, wanted[first:], speed[first:], start, moving[0], when)
-    forward = run.law.feedforward
-    law = replace(run.law, feedforward=None if forward is None else forward[first:])
-    model = stage.compiled(mujoco)
-    with mujoco_warnings():
-        return run_in_mujoco(
-            mujoco, model, robot.joints, law, references, robot.given, stage.effects
-        )
-
-
-def _result(
-    prepared: PreparedRegression,
-    motions: Sequence[Motion],
-    models: Sequence[StageModel],
-    compared: Sequence[_Compared],
-) -> ReplayResult:
-    robot = prepared.model.robot
-    raw = [motion.signals.torque for motion in motions]
-    smooth = [motion.filtered(torque) for motion, torque in zip(motions, raw, strict=True)]
-    measured = [motion.position for motion in motions]
-    noise = (
-        _noise(motions, [motion.signals.position for motion in motions], measured),
-        _noise(motions, raw, smooth),
-    )
-    stages = []
-    for stage, found in zip(models, compared, strict=True):
-        errors: dict[str, dict[str, ReplayError] | None] = {"tracking": None, "torque": None}
-        if not found.note:
-            for kind, simulated, recorded, level in (
-                ("tracking", found.positions, measured, noise[0]),
-                ("torque", found.torques, smooth, noise[1]),
-            ):
-                errors[kind] = _errors(robot.joints, motions, simulated, recorded, level)
-        tool = None if found.note else _tool(robot, motions, found.positions, measured)
-        stages.append(
-            ReplayStage(
-                stage.name, stage.words, errors["tracking"], errors["torque"], tool, found.note
+        motion, signals, first = run.motion, run.motion.signals, run.motion.span.start
+        wanted, speed = signals.position_reference, signals.velocity_reference
+        assert wanted is not None
+        if speed is None:
+            speed = np.gradient(wanted, 1.0 / signals.rate, axis=0)
+        start, rate = motion.position[first], signals.rate
+        moving, _ = central_differences(motion.position, rate=rate, start=first, stop=first + 1)
+        when = run.start + first / rate
+        references = References(rate, wanted[first:], speed[first:], start, moving[0], when)
+        forward = run.law.feedforward
+        law = replace(run.law, feedforward=None if forward is None else forward[first:])
+        model = stage.compiled(mujoco)
+        with mujoco_warnings():
+            ran = run_in_mujoco(
+                mujoco, model, robot.joints, law, references, robot.given, stage.effects
             )
+        if ran.diverged:
+            return _Simulated(stage.name, (), (), f"{signals.name}: {ran.diverged}")
+        positions.append(motion.filtered(np.vstack([motion.position[:first], ran.position])))
+        torques.append(motion.filtered(np.vstack([signals.torque[:first], ran.torque])))
+    return _Simulated(stage.name, tuple(positions), tuple(torques), "")
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Recordings, and how far simulations are from them."""
+
+    robot: RobotModel
+    motions: Sequence[Motion]
+
+    @property
+    def seconds(self) -> float:
+        """Of recording that are compared."""
+        spans = ((m.span.stop - m.span.start) / m.signals.rate for m in self.motions)
+        return float(sum(spans))
+
+    @cached_property
+    def positions(self) -> list[FloatArray]:
+        """As recorded and filtered, (n_samples, n_joints) each."""
+        return [motion.position for motion in self.motions]
+
+    @cached_property
+    def torques(self) -> list[FloatArray]:
+        """As recorded and filtered, (n_samples, n_joints) each."""
+        return [motion.filtered(motion.signals.torque) for motion in self.motions]
+
+    @cached_property
+    def position_noise(self) -> FloatArray:
+        """Standard deviation (n_joints,) of what the filter takes away, rad (m)."""
+        return self._noise([motion.signals.position for motion in self.motions], self.positions)
+
+    @cached_property
+    def torque_noise(self) -> FloatArray:
+        """Standard deviation (n_joints,) of what the filter takes away, N m (N)."""
+        return self._noise([motion.signals.torque for motion in self.motions], self.torques)
+
+    def _noise(self, raw: Sequence[FloatArray], smooth: Sequence[FloatArray]) -> FloatArray:
+        parts = [
+            (one - other)[motion.span]
+            for motion, one, other in zip(self.motions, raw, smooth, strict=True)
+        ]
+        return np.asarray(np.nanstd(np.concatenate(parts), axis=0))
+
+    def by_joint(self, values: FloatArray) -> dict[str, float]:
+        """Values (n_joints,) by the names of their joints."""
+        return dict(zip(self.robot.joints, map(float, values), strict=True))
+
+    def stage(self, simulated: _Simulated, model: StageModel) -> ReplayStage:
+        """Errors of one stage; none where it was not simulated to the end."""
+        if simulated.note:
+            return ReplayStage(model.name, model.words, None, None, None, simulated.note)
+        joints = self.robot.joints
+        return ReplayStage(
+            model.name,
+            model.words,
+            self._errors(joints, simulated.positions, self.positions, self.position_noise),
+            self._errors(joints, simulated.torques, self.torques, self.torque_noise),
+            self._tool_error(simulated.positions),
         )
-    seconds = sum((m.span.stop - m.span.start) / m.signals.rate for m in motions)
-    positions = {"recorded": measured[0]}
-    positions |= {
-        stage.name: found.positions[0]
-        for stage, found in zip(models, compared, strict=True)
-        if not found.note
-    }
-    return ReplayResult(
-        robot=robot.name,
-        joints=robot.joints,
-        joint_types=robot.joint_types,
-        bags=tuple(motion.signals.name for motion in motions),
-        duration=seconds,
-        software=_software(),
-        model=URDF,
-        tracking_noise=dict(zip(robot.joints, map(float, noise[0]), strict=True)),
-        torque_noise=dict(zip(robot.joints, map(float, noise[1]), strict=True)),
-        stages=tuple(stages),
-        notes=prepared.doubts + tuple(note for stage in models for note in stage.notes),
-        series=_series(robot.joints, motions, smooth, models, compared),
-        positions=positions,
-        rate=motions[0].signals.rate,
-    )
 
+    def _tool_error(self, positions: Sequence[FloatArray]) -> ReplayError:
+        """Distance of the centres of the last link."""
+        tree = self.robot.pinocchio
+        data, last = tree.createData(), tree.njoints - 1
+        centre = np.array(tree.inertias[last].lever)
 
-def _tool(
-    robot: RobotModel,
-    motions: Sequence[Motion],
-    simulated: Sequence[FloatArray],
-    recorded: Sequence[FloatArray],
-) -> ReplayError:
-    """Distance of the centres of the last link."""
-    tree = robot.pinocchio
-    data, last = tree.createData(), tree.njoints - 1
-    centre = np.array(tree.inertias[last].lever)
+        def places(positions: FloatArray) -> FloatArray:
+            where = np.empty((len(positions), 3))
+            for row, position in enumerate(positions):
+                pin.forwardKinematics(tree, data, position)
+                where[row] = data.oMi[last].act(centre)
+            return where
 
-    def places(positions: FloatArray) -> FloatArray:
-        found = np.empty((len(positions), 3))
-        for row, position in enumerate(positions):
-            pin.forwardKinematics(tree, data, position)
-            found[row] = data.oMi[last].act(centre)
-        return found
+        apart = [
+            np.linalg.norm(places(one) - places(other), axis=1, keepdims=True)
+            for one, other in zip(positions, self.positions, strict=True)
+        ]
+        none = [np.zeros_like(rows) for rows in apart]
+        return self._errors(("tool",), apart, none, np.zeros(1))["tool"]
 
-    apart = [
-        np.linalg.norm(places(one) - places(other), axis=1, keepdims=True)
-        for one, other in zip(simulated, recorded, strict=True)
-    ]
-    none = [np.zeros_like(rows) for rows in apart]
-    return _errors(("tool",), motions, apart, none, np.zeros(1))["tool"]
+    def _errors(
+        self,
+        names: Sequence[str],
+        simulated: Sequence[FloatArray],
+        recorded: Sequence[FloatArray],
+        noise: FloatArray,
+    ) -> dict[str, ReplayError]:
+        """Root mean squares, their interval by blocks of time, and their ratio to the noise."""
+        sums = []
+        for motion, one, other in zip(self.motions, simulated, recorded, strict=True):
+            squares = np.nan_to_num((one - other)[motion.span] ** 2)
+            (blocks,) = time_blocks([len(squares)], motion.signals.rate)
+            columns = (*squares.T, np.ones(len(squares)))
+            sums.append(np.column_stack([block_sums(blocks, column) for column in columns]))
+        table = np.concatenate(sums)
+        total, draws = table.sum(axis=0), resampled(table)
+        errors = {}
+        for column, (name, level) in enumerate(zip(names, noise, strict=True)):
+            rms = float(np.sqrt(total[column] / total[-1]))
+            low, high = interval(np.sqrt(draws[:, column] / draws[:, -1]))
+            errors[name] = ReplayError(rms, low, high, rms / level if level > 0.0 else np.nan)
+        return errors
+
+    def series(self, stages: Mapping[str, _Simulated]) -> tuple[ReplaySeries, ...]:
+        """The first recording with these stages, thinned."""
+        motion = self.motions[0]
+        reference, span = motion.signals.position_reference, motion.span
+        assert reference is not None
+        step = max(1, (span.stop - span.start) // settings.MOST_POINTS)
+        thin = slice(span.start, span.stop, step)
+        errors = {name: reference - stage.positions[0] for name, stage in stages.items()}
+        return tuple(
+            ReplaySeries(
+                joint=joint,
+                bag=motion.signals.name,
+                time=np.arange(len(reference))[thin] / motion.signals.rate,
+                error=(reference - motion.position)[thin, j],
+                errors={name: error[thin, j] for name, error in errors.items()},
+                torque=self.torques[0][thin, j],
+                torques={name: stage.torques[0][thin, j] for name, stage in stages.items()},
+            )
+            for j, joint in enumerate(self.robot.joints)
+        )
 
 
 def _rms(values: FloatArray) -> FloatArray:
     """(n,) of columns, where they are known."""
     return np.asarray(np.sqrt(np.nanmean(values**2, axis=0)))
-
-
-def _noise(
-    motions: Sequence[Motion], raw: Sequence[FloatArray], smooth: Sequence[FloatArray]
-) -> FloatArray:
-    """Standard deviation of what the filter takes away, (n_joints,)."""
-    parts = [
-        (one - other)[motion.span] for motion, one, other in zip(motions, raw, smooth, strict=True)
-    ]
-    return np.asarray(np.nanstd(np.concatenate(parts), axis=0))
-
-
-def _errors(
-    joints: Sequence[str],
-    motions: Sequence[Motion],
-    simulated: Sequence[FloatArray],
-    recorded: Sequence[FloatArray],
-    noise: FloatArray,
-) -> dict[str, ReplayError]:
-    """Root mean squares, their interval by blocks of time, and their ratio to the noise."""
-    squares, lengths = [], []
-    for motion, one, other in zip(motions, simulated, recorded, strict=True):
-        error = (one - other)[motion.span]
-        (blocks,) = time_blocks([len(error)], motion.signals.rate)
-        known = np.nan_to_num(error**2)
-        squares.append(np.column_stack([block_sums(blocks, column) for column in known.T]))
-        lengths.append(block_sums(blocks, np.ones(len(error))))
-    table = np.column_stack([np.concatenate(squares), np.concatenate(lengths)])
-    total = table.sum(axis=0)
-    draws = resampled(table)
-    found = {}
-    for joint, name in enumerate(joints):
-        rms = float(np.sqrt(total[joint] / total[-1]))
-        low, high = interval(np.sqrt(draws[:, joint] / draws[:, -1]))
-        level = float(noise[joint])
-        found[name] = ReplayError(rms, low, high, rms / level if level > 0.0 else np.nan)
-    return found
-
-
-def _series(
-    joints: Sequence[str],
-    motions: Sequence[Motion],
-    smooth: Sequence[FloatArray],
-    models: Sequence[StageModel],
-    compared: Sequence[_Compared],
-) -> tuple[ReplaySeries, ...]:
-    """The first recording, thinned."""
-    motion = motions[0]
-    reference = motion.signals.position_reference
-    assert reference is not None
-    span = motion.span
-    thin = slice(span.start, span.stop, max(1, (span.stop - span.start) // settings.MOST_POINTS))
-    time = np.arange(len(reference))[thin] / motion.signals.rate
-    done = [(m.name, c) for m, c in zip(models, compared, strict=True) if not c.note]
-    return tuple(
-        ReplaySeries(
-            joint=name,
-            bag=motion.signals.name,
-            time=time,
-            error=(reference - motion.position)[thin, j],
-            errors={stage: (reference - c.positions[0])[thin, j] for stage, c in done},
-            torque=smooth[0][thin, j],
-            torques={stage: c.torques[0][thin, j] for stage, c in done},
-        )
-        for j, name in enumerate(joints)
-    )
-
-
-def _software() -> dict[str, str]:
-    from importlib.metadata import version
-
-    return {"idim_iv_ros": version("idim-iv-ros"), "mujoco": version("mujoco")}

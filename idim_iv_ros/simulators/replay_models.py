@@ -1,16 +1,17 @@
 """The MuJoCo models of a replay: made from the nominal model, or read from a file."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.effects.registry import name_of
+from idim_iv_ros.effects.registry import BY_NAME, name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.mjcf import is_mjcf
-from idim_iv_ros.model.mjcf_ties import COUPLING, DAMPING, SPRING, native_elements
+from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.mujoco_package import mujoco_reads
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.mujoco import STIFFEST
@@ -22,7 +23,7 @@ from idim_iv_ros.simulators.mujoco_plant import (
     plant_spec,
     set_inertias,
 )
-from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL
+from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS
 from idim_iv_ros.types import FloatArray
 
 _LARGEST = 50.0  # MB
@@ -53,14 +54,19 @@ class StageModel:
     effects: tuple[SimulatedEffect, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def with_effects(self, name: str, effects: Sequence[SimulatedEffect]) -> "StageModel":
-        """The same with effects; those that a file has natively stay its own."""
+    def with_effects(self, effects: Sequence[SimulatedEffect]) -> "StageModel":
+        """The model with effects; those that elements of its file hold stay theirs."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
-        kept = self.xml is not None
-        ours = [replace(e, native=kept and e.native and e.effect in NATIVE) for e in effects]
+        ours = [
+            replace(
+                effect,
+                native=effect.native and self.xml is not None and _may_be_element(effect),
+            )
+            for effect in effects
+        ]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
-        return replace(self, name=name, words=words, effects=(*self.effects, *ours))
+        return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 
     def compiled(self, mujoco: Any) -> Any:
         """A model with a motor for each joint and the parts that the effects need."""
@@ -83,19 +89,16 @@ class StageModel:
         return model
 
 
-NATIVE = (DAMPING, SPRING, COUPLING)  # what elements beside the actuators hold
-
-
-def plant_stage(
-    mujoco: Any, model: InverseModel, values: FloatArray | None, name: str
-) -> StageModel:
+def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = None) -> StageModel:
     """Return a robot of the nominal model's geometry, its own values or base parameters (b,)."""
     robot = model.robot
     parameters = robot.given if values is None else nearest_parameters(model, values)
     plant_spec(mujoco, robot, parameters)  # refuses what cannot be simulated
     effects = _offsets(robot, dict(enumerate(parameters.offset)))
-    words = "the nominal model" if values is None else "the nominal model with found parameters"
-    return StageModel(name, words, robot, parameters, None, effects)
+    if values is None:
+        return StageModel(NOMINAL, "the nominal model", robot, parameters, None, effects)
+    words = "the nominal model with found parameters"
+    return StageModel(CORRECTED, words, robot, parameters, None, effects)
 
 
 def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageModel:
@@ -107,27 +110,30 @@ def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageM
         if own == set(robot.joints):
             words = f"{mjcf.name} as given"
             return replace(xml_stage(mujoco, robot, mjcf, {}), name=NOMINAL, words=words)
-    return plant_stage(mujoco, model, None, NOMINAL)
+    return plant_stage(mujoco, model)
 
 
 def xml_stage(
-    mujoco: Any, robot: RobotModel, path: Path, offsets: Mapping[str, float]
+    mujoco: Any, robot: RobotModel, path: Path, parameters: Mapping[str, float]
 ) -> StageModel:
-    """Return the robot of an MJCF file.
-
-    Parameters
-    ----------
-    offsets
-        Constant torques of joints by their names in a file of effects (off1, off2, …).
-    """
+    """Return the robot of an MJCF file, with constant torques among base parameters (off1 …)."""
     _read(mujoco, path, robot.joints)
-    constants = {int(name[3:]) - 1: value for name, value in offsets.items()}
+    constants = {
+        int(name[3:]) - 1: value
+        for name, value in parameters.items()
+        if re.fullmatch(r"off\d+", name)
+    }
     wrong = [joint for joint in constants if not 0 <= joint < len(robot.joints)]
     if wrong:
         raise UsageError(
             f"off{wrong[0] + 1} is a parameter of a joint that the robot does not have"
         )
     return StageModel(CORRECTED, path.name, robot, None, path, _offsets(robot, constants))
+
+
+def _may_be_element(effect: SimulatedEffect) -> bool:
+    """Whether elements beside the actuators may hold an effect."""
+    return bool(BY_NAME[effect.effect].element_of)
 
 
 def require_same_native(
@@ -142,31 +148,24 @@ def require_same_native(
         round.
     """
     model = mujoco.MjModel.from_xml_path(str(path))
-    has = {
-        effect: {_joint_of(mujoco, model, effect, index) for index in elements}
-        for effect, elements in native_elements(mujoco, model).items()
-    }
     both = f"the {path.name} and effects.json of one export belong together"
-    for each in effects:
-        if each.effect not in NATIVE or each.joint is None:
+    elements = native_elements(mujoco, model)
+    for effect in effects:
+        if not _may_be_element(effect) or effect.joint is None:
             continue
-        found = each.joint in has.get(each.effect, ())
-        what = f"{each.effect} at {each.joint}"
-        if each.native and not found:
+        joints = elements.get(effect.effect, [])
+        if BY_NAME[effect.effect].element_of == "tendon":  # its first joint
+            joints = [int(model.wrap_objid[model.tendon_adr[tendon]]) for tendon in joints]
+        present = effect.joint in [model.joint(joint).name for joint in joints]
+        what = f"{effect.effect} at {effect.joint}"
+        if effect.native and not present:
             raise UsageError(
-                f"{each.source}: {what} is native, and {path} does not have it: {both}"
+                f"{effect.source}: {what} is native, and {path} does not have it: {both}"
             )
-        if found and not each.native:
+        if present and not effect.native:
             raise UsageError(
                 f"{path}: has {what} as an element already, and {source} would add it again: {both}"
             )
-
-
-def _joint_of(mujoco: Any, model: Any, effect: str, index: int) -> str:
-    """First joint of an element."""
-    if effect == COUPLING:
-        index = int(model.wrap_objid[model.tendon_adr[index]])
-    return str(model.joint(index).name)
 
 
 def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:

@@ -1,11 +1,12 @@
 """What the residual of a joint says: autocorrelation, whether a filter removes it, distribution."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
 
+from idim_iv_ros.documents import Number, Unsaved
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
@@ -19,9 +20,10 @@ _EXTRA_LAGS = 20
 _HARMLESS_SHARE = 0.05
 _HARMLESS_UNDERSTATEMENT = 1.1
 _LEAST_ROWS = 30
+_LEAST_SECONDS = 10  # with rows, below which their scatter is not known
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ResidualDiagnosis:
     """The residual of one joint.
 
@@ -32,19 +34,21 @@ class ResidualDiagnosis:
         N m (N for a prismatic joint).
     relative_percent : float or None
         100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque.
-    autoregression : AutoregressiveModel
-        Of the residual, its order chosen by AIC.
-    acf, acf_whitened : (n_lags + 1,)
-        Autocorrelation from lag 0, of the residual and of the whitened residual.
-    acf_bound : float
-        95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
+    ar_order : int
+        Order of the autoregressive model by AIC, 0 for white.
     white : bool or None
         Whether the residual may be treated as white: Ljung-Box accepts it, or what it finds is
         harmless: its past predicts less than 5 % of its variance and the standard deviations
         computed as if it were white are less than 1.1 times too small. None if not tested.
+    whiteness_p_value, normality_p_value : float or None
+        Those of the tests, whatever is given.
+    predictable_share : float
+        Share of the variance that the residual's own past predicts.
     sigma_understatement : float
         How many times too small the white-noise standard deviations of the estimates are,
         median over the columns of Z: σ_N ‖Hᵀ z‖ / (σ_ε ‖z‖).
+    largest_correlation_after : float
+        Largest |autocorrelation| that the filter leaves beyond lag 0.
     whiteness : HypothesisTest
         Ljung-Box on the residual itself; before whitening only a description, since it takes
         the regressors as exogenous.
@@ -55,37 +59,37 @@ class ResidualDiagnosis:
     skewness, excess_kurtosis : float
         Effect sizes of normality, both 0 for a Gaussian. With thousands of rows a kurtosis
         that harms nothing is significant.
+    autoregression : AutoregressiveModel
+        Of the residual; like what follows it is for the report and in no document.
+    acf, acf_whitened : (n_lags + 1,)
+        Autocorrelation from lag 0, of the residual and of the whitened residual.
+    acf_bound : float
+        95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
     """
 
     joint: str
-    rms: float
+    rms: Number
     relative_percent: float | None
-    autoregression: AutoregressiveModel
-    acf: FloatArray
-    acf_whitened: FloatArray
-    acf_bound: float
+    ar_order: int
     white: bool | None
-    sigma_understatement: float
+    whiteness_p_value: float | None = None
+    normality_p_value: float | None = None
+    predictable_share: Number
+    sigma_understatement: Number
+    largest_correlation_after: Number
+    skewness: Number
+    excess_kurtosis: Number
     whiteness: HypothesisTest
     whiteness_after: HypothesisTest
     normality: HypothesisTest
-    skewness: float
-    excess_kurtosis: float
+    autoregression: Unsaved[AutoregressiveModel | None] = field(default=None, compare=False)
+    acf: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
+    acf_whitened: Unsaved[FloatArray] = field(default_factory=lambda: np.zeros(0), compare=False)
+    acf_bound: Unsaved[float] = field(default=0.0, compare=False)
 
-    @property
-    def ar_order(self) -> int:
-        """Order of the autoregressive model, 0 for white."""
-        return self.autoregression.order
-
-    @property
-    def predictable_share(self) -> float:
-        """Share of the variance that the residual's own past predicts."""
-        return self.autoregression.predictable_share
-
-    @property
-    def largest_correlation_after(self) -> float:
-        """Largest |autocorrelation| that the filter leaves beyond lag 0."""
-        return float(np.abs(self.acf_whitened[1:]).max(initial=0.0))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "whiteness_p_value", self.whiteness.p_value)
+        object.__setattr__(self, "normality_p_value", self.normality.p_value)
 
 
 def diagnose_residual(
@@ -114,21 +118,27 @@ def diagnose_residual(
     )
     skewness, kurtosis = _shape(whitened)
     energy = float(rows.torque @ rows.torque)
+    acf_whitened = autocorrelation(whitened, rows.segments, n_lags)
     return ResidualDiagnosis(
-        rows.name,
-        float(np.sqrt(np.mean(residual**2))) if count else 0.0,
-        100.0 * float(np.sqrt(residual @ residual / energy)) if energy > 0.0 else None,
-        model,
-        autocorrelation(residual, rows.segments, n_lags),
-        autocorrelation(whitened, rows.segments, n_lags),
-        1.96 / np.sqrt(max(1, count)),
-        None if whiteness.accepted is None else whiteness.accepted or harmless,
-        understatement,
-        whiteness,
-        ljung_box(whitened, rows.segments, WHITENED, rows.name, n_lags, model.order, alpha=alpha),
-        _jarque_bera(count, skewness, kurtosis, rows.name, alpha),
-        skewness,
-        kurtosis,
+        joint=rows.name,
+        rms=float(np.sqrt(np.mean(residual**2))) if count else 0.0,
+        relative_percent=100.0 * float(np.sqrt(residual @ residual / energy)) if energy else None,
+        ar_order=model.order,
+        white=None if whiteness.accepted is None else whiteness.accepted or harmless,
+        predictable_share=model.predictable_share,
+        sigma_understatement=understatement,
+        largest_correlation_after=float(np.abs(acf_whitened[1:]).max(initial=0.0)),
+        skewness=skewness,
+        excess_kurtosis=kurtosis,
+        whiteness=whiteness,
+        whiteness_after=ljung_box(
+            whitened, rows.segments, WHITENED, rows.name, n_lags, model.order, alpha=alpha
+        ),
+        normality=_jarque_bera(count, skewness, kurtosis, rows.name, alpha),
+        autoregression=model,
+        acf=autocorrelation(residual, rows.segments, n_lags),
+        acf_whitened=acf_whitened,
+        acf_bound=1.96 / np.sqrt(max(1, count)),
     )
 
 
@@ -236,3 +246,81 @@ def _jarque_bera(
     deviation = max(abs(skewness), abs(kurtosis))
     p_value = float(scipy.stats.chi2.sf(statistic, 2))
     return HypothesisTest(NORMAL, scope, statistic, 2, None, p_value, deviation, alpha)
+
+
+def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
+    """Degrees of freedom that one row adds to the mean square; 1 for independent Gaussian rows.
+
+    The mean square m of n rows has a variance of n⁻¹ v. From the sums S_b of r² - m over the
+    seconds b, v is the long-run variance of S over the rows (Newey and West's weights, their
+    number of lags), and the degrees of freedom of a χ² with the same mean and variance are
+    2 m² n / v (Satterthwaite).
+
+    Parameters
+    ----------
+    time : (n,) s
+        Of the rows.
+    residual : (n,) N m (N)
+
+    Returns
+    -------
+    float or None
+        Never above 1; None for fewer than ten seconds with rows, or no residual at all.
+    """
+    square = residual**2
+    if len(square) == 0 or not square.any():
+        return None
+    seconds, place = np.unique(np.floor(time), return_inverse=True)
+    if len(seconds) < _LEAST_SECONDS:
+        return None
+    mean = float(square.mean())
+    sums = np.bincount(place, weights=square - mean)
+    lags = int(4.0 * (len(seconds) / 100.0) ** (2.0 / 9.0))
+    variance = float(sums @ sums)
+    for lag in range(1, lags + 1):
+        weight = 1.0 - lag / (lags + 1.0)
+        variance += 2.0 * weight * float(sums[lag:] @ sums[:-lag])
+    if variance <= 0.0:
+        return 1.0
+    return float(min(1.0, 2.0 * mean**2 * len(square) / variance))
+
+
+def largest_share(
+    freedom: float,
+    identified_rows: int,
+    rows: int,
+    false_alarms: float,
+    errors_of_parameters: float = 0.0,
+) -> float | None:
+    """RMS over that of the identification which `rows` rows pass with probability `false_alarms`.
+
+    The mean square of the new rows is the sum of that of a residual which scatters as in the
+    identification and of what errors of the parameters add in this motion. These are the same
+    in all rows, so that their part has one degree of freedom at worst. The sum is taken for a χ²
+    with its mean and variance (Satterthwaite), its ratio to the mean square of the identification
+    for F.
+
+    Parameters
+    ----------
+    freedom
+        See `mean_square_freedom`.
+    identified_rows, rows
+        Of the identification, and those that are compared with it.
+    false_alarms
+        Probability, 0 to 1.
+    errors_of_parameters
+        Mean variance of the predictions by that of the parameters, over the mean square of the
+        identification's residual.
+
+    Returns
+    -------
+    float or None
+        None where there are no rows.
+    """
+    if rows < 1 or identified_rows < 1:
+        return None
+    mean = 1.0 + errors_of_parameters
+    variance = 2.0 / (freedom * rows) + 2.0 * errors_of_parameters**2
+    own_freedom = 2.0 * mean**2 / variance
+    quantile = scipy.stats.f.isf(false_alarms, own_freedom, freedom * identified_rows)
+    return float(np.sqrt(mean * quantile))

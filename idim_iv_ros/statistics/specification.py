@@ -3,13 +3,16 @@
 The instruments say whether the *motion* is simulated well. A stiff loop, above all one with
 integral action, holds the motion to its reference whatever the model is, and the error stays in
 the torque alone. So the residual is regressed on functions of the simulated motion that the
-model does not hold: H0: E(ε | simulated motion) = 0. This is Ramsey's RESET with the functions of
-`motion_functions.py` instead of powers of the fit, and with simulated regressors for the sake of
-exogeneity; rows are whitened by the autoregressive model of the residual.
+model does not hold: H0: E(ε | simulated motion) = 0. This is Ramsey's RESET with simulated
+regressors for the sake of exogeneity, and instead of powers of the fit with functions in families
+as an engineer would name what is missing: *position* (gravity, springs, ripple), *speed* (shape of
+the friction), *acceleration* (inertia, couplings between joints). Rows are whitened by the
+autoregressive model of the residual.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -19,6 +22,7 @@ from idim_iv_ros.statistics.gls import gls_regression_from_rest
 from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
+POSITION, SPEED, ACCELERATION = FAMILIES = ("position", "speed", "acceleration")
 NULL = "nothing of the {family} is left in the residual"
 
 _ROWS_PER_DIRECTION = 25
@@ -28,6 +32,48 @@ _MOST_DIRECTIONS = 15
 _CAUTION = 0.1
 # Of the largest: a direction with less of the candidates' variation is what the model holds.
 _LEAST_VARIATION = 0.02
+
+
+def shared_functions(
+    joint_types: Sequence[str], q: FloatArray, dq: FloatArray, ddq: FloatArray
+) -> dict[str, FloatArray]:
+    """Functions of the states (n_samples, n_joints), the same for every joint's torque.
+
+    *position*: cos and sin of every joint (position and its square for a prismatic one), and
+    their products for every pair of joints. *acceleration*: that of every joint, and all
+    products of two speeds. (n_samples, m) each.
+    """
+    waves = [
+        [np.cos(q[:, k]), np.sin(q[:, k])] if kind == "revolute" else [q[:, k], q[:, k] ** 2]
+        for k, kind in enumerate(joint_types)
+    ]
+    position = [wave for waves_of_joint in waves for wave in waves_of_joint]
+    for first, second in combinations(waves, 2):
+        position += [a * b for a in first for b in second]
+    joints = range(dq.shape[1])
+    products = [dq[:, i] * dq[:, k] for i in joints for k in joints if i <= k]
+    return {POSITION: np.column_stack(position), ACCELERATION: np.column_stack([ddq, *products])}
+
+
+def speed_functions(joint: int, dq: FloatArray, peak: float) -> FloatArray:
+    """Shapes of friction over the speed of one joint, and the direction of every other.
+
+    Powers for either direction, and what decays at 3, 10 and 30 % of the peak speed: Stribeck's
+    shape at several widths. `peak` in rad/s (m/s).
+    """
+    relative = dq[:, joint] / peak
+    share = np.abs(relative)
+    functions = [
+        np.sign(relative),
+        relative,
+        share,
+        relative * share,
+        share**2,
+        relative * share**2,
+    ]
+    functions += [np.sign(relative) * np.exp(-share / level) for level in (0.03, 0.1, 0.3)]
+    functions += [np.sign(dq[:, k]) for k in range(dq.shape[1]) if k != joint]
+    return np.column_stack(functions)
 
 
 def specification_tests(

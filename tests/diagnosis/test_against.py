@@ -14,8 +14,9 @@ import pinocchio as pin
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.against import contrast as module
-from idim_iv_ros.diagnosis.against.contrast import contrasted
+from idim_iv_ros.diagnosis.against.changes import changes_between
+from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
+from idim_iv_ros.diagnosis.against.sets import two_sets
 from idim_iv_ros.diagnosis.result import ContrastResult
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
@@ -173,15 +174,13 @@ def test_friction_that_rose_in_all_recordings_of_a_set_is_one_change_of_the_set(
     assert abs(level.value - 2.0) < 3.0 * level.std
 
 
-def test_a_change_that_is_not_confirmed_is_still_a_difference(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Numbers of the second set's own, held out, say so; what comes closest is named as such."""
-    search = module.changes_between
-    monkeypatch.setattr(
-        module, "changes_between", lambda *given: replace(search(*given), confirmed=())
-    )
-    found = contrast([run("a", 1)], [run("b", 2, truth=stiffer(2.0))])
+def test_a_change_that_is_not_confirmed_is_still_a_difference() -> None:
+    """Numbers of the second set alone, held out, say so; what comes closest is named as such."""
+    sets = two_sets([run("a", 1)], [run("b", 2, truth=stiffer(2.0))], arm(1).configuration)
+    scopes = [sets.first, sets.second]
+    changes = changes_between(sets.data, sets.regression, scopes, [sets.second], LEFT_OUT)
+    doubtful = replace(changes, confirmed={}, doubtful={**changes.confirmed, **changes.doubtful})
+    found = contrast_of(sets, doubtful, [], LEFT_OUT)
     assert found.differs and found.causes == ()
     joint = found.joints[0]
     assert joint.before == joint.after > 2.0 * joint.own

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.assembly import strongest_first
+from idim_iv_ros.diagnosis.answer.causes import strongest_first
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointChange
 from idim_iv_ros.diagnosis.sentences import further_causes, summary
 from tests.diagnosis.test_verdict import cause

@@ -9,12 +9,12 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
+from idim_iv_ros.diagnosis.answer.causes import structural_causes
 from idim_iv_ros.diagnosis.answer.explained import explained
-from idim_iv_ros.diagnosis.answer.structural_causes import structural_causes
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors
 from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
@@ -143,7 +143,7 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
     found = explained(data, regression, selected(data, regression))
     assert (found.effects, found.numbers) == ((), ())
-    rest = unexplained(data, found.model, found.floors)
+    rest = unexplained(data, found)
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
@@ -151,7 +151,7 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
     quiet = world(data, 4)
     found = explained(data, quiet, selected(data, quiet))
-    assert unexplained(data, found.model, found.floors) is None
+    assert unexplained(data, found) is None
 
 
 def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
@@ -185,7 +185,7 @@ def test_evidence_of_a_model_is_that_of_the_dense_formula(data: Baseline) -> Non
     sign, logdet = np.linalg.slogdet(covariance)
     dense = 0.5 * gap @ gap - 0.5 * gap @ np.linalg.solve(covariance, gap) - 0.5 * logdet
     assert sign > 0
-    assert Beside(nominal, (term,)).level == pytest.approx(dense, rel=1e-6)
+    assert ModelWithTerms(nominal, (term,)).level == pytest.approx(dense, rel=1e-6)
 
 
 def _ranges(lengths: list[int]) -> list[tuple[int, int]]:

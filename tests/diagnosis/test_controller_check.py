@@ -9,16 +9,11 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.controller.check import (
-    ControllerFinding,
-    beside_gains,
-    check_law,
-    why_not_checked,
-)
+from idim_iv_ros.diagnosis.controller.check import check_law, why_not_checked
 from idim_iv_ros.diagnosis.controller.law_change import command_rows
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed
-from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.diagnosis.test_verdict import cause
 from tests.estimation.test_simulated_arms import recorded
@@ -35,8 +30,8 @@ def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
     return baseline([recorded(robot, seed)], arm.configuration)
 
 
-def found(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> list[ControllerFinding]:
-    return list(check_law(diagnosed(arm, seed, **gains)).findings)
+def found(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> list[Cause]:
+    return list(check_law(diagnosed(arm, seed, **gains)).causes)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -55,8 +50,8 @@ def test_another_gain_is_found_at_its_joint_with_its_size(
     gains[joint] *= factor
     (finding,) = found(arm, 1, **{name: gains})
     assert finding.joint == arm.configuration.robot.joints[joint]
-    assert finding.statistic > 30.0
-    assert finding.after < finding.before
+    assert finding.evidence.statistic > 30.0
+    assert finding.torque_gap.after < finding.torque_gap.before
     assert set(finding.parameters) == {name}
     assert finding.parameters[name].value == pytest.approx(gains[joint], rel=0.03)
 
@@ -79,10 +74,10 @@ def test_a_gain_of_the_recorded_effort_is_no_other_law(
     larger = replace(recording.effort, values=recording.effort.values * [1.0, 1.15])
     data = baseline([replace(recording, effort=larger)], arm.configuration)
     law = check_law(data)
-    assert [each.joint for each in law.findings] == ["joint_2"]
+    assert [each.joint for each in law.causes] == ["joint_2"]
     gain = {"factor": EffectParameter(factor, 0.004, "")}
     gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
-    assert len(beside_gains(law, [gained]).findings) == left
+    assert len(law.beside(data, [gained], ()).causes) == left
 
 
 def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
@@ -90,7 +85,7 @@ def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
     data = diagnosed(arm, 1, kp=arm.law.kp * [1.0, 1.3])
     gain = {"factor": EffectParameter(1 / 1.3, 0.01, "")}
     gained = replace(cause("torque_gain", "parametric"), joint="joint_2", parameters=gain)
-    found = beside_gains(check_law(data), [gained]).findings
+    found = check_law(data).beside(data, [gained], ()).causes
     assert [each.joint for each in found] == ["joint_2"]
 
 
@@ -101,7 +96,7 @@ def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
     lawless = arm.configuration.model_copy(update={"controller": controller})
     blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
     assert why_not_checked(blind) == "the configuration names no control law"
-    assert check_law(blind).findings == ()
+    assert check_law(blind).causes == ()
 
 
 def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
@@ -127,7 +122,7 @@ def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
         for table in (columns, np.column_stack([columns, rows.groups["kd"]]))
     )
     assert np.sum(other**2) < 0.9 * np.sum(plain**2)  # all rows together are for another gain
-    assert check_law(data).findings == ()
+    assert check_law(data).causes == ()
 
 
 @pytest.mark.parametrize(("late", "names"), [(-6e-3, []), (6e-3, ["joint_1"])])
@@ -143,7 +138,7 @@ def test_commands_stamped_too_early_are_no_other_law(
     torque[:, 0] = np.interp(time - late, time, torque[:, 0])
     shifted = replace(motion, signals=replace(signals, torque=torque))
     data = replace(data, prepared=replace(data.prepared, motions=(shifted,)))
-    assert [finding.joint for finding in check_law(data).findings] == names
+    assert [finding.joint for finding in check_law(data).causes] == names
 
 
 def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
@@ -173,7 +168,7 @@ def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
         effort=replace(plain.effort, values=result.torque + pulses + noise),
     )
     check = check_law(baseline([moved], arm.configuration))
-    assert check.findings == ()
+    assert check.causes == ()
     (sentence,) = check.beyond
     assert sentence.startswith("the commands of joint_1 hold")
     gains = arm.law.kd * [0.7, 1.0]

@@ -57,7 +57,7 @@ def test_a_filtered_speed_is_no_mismatch(arm: SimulatedArm, data: Baseline, fact
     chosen = law_speed(changed.prepared.motions, arm.law)
     assert chosen.kind == "filtered"
     assert chosen.factor == pytest.approx(factor, rel=0.05)
-    assert check_law(changed).findings == ()
+    assert check_law(changed).causes == ()
 
 
 def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> None:
@@ -69,12 +69,12 @@ def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> No
     effort = effort + arm.law.kd * (speed - observed)
     changed = commanded(data, effort, observed)
     assert law_speed(changed.prepared.motions, arm.law).kind == "recorded"
-    assert check_law(changed).findings == ()
+    assert check_law(changed).causes == ()
 
 
 def test_another_gain_beside_a_filtered_speed_is_found(arm: SimulatedArm, data: Baseline) -> None:
     effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3, scale=1.4)
-    findings = check_law(commanded(data, effort)).findings
+    findings = check_law(commanded(data, effort)).causes
     assert {finding.joint for finding in findings} == set(data.joints)
     for finding in findings:
         joint = data.joints.index(finding.joint)
@@ -123,11 +123,11 @@ def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured
     effort, _ = commands(arm, signals, 0.3)
     period = 1.0 / signals.rate
     late = commanded(data, delayed(effort, [3.0, 3.0]))
-    assert check_law(late, shift=-1.5 * period).findings == ()
+    assert check_law(late, shift=-1.5 * period).causes == ()
     assert check_law(late, shift=-1.5 * period).delay == ()
     # The same lag of commands that are recorded before they act is one of the loop.
     check = check_law(late, shift=0.5 * period)
-    assert check.findings == ()
+    assert check.causes == ()
     (cause,) = check.delay
     assert (cause.effect, cause.joint) == ("time_delay", None)
     delay = cause.parameters["delay"]
@@ -142,7 +142,7 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
     late = commanded(data, delayed(effort, [0.5, 3.5]))
-    (finding,) = check_law(late, shift=-3.0 / signals.rate).findings
+    (finding,) = check_law(late, shift=-3.0 / signals.rate).causes
     assert finding.joint == data.joints[1]
     assert finding.parameters["lag"].value == pytest.approx(3.5 / signals.rate, rel=0.1)
 
@@ -181,7 +181,7 @@ def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(
     changed = replace(data, prepared=replace(data.prepared, motions=motions))
     assert law_speed(motions, arm.law).factor == pytest.approx(0.3, rel=0.05)
     check = check_law(changed)
-    assert check.findings == ()
+    assert check.causes == ()
     assert check.beyond == ()
 
 
@@ -196,7 +196,7 @@ def test_a_feedforward_over_the_acceleration_is_no_late_speed(
     effort, speed = commands(arm, signals, 1.0)
     changed = commanded(data, effort + forward * wanted, speed)
     assert law_speed(changed.prepared.motions, arm.law).kind != "filtered"
-    findings = {finding.joint: finding for finding in check_law(changed).findings}
+    findings = {finding.joint: finding for finding in check_law(changed).causes}
     assert set(findings) == set(data.joints)
     for joint, expected in zip(data.joints, forward, strict=True):
         (name,) = findings[joint].parameters

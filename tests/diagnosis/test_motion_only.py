@@ -122,10 +122,10 @@ def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
 
     floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
     whole = SimpleNamespace(residuals=[torque * np.array([1.0, -1.0]), np.zeros(2)])
-    model: Any = SimpleNamespace(whole=whole)
+    found: Any = SimpleNamespace(whole=whole, floors=floors)
 
     def left(*stages: Stage) -> list[tuple[int, float, float, float]]:
-        return unexplained_residual(data, model, stages, floors)
+        return unexplained_residual(data, found, stages)
 
     ((joint, _, share, _),) = left(stage(0.06), stage(0.05))
     assert (joint, share) == (0, pytest.approx(0.05))

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm2, arm6
+from idim_iv_ros.diagnosis.answer.causes import parametric_causes
 from idim_iv_ros.diagnosis.answer.explained import explained
-from idim_iv_ros.diagnosis.answer.parameter_errors import (
-    number_errors,
-    parameter_errors,
-    parametric_causes,
-)
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
@@ -37,7 +33,7 @@ def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
     """Parametric causes of a world."""
     catalogue = Catalogue(data, regression)
     found = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
-    return parametric_causes(data, found, number_errors(found))
+    return parametric_causes(data, found)[0]
 
 
 def names(causes: list[Cause]) -> list[tuple[str, str | None]]:
@@ -139,7 +135,7 @@ def test_parameter_errors_by_joint(data: Baseline) -> None:
     regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
     catalogue = Catalogue(data, regression)
     found = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
-    for error in parameter_errors(data, number_errors(found)):
+    for error in parametric_causes(data, found)[1]:
         rest = np.sqrt(max(error.named**2 - error.refit**2, 0.0))
         assert error.remaining == pytest.approx(rest)
         assert error.named < 1.1 * error.refit < 1.2 * error.given

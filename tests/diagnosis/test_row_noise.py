@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.comparison.noise import RowNoise, scale_of
+from idim_iv_ros.diagnosis.comparison.ledger import RowNoise, scale_of
 from idim_iv_ros.signals import AutoregressiveModel
 
 

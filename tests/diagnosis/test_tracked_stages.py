@@ -3,31 +3,32 @@
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
+import numpy as np
 
-from idim_iv_ros.diagnosis import tracking as module
-from idim_iv_ros.diagnosis.tracking import Tracking
+from idim_iv_ros.diagnosis.tracking import tracked_stages
+from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.effect import Place
+from tests.diagnosis.simulated_sessions import arm2_session
 
 
-def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def simulated(data: Any, values: Any, effects: Any = ()) -> Tracking:
-        known = "elasticity" not in effects
-        return Tracking((), (), (), 1.0, "" if known else "no drive inertia")
+def judged(name: str, **numbers: float) -> Any:
+    """A cause whose effect has these numbers, whatever its coefficients."""
+    parameters = {key: EffectParameter(value, None, "") for key, value in numbers.items()}
+    effect = SimpleNamespace(name=name, parameters=lambda *_: parameters)
+    return SimpleNamespace(term=SimpleNamespace(effect=effect, place=Place(0), shape=None))
 
-    def found(name: str) -> Any:
-        effect = SimpleNamespace(name=name)
-        return SimpleNamespace(effect=effect, place=None)
 
-    monkeypatch.setattr(module, "simulated_tracking", simulated)
-    monkeypatch.setattr(module, "effect_parameters", lambda *_: {})
-    monkeypatch.setattr(module, "simulated_effects", lambda _, each: [name for name, *_ in each])
-    model: Any = SimpleNamespace(
-        effects=(found("elasticity"), found("time_delay")), fits=[SimpleNamespace(values=None)] * 3
+def test_effects_that_cannot_be_simulated_do_not_end_the_simulation() -> None:
+    data = arm2_session(12.0)
+    fit = SimpleNamespace(values=data.estimate.linear.values, coefficients=np.zeros(2))
+    effects = (judged("no such effect"), judged("spring", linear=40.0))
+    found: Any = SimpleNamespace(
+        effects=effects, fits=[fit] * 3, fit=fit, block=lambda number: slice(number, number + 1)
     )
-    data: Any = None
-    refit, stiff, late = module.tracked_stages(data, model, None)
+    _, refit, unknown, spring = tracked_stages(data, found)
     assert (refit.note, refit.caveat) == ("", "")
-    assert stiff.caveat == "simulated without elasticity: no drive inertia"
-    assert (stiff.note, late.note) == ("", "")
+    assert (unknown.note, unknown.rms) == ("", refit.rms)
+    assert "no such effect" in unknown.caveat
+    assert (spring.note, spring.caveat) == ("", "")
+    assert spring.rms is not None and refit.rms is not None
+    assert spring.rms["joint_1"] > 2.0 * refit.rms["joint_1"]

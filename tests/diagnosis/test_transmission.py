@@ -3,6 +3,7 @@
 The recordings are simulated in `link_encoders` with SciPy: none of the project's simulator.
 """
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
-from idim_iv_ros.diagnosis.transmission.causes import described
-from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
+from idim_iv_ros.diagnosis.sentences import transmission
+from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
+from idim_iv_ros.diagnosis.transmission.measure import Measured, measured_transmissions
 from idim_iv_ros.identification.prepare import read_configured
 from tests.diagnosis.link_encoders import Gear, pendulum_bag
 
@@ -126,7 +128,7 @@ def test_a_twist_below_the_step_of_the_encoders_cannot_be_told(measure):
 def test_an_encoder_with_another_sign_or_that_stands_still_is_named(measure, error, words):
     found = measure(Gear(error=(_reversed, _standing)[error == -1.0]))
     assert words in found.reason
-    assert words in described(found)
+    assert words in transmission(found)
     assert found.time_offset is None
 
 
@@ -210,15 +212,9 @@ def test_transmissions_are_in_the_document_and_read_back(diagnosed, tmp_path: Pa
 
 
 def test_what_the_encoders_exclude_is_taken_out_with_a_note(diagnosed):
-    from dataclasses import replace
-
-    from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
-    from idim_iv_ros.diagnosis.transmission.measure import Measured
-
-    cause = replace(shafts(diagnosed(SHAFT))[0], parameters={})
     soft = EffectParameter(1e3, 10.0, "N m/rad")
-    cause = replace(cause, parameters={"stiffness": soft})
+    cause = replace(shafts(diagnosed(SHAFT))[0], parameters={"stiffness": soft})
     (rigid,) = diagnosed(Gear(late=0.003)).transmissions
-    causes, notes = with_transmissions(None, None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
-    assert causes == []
+    causes, measured, notes = with_transmissions(None, None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
+    assert causes == measured == []
     assert "excludes" in notes[0]

@@ -31,8 +31,8 @@ def said(data: Baseline, shares: tuple[float, float], noise: float | None) -> st
     ]
     floors = [NoiseFloor(None if noise is None else noise * each, "repeats", "") for each in missed]
     whole = SimpleNamespace(residuals=[np.array([size, -size]) for size in torque])
-    model: Any = SimpleNamespace(whole=whole)
-    return sentences.unexplained_residual(data, unexplained_residual(data, model, stages, floors))
+    found: Any = SimpleNamespace(whole=whole, floors=floors)
+    return sentences.unexplained_residual(data, unexplained_residual(data, found, stages))
 
 
 def test_joints_that_miss_much_are_listed_the_worst_first(data: Baseline) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from idim_iv_ros.diagnosis.assembly import verdict_of
+from idim_iv_ros.diagnosis.answer.causes import verdict_of
 from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointGap, Unexplained, Verdict
 from idim_iv_ros.diagnosis.sentences import largest_gap, not_in_catalogue
 
@@ -19,12 +19,9 @@ def cause(effect: str, kind: str) -> Cause:
         effect=effect,
         kind=kind,  # type: ignore[arg-type]
         joint="joint_1",
-        other_joint=None,
         parameters={},
         evidence=Evidence(100.0, 1e-9, 0.3, "4 of 4"),
-        indistinguishable_from=(),
         torque_gap=gap,
-        simulation_gap=None,
         sentence=f"{effect} at joint_1: it shrinks",
     )
 

@@ -11,22 +11,12 @@ PACKAGE = Path(idim_iv_ros.__file__).parent
 FOLDERS = ("diagnosis", "report", "simulators", "simulator_files", "fleet")
 LAW = "fits the command to the terms of the law, which are those of this class"
 KEY = "a key of the configuration, not an effect"
-BODY = "what a body is called in the exported file, not an effect"
-ELEMENT = "an element of MuJoCo that holds it, listed by its name in the MJCF (`model.mjcf_ties`)"
-TIES = ("nonlinear_viscous", "spring", "joint_coupling")
 ALLOWED = {
-    **{("simulators/replay_models.py", name): ELEMENT for name in TIES},
-    **{("simulator_files/mjcf_effects.py", name): ELEMENT for name in TIES},
-    ("simulator_files/mjcf.py", "joint_coupling"): ELEMENT,
     ("diagnosis/against/law.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/check.py", "controller_mismatch"): LAW,
     ("diagnosis/controller/law_change.py", "controller_mismatch"): LAW,
     ("diagnosis/refit/law_speed.py", "controller_mismatch"): LAW,
-    ("simulators/replay.py", "controller_mismatch"): LAW,
     ("report/sections/transmissions.py", "backlash"): "a column of measured numbers",
-    ("simulator_files/changes.py", "torque_offset"): KEY,
-    ("simulator_files/named.py", "payload"): BODY,
-    ("simulator_files/randomization.py", "payload"): BODY,
     ("simulators/robot.py", "drive_inertia"): KEY,
 }
 

@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.covariance import (
     AutocorrelatedCovariance,
-    RefinedCovariance,
-    WhiteCovariance,
+    refined_covariance,
+    white_covariance,
 )
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals.autoregression import AutoregressiveModel
@@ -50,8 +50,8 @@ def test_white_covariance_is_the_formula_on_the_stacked_weighted_rows(two_joints
     z = stacked(instruments, columns, [1 / s for s in sigmas])
     x = stacked(regressors, columns, [1 / s for s in sigmas])
     bread = np.linalg.inv(z.T @ x)
-    np.testing.assert_allclose(WhiteCovariance(rows, sigmas, B).matrix, bread @ z.T @ z @ bread.T)
-    np.testing.assert_allclose(RefinedCovariance(rows, sigmas, B).matrix, np.linalg.inv(z.T @ z))
+    np.testing.assert_allclose(white_covariance(rows, sigmas, B), bread @ z.T @ z @ bread.T)
+    np.testing.assert_allclose(refined_covariance(rows, sigmas, B), np.linalg.inv(z.T @ z))
 
 
 def test_white_covariance_equals_that_of_linearmodels():
@@ -61,7 +61,7 @@ def test_white_covariance_equals_that_of_linearmodels():
     y = x @ np.ones(B) + rng.standard_normal(400)
     oracle = IV2SLS(y, None, x, z).fit(cov_type="unadjusted")
     sigma = float(np.sqrt(oracle.s2))
-    actual = WhiteCovariance([joint(x, z, np.arange(B))], np.array([sigma]), B).matrix
+    actual = white_covariance([joint(x, z, np.arange(B))], np.array([sigma]), B)
     np.testing.assert_allclose(actual, np.asarray(oracle.cov), rtol=1e-9, atol=1e-15)
 
 
@@ -74,8 +74,7 @@ def test_a_white_residual_makes_the_sandwich_the_white_covariance(two_joints):
     ]
     models = [AutoregressiveModel(np.zeros(0), each**2) for each in sigma]
     np.testing.assert_allclose(
-        AutocorrelatedCovariance(rows, sigma, models, B).matrix,
-        WhiteCovariance(rows, sigma, B).matrix,
+        AutocorrelatedCovariance(rows, sigma, models, B).matrix, white_covariance(rows, sigma, B)
     )
 
 
@@ -94,13 +93,13 @@ def test_sandwich_is_the_scatter_of_the_estimates_where_the_white_one_is_too_sma
     sigma = np.array([np.sqrt(model.variance)])
     rows = [joint(x, z, np.arange(B), positions)]
     sandwich = AutocorrelatedCovariance(rows, sigma, [model], B)
-    white = WhiteCovariance(rows, sigma, B)
+    white = white_covariance(rows, sigma, B)
     np.testing.assert_allclose(np.sqrt(np.diag(sandwich.matrix)), scatter, rtol=0.05)
-    assert np.all(np.sqrt(np.diag(white.matrix)) < scatter / 2)
+    assert np.all(np.sqrt(np.diag(white)) < scatter / 2)
 
 
 def test_undetermined_parameters_are_refused():
     z = np.ones((50, 2))
     for rows in (z, z[:1]):
         with pytest.raises(DataError, match="do not determine all parameters"):
-            _ = WhiteCovariance([joint(rows, rows, np.arange(2))], np.ones(1), 2).matrix
+            _ = white_covariance([joint(rows, rows, np.arange(2))], np.ones(1), 2)

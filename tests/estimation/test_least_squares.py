@@ -5,7 +5,7 @@ import pytest
 import statsmodels.api as sm
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.covariance import WhiteCovariance
+from idim_iv_ros.estimation.covariance import white_covariance
 from idim_iv_ros.estimation.least_squares import (
     condition_number,
     solve_instrumental_variables,
@@ -51,7 +51,7 @@ def test_weighted_least_squares_is_that_of_statsmodels_with_the_same_weights() -
     sigma = np.repeat(estimate.sigma, 400)
     reference = sm.WLS(torque, matrix, weights=1.0 / sigma**2).fit(cov_type="fixed scale")
     np.testing.assert_allclose(estimate.values, reference.params, rtol=1e-4)
-    covariance = WhiteCovariance(found, estimate.sigma, 3).matrix
+    covariance = white_covariance(found, estimate.sigma, 3)
     np.testing.assert_allclose(covariance, reference.normalized_cov_params, rtol=1e-6)
 
 

@@ -139,9 +139,7 @@ def test_bags_of_one_rig_with_rates_of_1000_and_985_hz_give_the_parameters_of_bo
     assert not any("different rates" in reason for reason in same.processing.reasons)
 
 
-def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(
-    arm: SimulatedArm,
-) -> None:
+def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: SimulatedArm) -> None:
     """The second recording repeats the first, a second later, at a quarter of its rate."""
     first = recorded(arm, 1)
     again = recorded(arm, 2)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from bags.simulated_arms import arm6
 from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
-from idim_iv_ros.estimation.refined import RefinedIdimIv
+from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
 from idim_iv_ros.identification.assembly import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model

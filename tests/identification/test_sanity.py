@@ -121,11 +121,7 @@ def test_torques_of_slow_and_noisy_motions_are_torques(make, noise: float, tmp_p
 
 @pytest.mark.parametrize(
     "robot",
-    [
-        {"position_offset": [0.3, -0.3]},
-        {"gravity": [0.0, 0.0, 9.81]},
-        {"gravity": [0.0, 0.0, 0.0]},
-    ],
+    [{"position_offset": [0.3, -0.3]}, {"gravity": [0.0, 0.0, 9.81]}, {"gravity": [0.0, 0.0, 0.0]}],
 )
 def test_wrong_zero_or_gravity_is_no_wrong_sign(robot, tmp_path: Path) -> None:
     section = ARM.configuration.robot.model_copy(update=robot)

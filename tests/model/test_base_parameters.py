@@ -29,14 +29,7 @@ def regressor_of(urdf: str, joints: list[str], *, drives: bool = True) -> Standa
 def test_vertical_planar_arm_has_the_textbook_base_set() -> None:
     """Two-link planar arm in a vertical plane (Khalil and Dombre, Modeling, chapter 9)."""
     base = find_base_parameters(regressor_of(PLANAR, ["j1", "j2"], drives=False))
-    assert base.expressions == (
-        "ZZ1 + 0.25 M2",
-        "MX1 + 0.5 M2",
-        "MY1",
-        "ZZ2",
-        "MX2",
-        "MY2",
-    )
+    assert base.expressions == ("ZZ1 + 0.25 M2", "MX1 + 0.5 M2", "MY1", "ZZ2", "MX2", "MY2")
 
 
 def test_base_parameters_give_the_torque_of_the_standard_parameters() -> None:

@@ -1,6 +1,6 @@
 import pytest
 
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 
 
 @pytest.mark.parametrize(

@@ -385,5 +385,5 @@ def test_memory_stays_flat(identified, recording) -> None:
     for number in range(3):
         time = positions.time + number * 4_000_000_000
         play(live, JointSamples(time, positions.values), JointSamples(time, efforts.values))
-        sizes.append(len(live._window._predicted) + len(live._positions.samples))
+        sizes.append(len(live._positions.samples) + len(live._efforts.samples))
     assert all(after <= before + 100 for before, after in pairwise(sizes[1:]))

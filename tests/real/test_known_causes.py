@@ -44,14 +44,14 @@ def servo(data: Path, tmp_path_factory: pytest.TempPathFactory):
 @pytest.mark.parametrize("gain", [100, 200, 400])
 def test_recordings_of_a_gain_agree_with_the_law_of_that_gain(servo, gain) -> None:
     found = servo(gain, gain)
-    assert found.findings == ()
+    assert found.causes == ()
     assert found.beyond == ()
 
 
 @pytest.mark.parametrize(("gain", "law"), [(100, 200), (400, 100)])
 def test_recordings_of_a_gain_are_not_those_of_another_law(servo, gain, law) -> None:
     """The gain that the robot used instead is found: the unit of the command is V."""
-    (finding,) = servo(gain, law).findings
+    (finding,) = servo(gain, law).causes
     volts = DUTY_PER_GAIN * gain * 7.3 / 885.0
     assert finding.parameters["kp"].value == pytest.approx(volts, rel=0.03)
 

@@ -98,6 +98,13 @@ def test_effort_on_a_topic_without_header_uses_arrival_and_says_so(tmp_path: Pat
     np.testing.assert_allclose(recording.effort.values[10], [5.0, 10.0], atol=1e-6)
 
 
+def test_an_array_of_references_holds_positions_and_no_velocities(tmp_path: Path) -> None:
+    messages = steady() + [("/wanted", 1.0 + k / 50, float_array([k, 2.0 * k])) for k in range(100)]
+    recording = read(write(tmp_path / "bag", messages), reference="/wanted")
+    np.testing.assert_allclose(recording.position_reference.values[10], [5.0, 10.0], atol=1e-6)
+    assert recording.velocity_reference is None
+
+
 def test_array_of_another_length_is_refused(tmp_path: Path) -> None:
     messages = steady() + [("/effort", 1.0 + k / 50, float_array([1.0])) for k in range(100)]
     with pytest.raises(DataError, match=r"1 numbers .* 2 joints"):

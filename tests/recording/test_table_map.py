@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import import_mapped, read_recordings
-from idim_iv_ros.recording.propose_map import proposed_map
+from idim_iv_ros.recording.table_map import proposed_map
 
 TIME = np.arange(1500) * 0.002
 POSITION = np.column_stack([np.sin(TIME), np.cos(2.0 * TIME)])

@@ -99,7 +99,10 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
         ),
         specification=JointTests(alpha=0.05, tests=_specification(names, case)),
         exogeneity=JointTests(alpha=0.05, tests=_exogeneity(names, case)),
-        residuals=tuple(map(JointResidual.of, residuals, verdicts)),
+        residuals=tuple(
+            JointResidual(**vars(residual), verdict=joint.verdict, sentence=joint.sentence)
+            for residual, joint in zip(residuals, verdicts, strict=True)
+        ),
         verdict=judge_all(verdicts, tests[0]),
         fit=Fit(
             relative_error_percent=6.4387,

@@ -22,8 +22,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
-from idim_iv_ros.recording.bags.cdr import read_layout
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 
 ROOT = Path(__file__).resolve().parents[2]
 HANG = 120.0  # s that nothing takes, on however busy a machine
@@ -289,7 +289,7 @@ def numbers(bag: Path, topic: str = "/joint_states") -> np.ndarray:
     for _, batch in Bag(bag).batches({topic}):
         for k in range(len(batch)):
             raw = batch.message(k)
-            layout = read_layout(raw, "sensor_msgs/msg/JointState")
+            layout = JointMessageType("sensor_msgs/msg/JointState").layout(raw, ["position"])
             row = np.frombuffer(raw, np.uint8)[None, :]
             found.append(layout.numbers(row, "position")[0, 0])
     return np.array(found)

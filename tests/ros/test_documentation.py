@@ -5,10 +5,12 @@ from dataclasses import fields
 
 import pytest
 
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from idim_iv_ros.nodes.settings import (
+    CollectorSettings,
+    IdentifierSettings,
+    RecorderSettings,
+    SimulatorSettings,
+)
 from tests.ros.processes import ROOT
 
 

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState, Temperature
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.processes import only_bag
 
 
@@ -84,10 +84,6 @@ def test_a_topic_whose_package_is_not_installed_is_named_once(
     [
         ({"extra_topics": ("/a b",)}, "extra_topics: '/a b' is no name of a topic"),
         ({"extra_topics_regex": "("}, "extra_topics_regex: no regular expression"),
-        (
-            {"storage_preset": "tiny"},
-            "storage_preset: 'tiny' is none of default, none, fast, small",
-        ),
     ],
 )
 def test_wrong_values_are_refused_in_one_line(values, words: str) -> None:

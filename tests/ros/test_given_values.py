@@ -15,18 +15,20 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import (
     changed,
     declare,
     refuse_unknown_arguments,
     refuse_unknown_parameters,
 )
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from idim_iv_ros.nodes.settings import (
+    CollectorSettings,
+    IdentifierSettings,
+    PredictorSettings,
+    RecorderSettings,
+    SimulatorSettings,
+)
 from tests.ros.conftest import ARM2
 
 KINDS = {

@@ -9,9 +9,8 @@ import pytest
 from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.job import confined, confined_bag
-from idim_iv_ros.nodes.identifier.managed_node import ACTIVE
-from idim_iv_ros.nodes.identifier.node import Identifier
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.identifier.node import ACTIVE, Identifier
+from idim_iv_ros.nodes.settings import IdentifierSettings
 from tests.ros.conftest import ARM2
 
 

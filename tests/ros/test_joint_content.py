@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent
-from idim_iv_ros.recording.bags.cdr import JOINT_STATE
+from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from tests.recording.bag_writer import STORE, joint_state
 
 BOTH = ["position", "effort"]

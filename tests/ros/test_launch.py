@@ -5,11 +5,13 @@ from dataclasses import fields
 
 import pytest
 
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from idim_iv_ros.nodes.settings import (
+    CollectorSettings,
+    IdentifierSettings,
+    PredictorSettings,
+    RecorderSettings,
+    SimulatorSettings,
+)
 from tests.ros.launch_file import Launched, launch, launched_nodes
 from tests.ros.processes import ROOT
 

@@ -1,5 +1,6 @@
 """Results as messages: what gap.json and result.json hold, and what a restart keeps of it."""
 
+import json
 import shutil
 from dataclasses import replace
 from math import isnan
@@ -204,10 +205,9 @@ def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() 
     assert message.files == ["identification/result.json", "identification/report.html"]
 
 
-def test_last_diagnosis_is_latched_and_survives_a_restart(
-    results: Path, observer, identifier
-) -> None:
-    GapPublisher(observer.node, results).add(7_000_000_000, ["a.mcap"], "diagnosis")
+def test_last_diagnosis_is_latched_and_survives_a_restart(results: Path, identifier) -> None:
+    record = {"format": "idim_iv_ros/last_gap/1", "stamp": 7 * 10**9, "bags": ["a.mcap"]}
+    (results / "last_gap.json").write_text(json.dumps({**record, "folder": "diagnosis"}))
     assert str(identifier().latched("gap", GapReport)) == str(report(results))
 
 

@@ -8,12 +8,14 @@ import rclpy
 from rclpy.node import Node
 from ruamel.yaml import YAML
 
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import Settings, declare
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from idim_iv_ros.nodes.settings import (
+    CollectorSettings,
+    IdentifierSettings,
+    PredictorSettings,
+    RecorderSettings,
+    SimulatorSettings,
+)
 from tests.ros.processes import ROOT
 
 FILE = ROOT / "params" / "nodes.yaml"

@@ -26,9 +26,10 @@ from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves
-from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics
 from idim_iv_ros.simulation.effects import joint_effects
 from tests.diagnosis.motions import smooth_motion
+from tests.simulation.laws import followed
 
 BY_NAME = {effect.name: effect for effect in STRUCTURAL}
 JOINTS = ("joint_1", "joint_2")
@@ -205,12 +206,7 @@ def started_at_rest(one):
 def compare(case):
     one, effect = arm(), BY_NAME[case.effect]
     values = reported(effect, case.place, case.shape, case.coefficients)
-    result = simulate_closed_loop(
-        one.robot, one.truth, started_at_rest(one), rate=one.rate,
-        position_reference=one.position_reference, velocity_reference=one.velocity_reference,
-        initial_position=one.position_reference[0], initial_velocity=one.velocity_reference[0],
-        effects=[simulated(effect, case.place, values)],
-    )  # fmt: skip
+    result = followed(one, simulated(effect, case.place, values), law=started_at_rest(one))
     assert result.diverged is None
     velocity = result.measured_velocity
     acceleration = result.acceleration

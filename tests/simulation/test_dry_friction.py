@@ -133,9 +133,7 @@ def excited(robot, parameters, seed=0, seconds=4.0, amplitude=20.0):
         plant_step=1e-3,
     )
     frictionless = dataclasses.replace(
-        parameters,
-        coulomb=np.zeros(n),
-        coupling_coulomb=np.zeros_like(parameters.coupling_coulomb),
+        parameters, coulomb=np.zeros(n), coupling_coulomb=np.zeros_like(parameters.coupling_coulomb)
     )
     needed = inverse_dynamics(
         robot, frictionless, result.position, result.velocity, result.acceleration

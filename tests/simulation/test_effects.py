@@ -7,12 +7,8 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import (
-    SimulatedEffect,
-    inverse_dynamics,
-    mass_matrix,
-    simulate_closed_loop,
-)
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
+from tests.simulation.laws import followed
 
 JOINTS = ("joint_1", "joint_2")
 
@@ -20,20 +16,6 @@ JOINTS = ("joint_1", "joint_2")
 @pytest.fixture(scope="module")
 def arm():
     return arm2(seconds=3.0)
-
-
-def followed(arm, *effects, **changes):
-    law = changes.pop("law", arm.law)
-    parameters = changes.pop("parameters", arm.truth)
-    given = {
-        "rate": arm.rate,
-        "position_reference": arm.position_reference,
-        "velocity_reference": arm.velocity_reference,
-        "initial_position": arm.position_reference[0],
-        "initial_velocity": arm.velocity_reference[0],
-        "effects": effects,
-    }
-    return simulate_closed_loop(arm.robot, parameters, law, **(given | changes))
 
 
 def on(joint, effect, other=None, **parameters):
@@ -292,7 +274,7 @@ def test_neutral_parameters_change_nothing(arm, effect):
     }
     other = "joint_2" if effect == "joint_coupling" else None
     result = followed(arm, on(0, effect, other, **NEUTRAL[effect]), **short)
-    plain = followed(arm, effects=None, **short)
+    plain = followed(arm, **short)
     for name in ("position", "velocity", "acceleration", "torque", "applied_torque"):
         np.testing.assert_allclose(
             getattr(result, name), getattr(plain, name), rtol=1e-10, atol=1e-9

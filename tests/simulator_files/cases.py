@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -40,6 +41,24 @@ class Case:
     def standard(self) -> dict[str, float]:
         assert self.gap.physical is not None
         return self.gap.physical.values
+
+
+def bare(text: str, changing: Mapping[str, Sequence[str]]) -> str:
+    """Canonical XML with its comments, without attributes (by path of the element) that change.
+
+    An element whose list is empty is left out as a whole.
+    """
+    builder = ElementTree.TreeBuilder(insert_comments=True)
+    root = ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
+    for tag, attributes in changing.items():
+        for parent in list(root.iter()):
+            for element in parent.findall(tag):
+                for name in attributes:
+                    element.attrib.pop(name, None)
+                if not attributes:
+                    parent.remove(element)
+    whole = ElementTree.tostring(root, encoding="unicode")
+    return ElementTree.canonicalize(whole, with_comments=True, strip_text=True)
 
 
 def case(

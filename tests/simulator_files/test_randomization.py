@@ -80,7 +80,7 @@ def test_a_draw_is_of_its_seed_and_leaves_the_model(arm: Case, tmp_path: Path) -
     np.testing.assert_array_equal(first.body_mass, again.body_mass)
     assert np.all(first.dof_damping >= 0.0) and np.any(first.dof_damping != other.dof_damping)
     np.testing.assert_array_equal(model.body_mass, before)
-    assert '("payload"' not in made.ranges[0].read_text(encoding="utf-8")
+    assert '("load"' not in made.ranges[0].read_text(encoding="utf-8")
 
 
 def test_terms_of_isaac_lab_hold_ranges_about_what_is_exported(arm: Case, tmp_path: Path) -> None:

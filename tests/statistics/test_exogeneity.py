@@ -3,7 +3,7 @@ import pytest
 from linearmodels.iv import IV2SLS
 
 from idim_iv_ros.estimation.qr import r_factor
-from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
+from idim_iv_ros.statistics.instruments import exogeneity_f_test, exogeneity_test
 from tests.statistics.worlds import joint_rows
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from idim_iv_ros.statistics.level import largest_share, mean_square_freedom
+from idim_iv_ros.statistics.residuals import largest_share, mean_square_freedom
 
 RATE = 40.0
 

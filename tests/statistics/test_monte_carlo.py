@@ -5,8 +5,11 @@ import pytest
 from scipy.stats import f as fisher
 
 from idim_iv_ros.estimation.qr import r_factor
-from idim_iv_ros.statistics.exogeneity import exogeneity_f_test, exogeneity_test
-from idim_iv_ros.statistics.instruments import wald_test_of_instruments
+from idim_iv_ros.statistics.instruments import (
+    exogeneity_f_test,
+    exogeneity_test,
+    wald_test_of_instruments,
+)
 from tests.statistics.worlds import autocorrelated_world, pendulums
 
 AR1, AR1_SLOW, AR2 = [-0.8], [-0.95], [-1.5, 0.7]

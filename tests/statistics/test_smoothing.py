@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from idim_iv_ros.statistics.order_spectrum import order_spectrum
-from idim_iv_ros.statistics.smoothing import smooth
+from idim_iv_ros.statistics.curves import order_spectrum, smooth
 from tests.report.sample_gap import sample_gap
 
 

@@ -1,8 +1,8 @@
 """What differs between recordings: terms of the search that act in some of them only.
 
 A payload mounted for some recordings and not for others makes one mean payload with a small
-interval: a wrong number that looks sure. So within one set numbers may differ in every recording,
-beside the effects that all of them have.
+interval: a wrong number that looks certain. So within one set numbers may differ in every
+recording, beside the effects that all of them have.
 """
 
 from collections.abc import Collection, Sequence
@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison import rules
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.folds import FOLDS, chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -31,23 +31,20 @@ class Changes:
     Attributes
     ----------
     selection : Selection
-    confirmed : tuple of Term
-        Scoped ones that matter, and that the search chooses without parts of the time, too.
-    chosen : dict of int to str
-        By the identity of a scoped term: without how many parts of the time it is chosen.
+    confirmed, doubtful : dict of Term to str
+        Terms of some recordings: without how many parts of the time the search chooses them.
+        Those that are confirmed matter, and are chosen without parts of the time, too. Of free
+        curves that is not asked.
     """
 
     selection: Selection
-    confirmed: tuple[Term, ...]
-    chosen: dict[int, str]
+    confirmed: dict[Term, str]
+    doubtful: dict[Term, str]
 
     @property
     def common(self) -> tuple[Term, ...]:
         """Terms of all recordings."""
-        selection = self.selection
-        return tuple(
-            term for term in (*selection.terms, *selection.curves) if term.candidate.scope is None
-        )
+        return tuple(term for term in self.selection.model.terms if term.candidate.scope is None)
 
 
 def changes_between(
@@ -76,21 +73,21 @@ def changes_between(
         for joint, rows in term.columns.items():
             gap[joint] = gap[joint] - rows @ term.coefficients
     selection = select(catalogue, replace(ledger, gap=tuple(gap)))
-    confirmed, said = [], {}
+    confirmed: dict[Term, str] = {}
+    doubtful: dict[Term, str] = {}
     if any(term.candidate.scope is not None for term in selection.terms):
         chosen = chosen_without(selection, quarters(data, ledger))
-        for number, term in enumerate(selection.terms):
+        for term, gains in zip(selection.terms, chosen.gains.T, strict=True):
             if term.candidate.scope is None:
                 continue
             times = sum(_has(keys, term) for keys in chosen.keys)
-            said[id(term)] = f"{times} of {len(chosen.keys)}"
-            matters = float(term.whole.max()) >= rules.LEAST_SHARE
-            predicts = float(chosen.gains[:, number].sum()) > 0.0
-            if matters and predicts and times >= len(chosen.keys) - 1:
-                confirmed.append(term)
-    curves = [term for term in selection.curves if term.candidate.scope is not None]
-    confirmed += [term for term in curves if term.presence >= rules.PRESENCE]
-    return Changes(selection, tuple(confirmed), said)
+            often = times >= len(chosen.keys) - 1 and float(gains.sum()) > 0.0
+            matters = often and float(term.whole.max()) >= rules.LEAST_SHARE
+            (confirmed if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
+    for curve in selection.curves:
+        if curve.candidate.scope is not None:
+            (confirmed if curve.presence >= rules.PRESENCE else doubtful)[curve] = ""
+    return Changes(selection, confirmed, doubtful)
 
 
 def quarters(data: Baseline, ledger: Ledger) -> IntArray:
@@ -111,8 +108,8 @@ def quarters(data: Baseline, ledger: Ledger) -> IntArray:
 def _has(keys: Collection[Key], term: Term) -> bool:
     """Whether a set has a term or a rival of it, for some of its recordings at least."""
     names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
-    own = term.candidate.scope or frozenset()
-    return any(key[:3] in names and own & (key[3] or frozenset()) for key in keys)
+    scope = term.candidate.scope or frozenset()
+    return any(key[:3] in names and scope & (key[3] or frozenset()) for key in keys)
 
 
 def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArray:
@@ -120,11 +117,9 @@ def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArr
     made = np.zeros(len(data.joints))
     for joint, numbers in enumerate(data.recordings):
         inside = np.isin(numbers, list(recordings))
-        torque = np.zeros(int(inside.sum()))
-        for term in terms:
-            if joint in term.columns:
-                torque += term.columns[joint][inside] @ term.coefficients
-        made[joint] = np.sqrt(np.mean(torque**2)) if len(torque) else 0.0
+        parts = [t.columns[joint][inside] @ t.coefficients for t in terms if joint in t.columns]
+        if parts and inside.any():
+            made[joint] = np.sqrt(np.mean(np.sum(parts, axis=0) ** 2))
     return made
 
 
@@ -137,20 +132,16 @@ class NumberChange:
     effect : ParametricEffect
     joint : int or None
     recordings : Scope
-    estimates : tuple of Estimated
+    parameters : dict of str to EffectParameter
+        The difference, with its deviations.
     terms : tuple of Term
     """
 
     effect: ParametricEffect
     joint: int | None
     recordings: Scope
-    estimates: tuple[Estimated, ...]
+    parameters: dict[str, EffectParameter]
     terms: tuple[Term, ...]
-
-    def parameters(self, changes: Changes) -> dict[str, EffectParameter]:
-        """Numbers with their deviations."""
-        space = changes.selection.comparison.catalogue.space
-        return self.effect.parameters(space, self.joint, list(self.estimates))
 
 
 def number_changes(changes: Changes) -> list[NumberChange]:
@@ -158,57 +149,49 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 
     A change of all recordings of a set and one of a single recording of it add up there.
     """
-    model = changes.selection.model
+    model, space = changes.selection.model, changes.selection.comparison.catalogue.space
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
-    terms = (*changes.selection.terms, *changes.selection.curves)
-    for term, start in zip(terms, model.starts, strict=False):
-        if term.candidate.kind is Kind.NUMBER and any(
-            term is change for change in changes.confirmed
-        ):
+    for term, start in zip(model.terms, model.starts, strict=False):
+        if term.candidate.kind is Kind.NUMBER and term in changes.confirmed:
             places.setdefault(term.key[:2], []).append((term, start))
     made = []
     for (_, joint), parts in places.items():
-        recordings = sorted(frozenset().union(*(term.candidate.scope or () for term, _ in parts)))
         groups: dict[tuple[int, ...], list[int]] = {}
-        for recording in recordings:
-            there = tuple(
-                k for k, (term, _) in enumerate(parts) if recording in (term.candidate.scope or ())
-            )
+        scopes = [term.candidate.scope or frozenset() for term, _ in parts]
+        for recording in sorted(frozenset().union(*scopes)):
+            there = tuple(k for k, scope in enumerate(scopes) if recording in scope)
             groups.setdefault(there, []).append(recording)
         for there, group in groups.items():
             some = [parts[k] for k in there]
             effect = some[0][0].candidate.effect
             assert isinstance(effect, ParametricEffect)
-            made.append(
-                NumberChange(
-                    effect,
-                    joint,
-                    frozenset(group),
-                    _summed(some, model.coefficients, model.covariance),
-                    tuple(term for term, _ in some),
-                )
-            )
+            numbers = effect.parameters(space, joint, _summed(some, model))
+            terms = tuple(term for term, _ in some)
+            made.append(NumberChange(effect, joint, frozenset(group), numbers, terms))
     return made
 
 
-def _summed(
-    parts: Sequence[tuple[Term, int]], coefficients: FloatArray, covariance: FloatArray
-) -> tuple[Estimated, ...]:
-    """Add the changes of one name, with the deviations of their sums."""
+def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Estimated]:
+    """Add the changes of one name, with the deviations of their sums.
+
+    Parameters
+    ----------
+    parts
+        Terms, and the place of the first coefficient of each.
+    """
     places: dict[str, list[int]] = {}
-    named = {}
-    spread = 1.0
+    changes = {}
     for term, start in parts:
-        spread = max(spread, term.dispersion)
-        for k, change in enumerate(term.candidate.changes):
-            places.setdefault(change.name, []).append(start + k)
-            named[change.name] = change
+        for place, change in enumerate(term.candidate.changes, start):
+            places.setdefault(change.name, []).append(place)
+            changes[change.name] = change
+    spread = max(1.0, *(term.dispersion for term, _ in parts))
     made = []
     for name, which in places.items():
-        variance = spread * float(covariance[np.ix_(which, which)].sum())
-        value = float(coefficients[which].sum())
-        made.append(Estimated(named[name], value, float(np.sqrt(max(variance, 0.0)))))
-    return tuple(made)
+        variance = spread * float(model.covariance[np.ix_(which, which)].sum())
+        value = float(model.coefficients[which].sum())
+        made.append(Estimated(changes[name], value, float(np.sqrt(max(variance, 0.0)))))
+    return made
 
 
 def agreement(
@@ -233,36 +216,28 @@ def agreement(
     count = len(data.motions)
     if count < 2:
         return ()
-    first = 1 if count == 2 else 0
-    scopes = [frozenset({number}) for number in range(first, count)]
+    scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
     structural = {effect.name for effect in STRUCTURAL}
     changes = changes_between(data, regression, (), scopes, {*without, *structural}, beside)
-    differences: dict[int, list[tuple[FloatArray, Difference]]] = {}
-    for number_change in number_changes(changes):
-        shares = rms_of(data, number_change.terms, number_change.recordings) / np.array(
-            data.torque_sizes
+    differences: list[list[tuple[FloatArray, Difference]]] = [[] for _ in range(count)]
+    for change in number_changes(changes):
+        shares = rms_of(data, change.terms, change.recordings) / np.array(data.torque_sizes)
+        joint = None if change.joint is None else data.joints[change.joint]
+        for number in change.recordings:
+            difference = Difference(change.effect.name, joint, change.parameters)
+            differences[number].append((shares, difference))
+    made = []
+    for part, some in zip(data.prepared.session.parts, differences, strict=True):
+        some.sort(key=lambda pair: -float(pair[0].max()))
+        squares = sum((shares**2 for shares, _ in some), np.zeros(len(data.joints)))
+        worst = int(np.argmax(squares))
+        made.append(
+            RecordingAgreement(
+                bag=part.bag,
+                agrees=not some,
+                joint=data.joints[worst],
+                share_of_torque=float(np.sqrt(squares[worst])),
+                differences=tuple(difference for _, difference in some),
+            )
         )
-        joint = None if number_change.joint is None else data.joints[number_change.joint]
-        difference = Difference(number_change.effect.name, joint, number_change.parameters(changes))
-        for number in number_change.recordings:
-            differences.setdefault(number, []).append((shares, difference))
-    return tuple(
-        _entry(data, part.bag, differences.get(number, ()))
-        for number, part in enumerate(data.prepared.session.parts)
-    )
-
-
-def _entry(
-    data: Baseline, bag: str, differences: Sequence[tuple[FloatArray, Difference]]
-) -> RecordingAgreement:
-    """One recording with its differences and their shares of the torque (n_joints,)."""
-    ordered = sorted(differences, key=lambda each: -float(each[0].max()))
-    squares = sum((shares**2 for shares, _ in ordered), np.zeros(len(data.joints)))
-    joint = int(np.argmax(squares))
-    return RecordingAgreement(
-        bag=bag,
-        agrees=not ordered,
-        joint=data.joints[joint],
-        share_of_torque=float(np.sqrt(squares[joint])),
-        differences=tuple(difference for _, difference in ordered),
-    )
+    return tuple(made)

@@ -8,6 +8,7 @@ are their rows put under one another.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,13 +21,11 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     with_offsets,
 )
 from idim_iv_ros.diagnosis.refit.processing import proposals
-from idim_iv_ros.diagnosis.refit.refit import on_likelier_motion
-from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift
-from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
+from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording import Recording, Session, session_of
-from idim_iv_ros.types import BoolArray
+from idim_iv_ros.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -39,35 +38,40 @@ class TwoSets:
         Of all recordings: motions, rows and their recordings. Its estimate is the reference's.
     regression : Regression
         On the smooth motion.
-    sets : (Baseline, Baseline)
-        Reference and second set by themselves.
-    shifts : (EffortShift, EffortShift)
-        Taken out of the effort of each set.
-    softened : (SoftFriction or None, SoftFriction or None)
-        Of a simulator's solver, in the motions of each set.
+    refits : (Refit, Refit)
+        Of reference and second set by themselves.
     """
 
     data: Baseline
     regression: Regression
-    sets: tuple[Baseline, Baseline]
-    shifts: tuple[EffortShift, EffortShift]
-    softened: tuple[SoftFriction | None, SoftFriction | None]
+    refits: tuple[Refit, Refit]
+
+    @property
+    def first(self) -> frozenset[int]:
+        """Numbers of the reference's recordings in `data`."""
+        return frozenset(range(len(self.refits[0].data.motions)))
 
     @property
     def second(self) -> frozenset[int]:
         """Numbers of the second set's recordings in `data`."""
-        first = len(self.sets[0].motions)
-        return frozenset(range(first, len(self.data.motions)))
+        return frozenset(range(len(self.data.motions))) - self.first
 
-    @property
-    def regression_of_reference(self) -> Regression:
-        """Rows of the reference by itself."""
-        return smooth_regression(self.sets[0])
+    def bags(self, numbers: frozenset[int]) -> tuple[str, ...]:
+        """Names of some recordings."""
+        parts = self.data.prepared.session.parts
+        return tuple(parts[number].bag for number in sorted(numbers))
 
-    @property
+    @cached_property
     def inside(self) -> tuple[BoolArray, ...]:
         """Rows (r_j,) of the second set, for each joint."""
         return tuple(np.isin(recording, list(self.second)) for recording in self.data.recordings)
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """RMS (n_joints,) of the torque in the second set, N m (N)."""
+        rows = zip(self.data.rows, self.inside, strict=True)
+        squares = [np.mean(joint.torque[inside] ** 2) for joint, inside in rows]
+        return np.maximum(np.sqrt(squares), 1e-300)
 
 
 def two_sets(
@@ -86,28 +90,18 @@ def two_sets(
     for section in proposals(parts, with_offsets(configuration)):
         whole = prepare([*reference, *against], section)
         sets = [refit_of(_part(whole, part)) for part in parts]
-        if all(each.sticking for each in sets):
+        if all(data.sticking for data in sets):
             break
-    one, other = (
-        on_likelier_motion(recordings, smooth_regression(recordings)) for recordings in sets
-    )
+    one, other = (on_likelier_motion(data, smooth_regression(data)) for data in sets)
     data = _together(one.data, other.data)
-    return TwoSets(
-        data,
-        smooth_regression(data),
-        (one.data, other.data),
-        (one.shift, other.shift),
-        (one.softened, other.softened),
-    )
+    return TwoSets(data, smooth_regression(data), (one, other))
 
 
 def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:
     """Keep some recordings of a session, filtered as all of them are; their time starts at zero."""
     session = session_of(recordings)
-    places = [
-        next(k for k, each in enumerate(whole.recordings) if each is recording)
-        for recording in session.recordings
-    ]
+    numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
+    places = [numbers[id(recording)] for recording in session.recordings]
     factors = tuple(whole.cutoffs.factors[place] for place in places)
     return replace(
         whole,
@@ -118,16 +112,15 @@ def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> Prepare
 
 
 def _together(first: Baseline, second: Baseline) -> Baseline:
+    """Put the recordings and rows of two sets one after the other."""
     one, other = first.prepared, second.prepared
-    session = Session(
-        (*one.recordings, *other.recordings),
-        (*one.session.parts, *other.session.parts),
-        (),
-    )
+    recordings = (*one.recordings, *other.recordings)
+    session = Session(recordings, (*one.session.parts, *other.session.parts), ())
+    factors = (*one.cutoffs.factors, *other.cutoffs.factors)
     prepared = replace(
         one,
         session=session,
-        cutoffs=replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors)),
+        cutoffs=replace(one.cutoffs, factors=factors),
         motions=(*one.motions, *other.motions),
     )
     return replace(

@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.against.law import ShiftDifference
-from idim_iv_ros.diagnosis.comparison.beside import Term
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
     EffectParameter,
-    Indistinguishable,
     JointContrast,
     JointTorque,
 )
@@ -20,10 +18,9 @@ from idim_iv_ros.diagnosis.sentences import (
     listed_numbers,
     or_else,
     spaced,
+    torque,
     with_interval,
 )
-from idim_iv_ros.effects.effect import Place
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 _WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
@@ -43,15 +40,15 @@ def no_difference(
     """
     named = ", ".join(against)
     worst = max(joints, key=lambda joint: joint.after)
-    left = _torque(data, worst.after, worst.joint)
+    left = torque(data, worst.after, worst.joint)
     text = (
         f"No difference: parts of {named} are predicted as well by the numbers of all recordings "
         f"as by numbers of their own, fitted to the other parts ({left} rms at {worst.joint} are "
         "left either way)."
     )
     more = ", ".join(
-        f"at {joint.joint} {_torque(data, joint.after, joint.joint)} rms against "
-        f"{_torque(data, noisier[joint.joint], joint.joint)}"
+        f"at {joint.joint} {torque(data, joint.after, joint.joint)} rms against "
+        f"{torque(data, noisier[joint.joint], joint.joint)}"
         for joint in joints
         if joint.joint in noisier
     )
@@ -81,7 +78,7 @@ def changes(
     parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
     parts += [f"{capitalised(text)}." for text in (*(c.sentence for c in causes), *unattributed)]
     left = ", ".join(
-        f"at {joint.joint} by {_torque(data, joint.unexplained, joint.joint)}"
+        f"at {joint.joint} by {torque(data, joint.unexplained, joint.joint)}"
         for joint in unexplained
     )
     if left:
@@ -96,70 +93,53 @@ def changes(
     return " ".join(parts)
 
 
-def structural(
-    data: Baseline,
-    name: str,
-    place: Place,
-    change: str,
-    numbers: Mapping[str, dict[str, EffectParameter]],
-    torques: Sequence[JointTorque],
-    others: Sequence[Indistinguishable],
-) -> str:
-    """An effect that one set has, or that the sets have otherwise."""
-    where = data.joints[place.joint]
-    if place.other is not None:
-        where += f" and {data.joints[place.other]}"
-    effect = spaced(name)
-    one, other = (listed_numbers(name, numbers[side]) for side in ("reference", "against"))
-    if change == "changed" and one and other:
-        what = f"{effect} at {where} changed: {one} in the reference, {other} in the second set"
-    elif change == "changed":
-        more = "reference recordings" if one else "second set"
-        what = f"{effect} at {where} changed: more of it in the {more} ({one or other})"
-    else:
-        what = f"{effect} at {where} {_WHERE['reference' if one else 'against']}: {one or other}"
-    return f"{what}{_torques(data, torques)}{or_else(others)}"
-
-
-def parametric(
-    data: Baseline,
-    effect: ParametricEffect,
-    joint: int | None,
-    parameters: dict[str, EffectParameter],
-    torques: Sequence[JointTorque],
-    others: Sequence[Indistinguishable],
-    bags: Sequence[str],
-) -> str:
-    """Numbers that changed, as second set less reference."""
-    place = "" if joint is None else f" of {data.joints[joint]}{effect.which(joint)}"
-    text = (
-        f"{spaced(effect.name)}{place} changed, second set less reference: "
-        f"{listed_numbers(effect.name, parameters)}"
+def structural(data: Baseline, cause: ContrastCause) -> str:
+    """An effect that one set has, or that the sets have otherwise, with its numbers in each."""
+    where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
+    effect = f"{spaced(cause.effect)} at {where}"
+    one, other = (
+        listed_numbers(cause.effect, numbers) for numbers in (cause.reference, cause.against)
     )
-    if bags:
-        text = f"{', '.join(bags)}: {text}"
-    return f"{text}{_torques(data, torques)}{or_else(others)}"
+    if cause.change == "changed" and one and other:
+        text = f"{effect} changed: {one} in the reference, {other} in the second set"
+    elif cause.change == "changed":
+        more = "reference recordings" if one else "second set"
+        text = f"{effect} changed: more of it in the {more} ({one or other})"
+    else:
+        text = f"{effect} {_WHERE['reference' if one else 'against']}: {one or other}"
+    return f"{text}{_torques(data, cause.torques)}{or_else(cause.indistinguishable_from)}"
 
 
-def law(
-    torque: JointTorque,
-    reference: Mapping[str, EffectParameter],
-    against: Mapping[str, EffectParameter],
-) -> str:
+def parametric(data: Baseline, cause: ContrastCause, which: str, *, several: bool) -> str:
+    """Numbers that changed, as second set less reference.
+
+    Parameters
+    ----------
+    which
+        More words for its joint.
+    several
+        Whether not all recordings of the second set have these.
+    """
+    place = "" if cause.joint is None else f" of {cause.joint}{which}"
+    return (
+        f"{', '.join(cause.bags) + ': ' if several else ''}{spaced(cause.effect)}{place} changed, "
+        f"second set less reference: {listed_numbers(cause.effect, cause.parameters)}"
+        f"{_torques(data, cause.torques)}{or_else(cause.indistinguishable_from)}"
+    )
+
+
+def law(cause: ContrastCause) -> str:
     """Gains and feedforward that changed."""
     changed = ", ".join(
-        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(number)}"
-        for name, number in against.items()
+        f"{spaced(name)} from {with_interval(cause.reference[name])} to {with_interval(number)}"
+        for name, number in cause.against.items()
     )
-    return (
-        f"control law of {torque.joint} changed: {changed} "
-        f"({100.0 * torque.share_of_torque:.3g} % of its torque)"
-    )
+    share = 100.0 * cause.torques[0].share_of_torque
+    return f"control law of {cause.joint} changed: {changed} ({share:.3g} % of its torque)"
 
 
-def delay(difference: ShiftDifference) -> str:
-    """A time from the effort to the torque that changed for all joints."""
-    change = difference.change
+def delay(change: EffectParameter) -> str:
+    """A time from the effort to the torque, s, that changed for all joints."""
     half = settings.NORMAL_95 * (change.std or 0.0)
     later = "later" if change.value > 0.0 else "earlier"
     return (
@@ -168,31 +148,29 @@ def delay(difference: ShiftDifference) -> str:
     )
 
 
-def shift(difference: ShiftDifference) -> str:
-    """The effort's shift in both sets, which is taken out; empty where it is a cause."""
-    if difference.is_delay:
-        return ""
-    one, other = difference.reference, difference.against
-    if one.std is None or other.std is None:
+def shift(shifts: Mapping[str, EffectParameter]) -> str:
+    """The effort's shift in both sets, which is taken out."""
+    said = [
+        f"{round(1e3 * shift.value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * shift.std:.2g} ms"
+        for shift in shifts.values()
+        if shift.std is not None
+    ]
+    if len(said) < len(shifts):
         return "the effort's shift in time cannot be compared: it cannot be determined in each set"
-    first, second = (
-        f"{round(1e3 * value, 2) + 0.0:.2f} ± {1e3 * settings.NORMAL_95 * std:.2g} ms"
-        for value, std in ((one.value, one.std), (other.value, other.std))
-    )
     return (
-        f"the effort acts {first} after its stamp in the reference recordings, {second} in the "
+        f"the effort acts {said[0]} after its stamp in the reference recordings, {said[1]} in the "
         "second set: each was aligned by its own, since a command that is held over its period "
         "makes half a period"
     )
 
 
-def softened(found: Sequence[SoftFriction | None], joints: Sequence[str]) -> list[str]:
+def softened(frictions: Sequence[SoftFriction | None], joints: Sequence[str]) -> list[str]:
     """Dry friction that the solver of a simulator softens, of each set that has it."""
     names = ("the reference", "the second set")
     return [
-        f"{name}: {number.sentence(joints)}"
-        for name, number in zip(names, found, strict=True)
-        if number is not None
+        f"{name}: {friction.sentence(joints)}"
+        for name, friction in zip(names, frictions, strict=True)
+        if friction is not None
     ]
 
 
@@ -214,14 +192,13 @@ def reference_disagrees(bags: Sequence[str]) -> str:
     )
 
 
-def unattributed(data: Baseline, term: Term, scope: str, torque: JointTorque) -> str:
+def unattributed(data: Baseline, term: Term, side: str, made: JointTorque) -> str:
     """A difference outside the catalogue."""
     effect = term.candidate.effect
     assert isinstance(effect, Nonparametric)
-    rms = _torque(data, torque.rms, torque.joint)
     return (
-        f"the recordings differ at {torque.joint} by {rms}, a torque that "
-        f"{effect.words}, {_WHERE[scope]}; nothing in the catalogue explains it"
+        f"the recordings differ at {made.joint} by {torque(data, made.rms, made.joint)}, a torque "
+        f"that {effect.words}, {_WHERE[side]}; nothing in the catalogue explains it"
     )
 
 
@@ -234,14 +211,10 @@ def common(data: Baseline, term: Term) -> str:
     return f"{spaced(effect.name)}{where}"
 
 
-def _torque(data: Baseline, value: float, joint: str) -> str:
-    return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
-
-
 def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
     listed = ", ".join(
-        f"{_torque(data, torque.rms, torque.joint)} at {torque.joint} "
-        f"({100.0 * torque.share_of_torque:.3g} % of its torque)"
-        for torque in torques
+        f"{torque(data, made.rms, made.joint)} at {made.joint} "
+        f"({100.0 * made.share_of_torque:.3g} % of its torque)"
+        for made in torques
     )
     return listed and f"; that is {listed}"

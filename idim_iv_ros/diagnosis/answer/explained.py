@@ -1,15 +1,15 @@
-"""Which terms of a selection are causes, which are hints, and what both predict."""
+"""Which terms of a selection are causes, and the refit with those of them that are effects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.answer.named_model import NamedModel, label, named_model
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison import rules
-from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
-from idim_iv_ros.diagnosis.comparison.folds import Chosen, chosen_without
+from idim_iv_ros.diagnosis.comparison.folds import chosen_without
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.probability import features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
@@ -18,10 +18,10 @@ from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
-INADEQUATE = "most of what remains at its joint is something else"
 NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 
 
@@ -54,7 +54,7 @@ class JudgedTerm:
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """What the gap is explained by.
+    """What the gap is explained by: causes, and the refit with those that are effects.
 
     Attributes
     ----------
@@ -63,10 +63,17 @@ class Explained:
         Causes: of structure, in the order of the stages, and of the nominal numbers.
     doubtful : tuple of JudgedTerm
         Selected and no causes.
-    model : NamedModel
-        The refit with the structural causes.
+    outside : tuple of Term
+        Free curves, and effects that are not adequate: what the catalogue does not explain.
+    regression : Regression
+        Of the refit, with one block for each of `effects`.
+    fits : tuple of Fit
+        Of the refit, and with the first, the first two … effects.
+    whole : Fit
+        With what lies outside the catalogue and matters, and with the numbers that no base
+        parameters hold, too.
     tested : HeldOut
-        Held-out residuals of its stages.
+        Held-out residuals of the stages.
     floors : tuple of NoiseFloor
         One for each joint.
     """
@@ -75,13 +82,31 @@ class Explained:
     effects: tuple[JudgedTerm, ...]
     numbers: tuple[JudgedTerm, ...]
     doubtful: tuple[JudgedTerm, ...]
-    model: NamedModel
+    outside: tuple[Term, ...]
+    regression: Regression
+    fits: tuple[Fit, ...]
+    whole: Fit
     tested: HeldOut
     floors: tuple[NoiseFloor, ...]
 
-    def noise(self, refit: Fit) -> tuple[AutoregressiveModel, ...]:
+    @property
+    def fit(self) -> Fit:
+        """With all effects."""
+        return self.fits[-1]
+
+    def block(self, number: int) -> slice:
+        """Coefficients of one of the effects in a fit with all of them."""
+        start = sum(self.regression.widths[:number])
+        return slice(start, start + self.regression.widths[number])
+
+    def noise_of_refit(self) -> tuple[AutoregressiveModel, ...]:
         """Noise models of the refit, no larger than the noise floor."""
-        return floor_noise_models(refit, [floor.sigma for floor in self.floors])
+        return floor_noise_models(self.fits[0], [floor.sigma for floor in self.floors])
+
+
+def matters(term: Term) -> bool:
+    """Whether what lies outside the catalogue is large enough to be said."""
+    return float(term.visible[term.place.joint]) >= settings.LEAST_NONPARAMETRIC
 
 
 def explained(data: Baseline, regression: Regression, selection: Selection) -> Explained:
@@ -108,38 +133,61 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
 def _tested(
     data: Baseline, regression: Regression, selection: Selection, judged: Sequence[JudgedTerm]
 ) -> Explained:
-    causes = _without_doubtful(selection, [each for each in judged if not each.reason])
-    judged = [*causes, *(each for each in judged if each.reason)]
-    causes = [cause for cause in causes if not cause.reason]
-    effects = [cause for cause in causes if cause.term.candidate.kind is Kind.EFFECT]
-    doubtful = [judgement for judgement in judged if judgement.reason]
-    outside = [
-        each.term for each in doubtful if each.term.candidate.kind is Kind.EFFECT and each.outside
+    """Fit the refit with the causes one after the other, and predict held-out rows."""
+    judged = [
+        *_without_doubtful(selection, [term for term in judged if not term.reason]),
+        *(term for term in judged if term.reason),
     ]
-    others = [term for term in selection.terms if term.candidate.kind in (Kind.NUMBER, Kind.SIGNAL)]
-    model = named_model(
-        regression,
-        [effect.term for effect in effects],
-        [*selection.curves, *outside],
-        others,
+    effects, numbers = (
+        tuple(term for term in judged if not term.reason and term.term.candidate.kind is kind)
+        for kind in (Kind.EFFECT, Kind.NUMBER)
     )
+    doubtful = tuple(term for term in judged if term.reason)
+    fits = [regression.fit()]
+    for effect in effects:
+        regression = regression.with_columns(effect.term.columns)
+        fits.append(regression.fit(fits[-1].noise_models, steps=settings.NOISE_MODEL_MORE_STEPS))
+    outside = (
+        *selection.curves,
+        *(d.term for d in doubtful if d.term.candidate.kind is Kind.EFFECT and d.outside),
+    )
+    more = [term.columns for term in outside if matters(term)]
+    more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
+    wider = regression
+    for columns in more:
+        wider = wider.with_columns(columns)
     repeats = repeats_of(data)
-    floors = noise_floors(data, model.regression, model.fit, repeats)
-    drifts = any(term.effect.family == "time" for term in model.effects)
-    labels = [label(data, term) for term in model.effects]
-    given = data.prepared.given
+    floors = noise_floors(data, regression, fits[-1], repeats)
     tested = held_out(
-        data, model.regression, model.fit, labels, floors, repeats, given, interleaved=drifts
+        data,
+        regression,
+        fits[-1],
+        [f"+{e.term.effect.name}[{data.joints[e.term.place.joint]}]" for e in effects],
+        floors,
+        repeats,
+        data.prepared.given,
+        interleaved=any(effect.term.effect.family == "time" for effect in effects),
     )
     return Explained(
         selection=selection,
-        effects=tuple(effects),
-        numbers=tuple(cause for cause in causes if cause.term.candidate.kind is Kind.NUMBER),
-        doubtful=tuple(doubtful),
-        model=model,
+        effects=effects,
+        numbers=numbers,
+        doubtful=doubtful,
+        outside=outside,
+        regression=regression,
+        fits=tuple(fits),
+        whole=wider.fit(fits[-1].noise_models) if more else fits[-1],
         tested=tested,
         floors=tuple(floors),
     )
+
+
+def _beside_base_parameters(term: Term) -> bool:
+    """Whether a number or signal is one that no base parameter holds."""
+    if term.candidate.kind is Kind.SIGNAL:
+        return True
+    effect = term.candidate.effect
+    return isinstance(effect, ParametricEffect) and not effect.in_base_parameters
 
 
 def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:
@@ -169,32 +217,20 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
     remaining = beyond_noise(data, regression, selection)
     made = []
     for number, term in terms:
-        joint = int(np.argmax(term.visible))
         values = features(selection, number, chosen, remaining)
+        times = f"{chosen.times(term)} of {len(chosen.keys)}"
+        beyond = float(remaining[int(np.argmax(term.visible))])
+        reason, outside = _why_no_cause(term, of_set(values, term.key[0]), beyond, times)
         odds = probability(values, term.key[0])
-        made.append(
-            JudgedTerm(
-                term,
-                values,
-                odds,
-                f"{chosen.times(term)} of {len(chosen.keys)}",
-                (
-                    reason := _why_not(
-                        term, of_set(values, term.key[0]), float(remaining[joint]), chosen
-                    )
-                ),
-                reason == INADEQUATE,
-            )
-        )
-    return sorted(made, key=lambda each: -float(each.term.visible.max()))
+        made.append(JudgedTerm(term, values, odds, times, reason, outside))
+    return sorted(made, key=lambda judged: -float(judged.term.visible.max()))
 
 
 def beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    fit = regression.fit()
-    floors = noise_floors(data, regression, fit, repeats_of(data))
+    floors = noise_floors(data, regression, regression.fit(), repeats_of(data))
     ledger = selection.comparison.options.ledger
-    left = Beside(selection.comparison.nominal, selection.terms).residuals(white=False)
+    left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals(white=False)
     shares = []
     for rest, floor, size in zip(left, floors, ledger.sizes, strict=True):
         square = float(np.mean(rest**2)) - (floor.sigma or 0.0) ** 2
@@ -202,19 +238,29 @@ def beyond_noise(data: Baseline, regression: Regression, selection: Selection) -
     return np.array(shares)
 
 
-def _why_not(term: Term, odds: float, remaining: float, chosen: Chosen) -> str:
-    """Why a term is no cause; empty where it is one."""
+def _why_no_cause(term: Term, odds: float, beyond: float, times: str) -> tuple[str, bool]:
+    """Why a term is no cause, empty where it is one; whether its torque is that of something else.
+
+    Parameters
+    ----------
+    odds
+        Probability that one of its set is a cause.
+    beyond
+        What remains beyond the noise at its joint, as a share of the torque.
+    times
+        In how many searches without a part of the time it is chosen.
+    """
     if term.presence < rules.PRESENCE:
-        return "it may be misfit of the model"
+        return "it may be misfit of the model", False
     share = float(term.whole.max())
     if share < rules.LEAST_SHARE:
-        return f"it is {100.0 * share:.2g} % of the torque: too small to matter"
+        return f"it is {100.0 * share:.2g} % of the torque: too small to matter", False
     structural = term.candidate.kind is Kind.EFFECT
-    if structural and float(term.visible.max()) < rules.ADEQUATE * remaining:
-        return INADEQUATE
+    if structural and float(term.visible.max()) < rules.ADEQUATE * beyond:
+        return "most of what remains at its joint is something else", True
     if odds < rules.LEAST_PROBABILITY:
         return (
             f"its probability is {100.0 * odds:.0f} %, and the search without a part of the time "
-            f"chooses it in {chosen.times(term)} of {len(chosen.keys)} cases"
-        )
-    return ""
+            f"chooses it in {times} cases"
+        ), False
+    return "", False

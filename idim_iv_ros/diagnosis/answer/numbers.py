@@ -1,6 +1,6 @@
 """Numbers that mean something to an engineer, from the coefficients of a term.
 
-Deviations hold what the shape leaves open. With it held, an excess of friction is known to a
+Deviations hold what the shape leaves open. With it fixed, an excess of friction is known to a
 percent; a Stribeck speed that is a little higher with less excess fits as well. The shape is moved
 a little in every direction that the search may take, the change of the torque is fitted beside
 everything else, and the covariance of all is carried over to the numbers that an engineer reads.
@@ -8,43 +8,36 @@ The search ends on a grid: how far the fit would still move a number counts as i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis.answer.explained import Explained
-from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of, with_parameters
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
 _USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anything is recorded
 _COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
-def estimates_of(term: Term) -> list[Estimated]:
-    """Changes of given numbers with the deviations that they have beside all other errors."""
-    return [
-        Estimated(change, float(value), float(std))
-        for change, value, std in zip(
-            term.candidate.changes, term.coefficients, term.deviations, strict=True
-        )
-    ]
-
-
 def numbers_of(term: Term, found: Explained) -> dict[str, EffectParameter]:
-    """Parameters of a term at its shape, with their deviations."""
-    effect = term.candidate.effect
-    if isinstance(effect, ParametricEffect):
-        joint = None if term.candidate.place is None else term.candidate.place.joint
-        space = found.selection.comparison.catalogue.space
-        return effect.parameters(space, joint, estimates_of(term))
-    return effect.parameters(term.shape, np.asarray(term.coefficients), term.deviations)
+    """Parameters of a term at its shape, with the deviations beside all other errors."""
+    effect, values, deviations = term.candidate.effect, term.coefficients, term.deviations
+    if not isinstance(effect, ParametricEffect):
+        return effect.parameters(term.shape, values, deviations)
+    joint = None if term.candidate.place is None else term.candidate.place.joint
+    estimates = [
+        Estimated(change, float(value), float(std))
+        for change, value, std in zip(term.candidate.changes, values, deviations, strict=True)
+    ]
+    return effect.parameters(found.selection.comparison.catalogue.space, joint, estimates)
 
 
 def parameters_of(
@@ -63,55 +56,32 @@ def parameters_of(
     """
     effect, shape = term.effect, term.shape
     assert shape is not None
-    free = _with_free_shape(data, regression, fit, term, start)
-    coefficients = fit.coefficients[start : start + term.width]
-    found = effect.parameters(shape, coefficients, free.held)
-    if not free.near:
-        return found
-    slopes = _slopes(effect, shape, coefficients, free.held, free.near)
-    variances = np.einsum("pi,ij,pj->p", slopes, free.covariance, slopes)
-    variances += (slopes @ free.further) ** 2
-    return {
-        name: EffectParameter(
-            each.value, float(np.sqrt(max(variance, 0.0))) if slope.any() else None, each.unit
-        )
-        for (name, each), slope, variance in zip(found.items(), slopes, variances, strict=True)
-    }
-
-
-@dataclass(frozen=True)
-class _FreeShape:
-    """Coefficients of an effect (k,) beside moves of its shape (m,).
-
-    Attributes
-    ----------
-    near : list of Shape
-        One for each move.
-    held : (k,)
-        Deviations with the shape held.
-    covariance : (k + m, k + m)
-    further : (k + m,)
-        How far the fit would still move each.
-    """
-
-    near: list[Shape]
-    held: FloatArray
-    covariance: FloatArray
-    further: FloatArray
-
-
-def _with_free_shape(
-    data: Baseline, regression: Regression, fit: Fit, term: Term, start: int
-) -> _FreeShape:
-    effect, shape = term.effect, term.shape
-    assert shape is not None
     own = np.arange(start, start + term.width)
     coefficients = fit.coefficients[own]
     inner = fit.coefficient_covariance[np.ix_(own, own)]
-    held = np.sqrt(np.maximum(np.diag(inner), 0.0))
+    fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
+    found = effect.parameters(shape, coefficients, fixed)
     near = _near(effect, shape, term.place, operating_range(data)) if effect.free_shape else []
     if not near:
-        return _FreeShape([], held, inner, np.zeros(len(own)))
+        return found
+    covariance, further = _with_free_shape(data, regression, fit, term, own, near)
+    slopes = _slopes(effect, shape, coefficients, fixed, near)
+    variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
+    return {
+        name: replace(number, std=float(np.sqrt(max(variance, 0.0))) if slope.any() else None)
+        for (name, number), slope, variance in zip(found.items(), slopes, variances, strict=True)
+    }
+
+
+def _with_free_shape(
+    data: Baseline, regression: Regression, fit: Fit, term: Term, own: IntArray, near: list[Shape]
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
+
+    And by how much the fit would still move each of them, (k + m,).
+    """
+    effect, shape, coefficients = term.effect, term.shape, fit.coefficients[own]
+    assert shape is not None
     # Of the torque that the fit leaves to the model, as `knee` has it.
     own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
     here, *moved = rows_of(own_torque, effect, term.place, [shape, *near])
@@ -128,10 +98,8 @@ def _with_free_shape(
     usual = scipy.linalg.block_diag(
         term.prior_root @ term.prior_root.T, np.eye(len(near)) * (_USUAL_SHAPE / _SHAPE_STEP) ** 2
     )
-    prior_share = covariance @ np.linalg.pinv(covariance + usual)
-    return _FreeShape(
-        near, held, covariance - prior_share @ covariance, further - prior_share @ further
-    )
+    open_share = covariance @ np.linalg.pinv(covariance + usual)
+    return covariance - open_share @ covariance, further - open_share @ further
 
 
 def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
@@ -149,18 +117,18 @@ def _slopes(
     effect: Effect,
     shape: Shape,
     coefficients: FloatArray,
-    held: FloatArray,
+    deviations: FloatArray,
     near: Sequence[Shape],
 ) -> FloatArray:
     """Change of each parameter (p, k + m) with each coefficient and with each move of the shape."""
 
     def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
         found = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
-        return np.array([each.value for each in found.values()])
+        return np.array([number.value for number in found.values()])
 
     here = values(shape, coefficients)
     slopes = []
-    for k, size in enumerate(np.maximum(np.abs(coefficients), held)):
+    for k, size in enumerate(np.maximum(np.abs(coefficients), deviations)):
         step = _COEFFICIENT_STEP * max(float(size), 1e-12)
         changed = coefficients.copy()
         changed[k] += step

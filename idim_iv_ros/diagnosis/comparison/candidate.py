@@ -6,12 +6,12 @@ from enum import Enum
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison.changes import change_rows, level_axes, still_joints
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
-from idim_iv_ros.diagnosis.identifiability import cannot_show
+from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
+from idim_iv_ros.diagnosis.refit.refit import unit_gravity_rows
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import (
     Change,
@@ -161,8 +161,8 @@ class Catalogue:
         if scope is None:
             return made
         return [
-            {joint: rows * self._inside(joint, scope)[:, None] for joint, rows in each.items()}
-            for each in made
+            {joint: rows * self._inside(joint, scope)[:, None] for joint, rows in columns.items()}
+            for columns in made
         ]
 
     def _effects(self, effects: Sequence[Effect], kind: Kind) -> list[Candidate]:
@@ -256,3 +256,44 @@ class Catalogue:
         if not effect.admissible(shape, coefficients):
             return "its numbers have a sign or size that physics excludes"
         return effect.impossible(shape, coefficients, place.joint, self.covered)
+
+
+def still_joints(data: Baseline) -> frozenset[int]:
+    """Joints that move too little to show any change."""
+    covered = operating_range(data)
+    return frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
+
+
+def change_rows(
+    data: Baseline, regression: Regression, space: ParameterSpace
+) -> tuple[FloatArray, ...]:
+    """Rows (r_j, d) of unit changes of all numbers of a space, for each joint, N m."""
+    b, units = regression.parameters, []
+    gravity = _gravity_rows(data, space.axes)
+    for joint, rows in enumerate(regression.joints):
+        unit = np.zeros((len(rows), space.size))
+        unit[:, rows.columns] = rows.matrix
+        unit[:, b : b + 2] = gravity[joint]
+        unit[:, b + 2 + joint] = rows.prediction(space.given)
+        units.append(unit)
+    return tuple(units)
+
+
+def level_axes(gravity: FloatArray) -> FloatArray:
+    """Two unit vectors (2, 3) at right angles to gravity, as near to x, y, z as they can be."""
+    size = float(np.linalg.norm(gravity))
+    if size == 0.0:
+        return np.eye(3)[:2]
+    down = gravity / size
+    kept = sorted(range(3), key=lambda axis: abs(down[axis]))[:2]
+    first = np.eye(3)[min(kept)]
+    first = first - (first @ down) * down
+    first = first / np.linalg.norm(first)
+    second = np.cross(down, first)
+    return np.array([first, second if second[max(kept)] > 0.0 else -second])
+
+
+def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
+    """Torque per small rotation of gravity about each axis: (r_j, 2) for each joint, N m/rad."""
+    gravity = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
+    return unit_gravity_rows(data, np.array([np.cross(axis, gravity) for axis in axes]))

@@ -5,9 +5,9 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison import rules
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import Options
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -60,19 +60,19 @@ class Comparison:
         """The option that is likeliest beside terms, present and visible; None if none is."""
         state = frozenset(term.identity for term in terms)
         if state not in self._best:
-            self._best[state] = self._visible_one(Beside(self.nominal, tuple(terms)))
+            self._best[state] = self._visible_one(ModelWithTerms(self.nominal, tuple(terms)))
         return self._best[state]
 
     def curve(self, terms: Sequence[Term]) -> Term | None:
         """The likeliest free curve beside terms; None if nothing is left for one."""
-        return _Ranking(self, Beside(self.nominal, tuple(terms)), curves=True).first(())
+        return _Ranking(self, ModelWithTerms(self.nominal, tuple(terms)), curves=True).first(())
 
     def objective(self, terms: Sequence[Term]) -> float:
         """Tempered evidence of a whole model less what its terms cost."""
-        level = Beside(self.nominal, tuple(terms)).level / rules.TEMPER
+        level = ModelWithTerms(self.nominal, tuple(terms)).level / rules.TEMPER
         return level - sum(self.prior.nothing - term.log_prior for term in terms)
 
-    def _visible_one(self, model: Beside) -> Term | None:
+    def _visible_one(self, model: ModelWithTerms) -> Term | None:
         ranking = _Ranking(self, model, curves=False)
         banned: set[Key] = {term.key for term in model.terms}
         for _ in range(rules.MOST_BANNED):
@@ -84,7 +84,7 @@ class Comparison:
             banned.add(term.key)
         return None
 
-    def _counts(self, term: Term, model: Beside) -> bool:
+    def _counts(self, term: Term, model: ModelWithTerms) -> bool:
         """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
         others = np.zeros(len(term.whole))
         for other in model.terms:  # numbers are exact, shapes are not
@@ -96,7 +96,7 @@ class Comparison:
 
     def dispersion(
         self,
-        model: Beside,
+        model: ModelWithTerms,
         rest: Sequence[FloatArray],
         white: dict[int, FloatArray],
         coefficients: FloatArray,
@@ -143,14 +143,14 @@ class Comparison:
 class _Ranking:
     """Options beside one model, in the order of their evidence."""
 
-    def __init__(self, comparison: Comparison, model: Beside, *, curves: bool) -> None:
+    def __init__(self, comparison: Comparison, model: ModelWithTerms, *, curves: bool) -> None:
         self.comparison, self.model = comparison, model
         self.parts = {term.candidate.effect.part for term in model.terms}
         options, prior = comparison.options, comparison.prior
-        self.beside = model.options_beside()
+        self.products = model.options_left()
         bound = np.empty(len(options.candidate))
         for w, which in options.of_width.items():
-            inner, score = self.beside[w]
+            inner, score = self.products[w]
             ridge = comparison.nominal.raw[w][:, None, None] * np.eye(w) + 1e-12 * np.eye(w)
             solved = np.linalg.solve(inner + ridge, score[:, :, None])[:, :, 0]
             bound[which] = 0.5 * np.sum(score * solved, axis=1)
@@ -175,7 +175,7 @@ class _Ranking:
         """Scores z, information λ and directions (w, k) of one option, of unit size."""
         w = int(self.comparison.options.width[option])
         place = self.place[option]
-        inner, score = self.beside[w][0][place], self.beside[w][1][place]
+        inner, score = self.products[w][0][place], self.products[w][1][place]
         values, vectors = np.linalg.eigh(inner)
         seen = values > self.comparison.nominal.raw[w][place]
         values, vectors = values[seen], vectors[:, seen]

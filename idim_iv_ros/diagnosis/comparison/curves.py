@@ -41,13 +41,13 @@ class Nonparametric(Effect):
     words: str
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        """Any."""
+        """Return True: any coefficients make a curve."""
         return True
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
-        """None."""
+        """Return no numbers: coefficients of a curve mean nothing to an engineer."""
         return {}
 
 
@@ -161,11 +161,11 @@ class Lags(Nonparametric):
     words = "follows the torque's rate of change"
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """Return the only one."""
+        """Return one shape, which has no numbers."""
         return [Shape()]
 
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        """See the class."""
+        """Derivatives of the joint's torque, first to third."""
         rows = [motion.torque[:, place.joint]]
         for _ in range(3):
             rows.append(np.gradient(rows[-1], 1.0 / motion.rate))

@@ -39,9 +39,9 @@ def by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> 
 
 def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
     """The mean over sizes, (k,)."""
-    each_size = by_size(scores, information, misfit)
-    top = each_size.max(axis=1)
-    return np.asarray(top + np.log(np.mean(np.exp(each_size - top[:, None]), axis=1)))
+    of_size = by_size(scores, information, misfit)
+    top = of_size.max(axis=1)
+    return np.asarray(top + np.log(np.mean(np.exp(of_size - top[:, None]), axis=1)))
 
 
 def shrunk(scores: FloatArray, information: FloatArray, misfit: float) -> FloatArray:

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Key
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import counted_alone
 from idim_iv_ros.diagnosis.comparison.select import Selection, climb
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
@@ -52,49 +52,41 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
     for fold in range(int(part.max()) + 1):
         counted: list[BoolArray] = [part[block] != fold for block in ledger.blocks]
         white = counted_alone(options, nominal.white, counted)
-        less = Comparison(
+        fitted = Comparison(
             comparison.catalogue,
             NominalErrors(options, white, nominal.torques, nominal.errors),
             comparison.prior,
         )
-        keys.append(frozenset(term.key for term in climb(less, ())))
-        gains.append(_gains(less, selection, counted))
-        del white, less  # before the next one is made
+        keys.append(frozenset(term.key for term in climb(fitted, ())))
+        gains.append(_gains(fitted, selection, counted))
+        del white, fitted  # before the next one is made
     return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
 
 
-def _gains(less: Comparison, selection: Selection, counted: list[BoolArray]) -> FloatArray:
+def _gains(fitted: Comparison, selection: Selection, counted: list[BoolArray]) -> FloatArray:
     """What each term brings in the prediction of the rows that are not counted, (terms,)."""
     terms = selection.terms
-    white = selection.comparison.nominal.white
-    whole = _loss(less, terms, white.model, white.gap, selection, counted)
+    whole = _loss(fitted, terms, selection, counted)
     return np.array(
         [
-            _loss(less, (*terms[:k], *terms[k + 1 :]), white.model, white.gap, selection, counted)
-            - whole
+            _loss(fitted, (*terms[:k], *terms[k + 1 :]), selection, counted) - whole
             for k in range(len(terms))
         ]
     )
 
 
 def _loss(
-    less: Comparison,
-    terms: tuple[Term, ...],
-    model: tuple[FloatArray, ...],
-    gap: tuple[FloatArray, ...],
-    selection: Selection,
-    counted: list[BoolArray],
+    fitted: Comparison, terms: tuple[Term, ...], selection: Selection, counted: list[BoolArray]
 ) -> float:
     """Half the energy of the whitened rows that are not counted, predicted from the others."""
-    fitted = Beside(less.nominal, terms)
-    ledger = less.options.ledger
-    noise = selection.comparison.nominal.white.noise
+    model = ModelWithTerms(fitted.nominal, terms)
+    white = selection.comparison.nominal.white
     energy = 0.0
-    for joint, rows in enumerate(ledger.joints):
-        rest = gap[joint] - model[joint] @ fitted.errors[rows.columns]
-        for term, start in zip(terms, fitted.starts, strict=False):
+    for joint, rows in enumerate(fitted.options.ledger.joints):
+        rest = white.gap[joint] - white.model[joint] @ model.errors[rows.columns]
+        for term, start in zip(terms, model.starts, strict=False):
             if joint in term.columns:
-                table = noise[joint].standardized(term.columns[joint], rows.segments)
-                rest = rest - table @ fitted.coefficients[start : start + term.width]
+                table = white.noise[joint].standardized(term.columns[joint], rows.segments)
+                rest = rest - table @ model.coefficients[start : start + term.width]
         energy += 0.5 * float(np.sum(rest[~counted[joint]] ** 2))
     return energy

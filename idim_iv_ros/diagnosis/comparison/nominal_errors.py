@@ -36,9 +36,9 @@ def errors_of_links(model: InverseModel) -> FloatArray:
             columns.append((joint, share * moment * np.eye(10)[place]))
     layout = model.regressor.layout
     made = []
-    for joint, own in columns:
+    for joint, change in columns:
         inertial = np.zeros_like(given.inertial)
-        inertial[joint] = own
+        inertial[joint] = change
         made.append(layout.vector(replace(_nothing(given), inertial=inertial)))
     return np.column_stack(made)
 

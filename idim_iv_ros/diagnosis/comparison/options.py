@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger
-from idim_iv_ros.diagnosis.comparison.noise import RowNoise
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _AT_ONCE = 256
@@ -71,7 +70,7 @@ class Options:
         self.is_curve: BoolArray = self.kinds == Kind.CURVE.value
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
-    def own_products(
+    def inner_products(
         self, lines: Sequence[SingleArray], counted: Sequence[BoolArray] | None = None
     ) -> dict[int, FloatArray]:
         """Products (m_w, w, w) of the columns of each option, over all joints.
@@ -160,7 +159,7 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
         counted=counted,
         normal=normal,
         shared=shared,
-        inner=options.own_products(lines),
+        inner=options.inner_products(lines),
     )
 
 
@@ -170,7 +169,7 @@ def counted_alone(options: Options, white: Whitened, counted: Sequence[BoolArray
     model = tuple(rows * some[:, None] for rows, some in zip(white.model, kept, strict=True))
     gap = tuple(left * some for left, some in zip(white.gap, kept, strict=True))
     normal, shared = products_with_model(options, model, white.lines)
-    inner = options.own_products(white.lines, kept)
+    inner = options.inner_products(white.lines, kept)
     return replace(
         white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=inner
     )

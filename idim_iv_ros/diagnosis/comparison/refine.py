@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison import rules
-from idim_iv_ros.diagnosis.comparison.beside import Beside, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.likelihood import Columns
 from idim_iv_ros.effects.effect import Shape, StructuralEffect
 from idim_iv_ros.types import FloatArray
@@ -75,7 +75,7 @@ def _best_of(
             coefficients=np.zeros(width),
         )
         trial = [*terms[:number], other, *terms[number + 1 :]]
-        model = Beside(comparison.nominal, tuple(trial))
+        model = ModelWithTerms(comparison.nominal, tuple(trial))
         start = model.starts[number]
         values = model.coefficients[start : start + width]
         if not effect.admissible(shape, values):
@@ -117,12 +117,12 @@ def _unit_torque(comparison: Comparison, columns: Columns) -> FloatArray:
 
 
 def _level(comparison: Comparison, terms: Sequence[Term], number: int, term: Term) -> float:
-    return Beside(comparison.nominal, (*terms[:number], term, *terms[number + 1 :])).level
+    return ModelWithTerms(comparison.nominal, (*terms[:number], term, *terms[number + 1 :])).level
 
 
 def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the coefficients, deviations and shares that they have beside one another."""
-    model = Beside(comparison.nominal, tuple(terms))
+    model = ModelWithTerms(comparison.nominal, tuple(terms))
     sizes = comparison.options.ledger.sizes
     made = []
     for term, start in zip(terms, model.starts, strict=False):

@@ -12,11 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison import rules
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term, Torques
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger
-from idim_iv_ros.diagnosis.comparison.noise import noise_of
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
+from idim_iv_ros.diagnosis.comparison.model_with_terms import (
+    ModelWithTerms,
+    NominalErrors,
+    Term,
+    Torques,
+)
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -47,9 +51,9 @@ class Selection:
     comparison: Comparison
 
     @property
-    def model(self) -> Beside:
+    def model(self) -> ModelWithTerms:
         """The nominal errors with the terms and the curves."""
-        return Beside(self.comparison.nominal, (*self.terms, *self.curves))
+        return ModelWithTerms(self.comparison.nominal, (*self.terms, *self.curves))
 
 
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
@@ -71,8 +75,9 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             terms = climb(comparison, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
-            noise = noise_of(ledger, Beside(comparison.nominal, terms).residuals(white=False))
-            del white, comparison  # two copies of the whitened rows would be held
+            model = ModelWithTerms(comparison.nominal, terms)
+            noise = noise_of(ledger, model.residuals(white=False))
+            del white, comparison, model  # two copies of the whitened rows would be held
     curves: list[Term] = []
     while len(curves) < _MOST_CURVES:
         curve = comparison.curve([*terms, *curves])
@@ -300,7 +305,7 @@ def _tolerance(comparison: Comparison, terms: tuple[Term, ...], others: tuple[Te
     kept = {term.identity for term in others}
     gone = {j for t in terms if t.identity not in kept for j in t.candidate.joints}
     stay = {j for t in others for j in t.candidate.joints}
-    model = Beside(comparison.nominal, terms)
+    model = ModelWithTerms(comparison.nominal, terms)
     left = model.residuals(white=True)
     explained = 0.0
     for joint in gone & stay:

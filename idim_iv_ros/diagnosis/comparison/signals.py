@@ -25,13 +25,13 @@ class SignalError(Effect):
     excitation = ""
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """Return the only one."""
+        """Return one shape, which has no numbers."""
         return [Shape()]
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
-        """None: it is no cause."""
+        """Return no numbers: it is no cause."""
         return {}
 
 

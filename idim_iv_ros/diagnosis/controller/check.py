@@ -1,12 +1,12 @@
 """Whether the recorded commands are those of the configured control law."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.comparison.beside import Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.controller.law_change import (
     CommandRows,
     LawChange,
@@ -21,34 +21,9 @@ from idim_iv_ros.diagnosis.result import (
     Evidence,
     Gap,
 )
-from idim_iv_ros.effects.controller_mismatch import GAIN, LAG, ControllerMismatch
-from idim_iv_ros.effects.registry import BY_NAME, ENCODER_LAWS, name_of
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS, name_of
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
-
-
-@dataclass(frozen=True)
-class ControllerFinding:
-    """One joint whose commands are not those of the law.
-
-    Attributes
-    ----------
-    joint : str
-    parameters : dict of str to EffectParameter
-        What the robot uses instead, of what differs.
-    gain : float or None
-        By which the whole command is larger, and nothing else is another; None where it is not.
-    statistic : float
-        Twice the logarithm of the Bayes factor.
-    before, after : float
-        RMS of recorded less computed command, N m (N), low-passed as the regression.
-    """
-
-    joint: str
-    parameters: dict[str, EffectParameter]
-    gain: float | None
-    statistic: float
-    before: float
-    after: float
+from idim_iv_ros.types import FloatArray
 
 
 def why_not_checked(data: Baseline) -> str:
@@ -66,8 +41,10 @@ class LawCheck:
 
     Attributes
     ----------
-    findings : tuple of ControllerFinding
-        Joints with another law.
+    causes : tuple of Cause
+        One for each joint with another law.
+    gains : dict of str to float
+        By which the whole command is larger, at joints where nothing else is another.
     speed : LawSpeed or None
         The speed that explains the commands best; None where nothing can be compared.
     beyond : tuple of str
@@ -77,10 +54,42 @@ class LawCheck:
         One where most joints follow the law later than a control of this period makes them.
     """
 
-    findings: tuple[ControllerFinding, ...] = ()
+    causes: tuple[Cause, ...] = ()
+    gains: dict[str, float] = field(default_factory=dict)
     speed: LawSpeed | None = None
     beyond: tuple[str, ...] = ()
     delay: tuple[Cause, ...] = ()
+
+    def beside(
+        self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
+    ) -> "LawCheck":
+        """Leave out other laws that what the torque shows explains.
+
+        A gain of the drive alone changes no command. One of what is recorded changes all of them
+        by the inverse of the gain: then both are one cause. Where an encoder is eccentric the
+        commands follow another position.
+
+        Parameters
+        ----------
+        numbers
+            Parametric causes.
+        effects
+            Structural ones.
+        """
+        same = {
+            data.joints[term.place.joint]
+            for term in effects
+            if set(ENCODER_LAWS) & set(term.effect.laws)
+        }
+        for cause in numbers:
+            factor = cause.parameters.get("factor")
+            gain = None if cause.joint is None else self.gains.get(cause.joint)
+            if BY_NAME[cause.effect].part != "torque scale" or gain is None:
+                continue
+            if factor is not None and factor.std is not None and cause.joint is not None:
+                apart = abs(1.0 / (1.0 + gain) - factor.value)
+                same |= {cause.joint} if apart < settings.NORMAL_95 * factor.std else set()
+        return replace(self, causes=tuple(c for c in self.causes if c.joint not in same))
 
 
 def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0.0) -> LawCheck:
@@ -98,24 +107,25 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
         Common time from the recorded effort to the torque on the joints, s (`signal_chain`);
         negative where the effort is measured after it acts: it is late by that, and not the law.
     """
-    if ControllerMismatch.name in without or why_not_checked(data):
+    if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
     shown = shown_law(data)
-    late = max(-shift, 0.0)
-    shared = SharedLag.of([change for _, change in shown.joints.values()], shown.period, late)
-    found = [
-        _finding(data, shown.law, joint, change, shared.longest)
-        for joint, (_, change) in shown.joints.items()
-    ]
-    beyond = [
-        _beyond_the_law(data, joint, change, rows) for joint, (rows, change) in shown.joints.items()
-    ]
-    return LawCheck(
-        findings=tuple(finding for finding in found if finding is not None),
-        speed=shown.speed,
-        beyond=tuple(sentence for sentence in beyond if sentence),
-        delay=shared.causes(data, shown.joints),
-    )
+    usual = settings.LONGEST_LAG * shown.period + max(-shift, 0.0)
+    longest, delay = _shared_lag(shown, usual)
+    causes, gains, beyond = [], {}, []
+    for joint, (rows, change) in shown.joints.items():
+        changes, cause = _cause(data, shown.law, joint, change, longest)
+        if cause is not None:
+            causes.append(cause)
+        if set(changes) == {CONTROL_LAW.whole}:
+            gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
+        rest = change.beyond(rows)
+        sizes = float(np.sqrt(np.mean(rest**2))), rows.size
+        if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
+            events = events_in(rest, rows.recording, rows.time)
+            beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
+    late = () if delay is None else (_delay_of_all(shown, delay, usual),)
+    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), late)
 
 
 @dataclass(frozen=True)
@@ -146,11 +156,8 @@ def shown_law(data: Baseline) -> ShownLaw:
     period = control_period(section, [motion.signals.rate for motion in motions])
     speed = law_speed(motions, law)
     joints = {}
-    wrong = {
-        joint_finding.joint
-        for joint_finding in data.prepared.joint_findings
-        if joint_finding.level == "unusable"
-    }
+    findings = data.prepared.joint_findings
+    wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
@@ -158,159 +165,75 @@ def shown_law(data: Baseline) -> ShownLaw:
     return ShownLaw(law, speed, period, joints)
 
 
-@dataclass(frozen=True)
-class SharedLag:
-    """Time by which the commands of the joints follow the law.
-
-    Attributes
-    ----------
-    lag, std : float
-        That of half of the joints, and its spread over those that share it, s.
-    longest : float
-        Lag up to which a joint's is no mismatch of its law, s.
-    usual : float
-        Up to which a lag is that of a control of this period, s.
-    period : float
-        Of the control, s.
-    most : bool
-        Whether most joints, two at least, share it.
-    """
-
-    lag: float
-    std: float
-    longest: float
-    usual: float
-    period: float
-    most: bool
-
-    @classmethod
-    def of(cls, compared: Sequence[LawChange], period: float, late: float) -> "SharedLag":
-        """Compare the lags of the joints; `late`: by which the effort is recorded late, s."""
-        usual = settings.LONGEST_LAG * period + late
-        if len(compared) < 2:
-            return cls(0.0, 0.0, usual, usual, period, False)
-        lags, stds = np.array([comparison.lag for comparison in compared]).T
-        common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)
-        apart = settings.LAG_DIFFERENCE * max(period, common)
-        same = np.abs(lags - common) <= apart
-        most = bool(same.sum() >= 2 and 2 * same.sum() > len(lags))
-        std = float(np.hypot(np.std(lags[same]), np.median(stds)))
-        longest = common + apart if most else min(usual, common + settings.LAG_DIFFERENCE * period)
-        return cls(common, std, longest, usual, period, most)
-
-    def causes(
-        self, data: Baseline, joints: Mapping[int, tuple[CommandRows, LawChange]]
-    ) -> tuple[Cause, ...]:
-        """The delay of all joints, where it is longer than a control of this period makes it."""
-        clear = self.lag - settings.CLEAR_DEVIATIONS * self.std > self.usual
-        if not (self.most and clear):
-            return ()
-        delay = EffectParameter(self.lag, self.std, "s")
-        one, two = (
-            float(np.linalg.norm([np.sqrt(np.mean(rest**2)) for rest in left]))
-            for left in (
-                [change.left((), self.usual) for _, change in joints.values()],
-                [change.left() for _, change in joints.values()],
-            )
-        )
-        cause = Cause(
-            effect=name_of("delay"),
-            kind="structural",
-            joint=None,
-            other_joint=None,
-            parameters={"delay": delay},
-            evidence=Evidence((self.lag / self.std) ** 2),
-            indistinguishable_from=(),
-            torque_gap=Gap(one, two, None, 1.0 - two / one, None),
-            simulation_gap=None,
-            sentence=sentences.commands_late(delay, self.period),
-        )
-        return (cause,)
-
-
-def beside_gains(law: LawCheck, causes: Sequence[Cause]) -> LawCheck:
-    """Leave out commands that are larger by the inverse of a gain that the torque shows.
-
-    A gain of the drive alone changes no command. One of what is recorded changes all of them by
-    the inverse of the gain: then both are one cause.
-    """
-    gains = {
-        cause.joint: cause.parameters["factor"]
-        for cause in causes
-        if BY_NAME[cause.effect].part == "torque scale" and cause.joint is not None
-    }
-
-    def same(found: ControllerFinding) -> bool:
-        factor = gains.get(found.joint)
-        if factor is None or factor.std is None or found.gain is None:
-            return False
-        return abs(1.0 / (1.0 + found.gain) - factor.value) < settings.NORMAL_95 * factor.std
-
-    return replace(law, findings=tuple(finding for finding in law.findings if not same(finding)))
-
-
-def controller_causes(data: Baseline, law: LawCheck, effects: Sequence[Term]) -> list[Cause]:
-    """One cause for each joint whose commands are not those of the configured law.
+def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:
+    """Lag up to which a joint's is no mismatch, s; and that of most joints where it is a cause.
 
     Parameters
     ----------
-    effects
-        Accepted ones: where an encoder is eccentric the commands follow another position.
+    usual
+        Lag up to which one is that of a control of this period, s.
     """
-    eccentric = {
-        effect.place.joint for effect in effects if set(ENCODER_LAWS) & set(effect.effect.laws)
-    }
-    found = [(data.joints.index(finding.joint), finding) for finding in law.findings]
-    return [_cause(data, joint, each) for joint, each in found if joint not in eccentric]
+    if len(shown.joints) < 2:
+        return usual, None
+    lags, stds = np.array([change.lag for _, change in shown.joints.values()]).T
+    common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)  # that of half of the joints
+    apart = settings.LAG_DIFFERENCE * max(shown.period, common)
+    same = np.abs(lags - common) <= apart
+    if same.sum() < 2 or 2 * same.sum() <= len(lags):
+        return min(usual, common + settings.LAG_DIFFERENCE * shown.period), None
+    std = float(np.hypot(np.std(lags[same]), np.median(stds)))
+    late = common - settings.CLEAR_DEVIATIONS * std > usual
+    return common + apart, EffectParameter(common, std, "s") if late else None
 
 
-def _cause(data: Baseline, joint: int, found: ControllerFinding) -> Cause:
-    parameters = data.in_units_at(joint, found.parameters)
-    gap = Gap(found.before, found.after, None, 1.0 - found.after / found.before, None)
+def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Cause:
+    """A delay of all joints that is longer than a control of this period makes it."""
+    assert delay.std is not None
+    changes = [change for _, change in shown.joints.values()]
+    one, two = (
+        float(np.linalg.norm([_rms(rest) for rest in left]))
+        for left in (
+            [change.left((), usual) for change in changes],
+            [change.left() for change in changes],
+        )
+    )
     return Cause(
-        effect=ControllerMismatch.name,
+        effect=name_of("delay"),
         kind="structural",
-        joint=found.joint,
-        other_joint=None,
-        parameters=parameters,
-        evidence=Evidence(found.statistic),
-        indistinguishable_from=(),
-        torque_gap=gap,
-        simulation_gap=None,
-        sentence=sentences.controller_cause(data, joint, gap, ControllerMismatch.name, parameters),
+        joint=None,
+        parameters={"delay": delay},
+        evidence=Evidence((delay.value / delay.std) ** 2),
+        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+        sentence=sentences.commands_late(delay, shown.period),
     )
 
 
-def _beyond_the_law(data: Baseline, joint: int, change: LawChange, rows: CommandRows) -> str:
-    """What the commands hold beyond the law and its smallest change; empty where it is little."""
-    rest = change.beyond(rows)
-    size, command = float(np.sqrt(np.mean(rest**2))), rows.size
-    if size < settings.MUCH_BEYOND_LAW * command:
-        return ""
-    return sentences.beyond_the_law(
-        data, joint, (size, command), events_in(rest, rows.recording, rows.time)
-    )
-
-
-def _finding(
+def _cause(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
-) -> ControllerFinding | None:
+) -> tuple[dict[str, tuple[float, float]], Cause | None]:
+    """What differs from the law at one joint, (value, std) by group, and the cause if it does."""
     changes, statistic = change.changes, change.statistic
     before, after = change.left(), change.left(change.terms)
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
     if lag - settings.CLEAR_DEVIATIONS * std > longest:
-        changes[LAG] = lag, std
+        changes[CONTROL_LAW.lag] = lag, std
         statistic += ((lag - longest) / std) ** 2
         before = change.left((), longest)
     if not changes:
-        return None
-    one, other = (float(np.sqrt(np.mean(rest**2))) for rest in (before, after))
-    return ControllerFinding(
+        return changes, None
+    one, two = _rms(before), _rms(after)
+    cause = Cause(
+        effect=CONTROL_LAW.name,
+        kind="structural",
         joint=data.joints[joint],
-        parameters=ControllerMismatch().parameters(law, joint, changes),
-        gain=changes[GAIN][0] if set(changes) == {GAIN} else None,
-        statistic=statistic,
-        before=one,
-        after=other,
+        sentence="",
+        parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
+        evidence=Evidence(statistic),
+        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
     )
+    return changes, replace(cause, sentence=sentences.controller_cause(data, cause))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -11,23 +11,22 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.beside import Beside, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.refit.law_speed import (
     LawSpeed,
     away_from_events,
     comparable_rows,
     limited,
 )
-from idim_iv_ros.effects.controller_mismatch import GROUPS, ControllerMismatch
-from idim_iv_ros.effects.effect import Place, Shape
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
@@ -154,10 +153,10 @@ def command_rows(
     tables, recordings, every, times = [], [], [], []
     for number, motion in enumerate(motions):
         signals = motion.signals
-        whole = ControllerMismatch().parts(signals, law, joint, speed.of(signals, joint))
+        whole = CONTROL_LAW.parts(signals, law, joint, speed.of(signals, joint))
         parts, _ = limited(whole, float(law.torque_limit[joint]), signals.rate)
         recorded = signals.torque[:, joint]
-        groups = [parts.groups[name] for name in GROUPS]
+        groups = [parts.groups[name] for name in CONTROL_LAW.groups]
         table = np.column_stack(
             [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
         )
@@ -176,7 +175,7 @@ def command_rows(
     return CommandRows(
         rest=table[:, 1] + least,
         size=size,
-        groups={name: table[:, 7 + k] for k, name in enumerate(GROUPS)},
+        groups={name: table[:, 7 + k] for k, name in enumerate(CONTROL_LAW.groups)},
         errors=table[:, 2 : 2 + TIMES],
         likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),
         runs=segments_of(every),
@@ -186,20 +185,11 @@ def command_rows(
     )
 
 
-class _Group(SignalError):
-    """One group of the law at one joint; its columns are the rows' own."""
+class _Group(ParametricEffect):
+    """One group of the law."""
 
     def __init__(self, name: str) -> None:
         self.name = name  # type: ignore[misc]
-
-    def places(self, joints: int) -> list[Place]:
-        return [Place(0)]
-
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        return True
-
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
-        raise NotImplementedError
 
 
 class _Groups(Catalogue):
@@ -218,7 +208,7 @@ class _Groups(Catalogue):
                 lines = {0: inside[None].astype(np.float32)}
                 kinds = (Kind.NUMBER, Kind.CURVE) if scope is None else (Kind.NUMBER,)
                 made += [
-                    Candidate(kind, _Group(name), Place(0), (Shape(),), (), lines, 1, scope)
+                    Candidate(kind, _Group(name), Place(0), (), (), lines, 1, scope)
                     for kind in kinds
                 ]
         self.candidates = tuple(made)
@@ -248,18 +238,21 @@ class LawChange:
     @property
     def errors(self) -> FloatArray:
         """(e,) of the recording."""
-        return Beside(self.comparison.nominal, self.terms).errors[:TIMES]
+        return ModelWithTerms(self.comparison.nominal, self.terms).errors[:TIMES]
 
     @property
     def lag(self) -> tuple[float, float]:
         """(value, std) of the lag of the effort, s, that all errors of time together make."""
-        nominal, model = self.comparison.nominal, Beside(self.comparison.nominal, self.terms)
+        nominal, model = (
+            self.comparison.nominal,
+            ModelWithTerms(self.comparison.nominal, self.terms),
+        )
         rate = self.rows.errors[:, 0]
         part = np.zeros(len(nominal.root))
         part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
         spread = float(np.sum((part @ nominal.root) ** 2))
         if self.terms:
-            moved = np.concatenate([part @ nominal.link(term).moved for term in self.terms])
+            moved = np.concatenate([part @ nominal.products_of(term).moved for term in self.terms])
             spread += float(moved @ model.covariance @ moved)
         return float(part @ model.errors), spread**0.5
 
@@ -290,7 +283,7 @@ class LawChange:
             options = Options(self.rows.ledger(lag), self.comparison.catalogue.candidates)
             white = whitened(options, nominal.white.noise)
             nominal = NominalErrors(options, white, nominal.torques, nominal.errors)
-        return Beside(nominal, tuple(terms)).residuals(white=False)[0]
+        return ModelWithTerms(nominal, tuple(terms)).residuals(white=False)[0]
 
     def beyond(self, rows: CommandRows) -> FloatArray:
         """What the commands of all rows (r,) hold beyond the law and its change, N m (N).

@@ -22,7 +22,8 @@ from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
-from idim_iv_ros.model import DynamicParameters, units
+from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.types import FloatArray, IntArray
@@ -106,7 +107,7 @@ class Baseline:
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
         joint_type = self.prepared.model.robot.joint_types[joint]
-        return units.unit_at(unit, joint_type, self.prepared.configuration.signals.effort_unit)
+        return unit_at(unit, joint_type, self.prepared.configuration.signals.effort_unit)
 
     def in_units_at(
         self, joint: int, parameters: dict[str, EffectParameter]

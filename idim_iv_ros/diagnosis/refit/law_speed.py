@@ -17,7 +17,8 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.effects.controller_mismatch import CommandParts, ControllerMismatch
+from idim_iv_ros.effects.contribution import CommandParts
+from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.signals import JointSignals, Motion
@@ -188,7 +189,7 @@ def _shares(
     for number, motion in enumerate(motions):
         signals = motion.signals
         central = plain.of(signals, joint)
-        whole = ControllerMismatch().parts(signals, law, joint, central)
+        whole = CONTROL_LAW.parts(signals, law, joint, central)
         parts, free = limited(whole, float(law.torque_limit[joint]), signals.rate)
         recorded = signals.torque[:, joint]
         later = [(speed.of(signals, joint) - central) * free for speed in speeds]

@@ -31,7 +31,7 @@ from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
-from idim_iv_ros.simulation.replay import replay
+from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
 _SLOPE_STEP = 1e-5  # rad or m

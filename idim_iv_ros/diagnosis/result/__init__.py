@@ -1,7 +1,6 @@
 """What a diagnosis found: the document gap.json and what it consists of."""
 
 from idim_iv_ros.diagnosis.result.causes import (
-    NOT_CALIBRATED,
     Cause,
     Evidence,
     Gap,
@@ -35,7 +34,6 @@ from idim_iv_ros.diagnosis.result.recordings import (
 from idim_iv_ros.effects.cause import EffectParameter
 
 __all__ = [
-    "NOT_CALIBRATED",
     "Cause",
     "ContrastCause",
     "ContrastResult",

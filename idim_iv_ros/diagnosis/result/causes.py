@@ -9,7 +9,7 @@ from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Family, Kind
 
 # Tests of parameters hold for a model without any other error: their p-values would be too small.
-NOT_CALIBRATED = "none: no recordings were simulated from a model without this cause"
+_NOT_CALIBRATED = "none: no recordings were simulated from a model without this cause"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Evidence:
     held_out_gain: float | None = None
     folds_positive: str = ""
     chosen_in_folds: str = ""
-    p_value_from: str = NOT_CALIBRATED
+    p_value_from: str = _NOT_CALIBRATED
 
 
 @dataclass(frozen=True)
@@ -168,14 +168,14 @@ class Cause:
     effect: str
     kind: Kind
     joint: str | None
-    other_joint: str | None
+    other_joint: str | None = None
     sentence: str
     parameters: dict[str, EffectParameter]
     evidence: Evidence
-    indistinguishable_from: tuple[Indistinguishable, ...]
+    indistinguishable_from: tuple[Indistinguishable, ...] = ()
     torque_gap: Gap
     joint_gaps: tuple[JointChange, ...] = ()
-    simulation_gap: SimulationGap | None
+    simulation_gap: SimulationGap | None = None
     probability: float | None = None
 
 

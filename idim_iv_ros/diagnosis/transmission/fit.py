@@ -10,14 +10,16 @@ margin of every other search here. Rows are whitened by an autoregressive model 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.transmission.twist import TwistRows
 from idim_iv_ros.estimation.rows import JointRows
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _OFFSET_STEPS = 3  # fits of the time offset, which enters to first order only
@@ -36,16 +38,15 @@ class TwistFit:
     rows : TwistRows
     offset, offset_std : float
         Time by which the link's channel is late, s.
+    columns : dict of term to (r, k)
+        Of every term that was tried.
     terms : tuple of str
         Accepted beside the time offset and the constants.
-    coefficients, stds : dict of term to float
-        Of every term, rad per unit of its column: of those that are not accepted beside those that
-        are. Position has none.
+    numbers : dict of term to (float, float)
+        Coefficient and its deviation, rad per unit of the column: of terms that are not accepted
+        beside those that are. Position has none.
     gains : dict of term to float
         Logarithm of the likelihood ratio of each, less Schwarz's penalty.
-    twist : (r,) rad
-        With both channels at the same instants, less constants and position.
-    residual : (r,) rad
     regression, fit
         Of the accepted terms.
     """
@@ -53,18 +54,27 @@ class TwistFit:
     rows: TwistRows
     offset: float
     offset_std: float
+    columns: dict[str, FloatArray]
     terms: tuple[str, ...]
-    coefficients: dict[str, float]
-    stds: dict[str, float]
+    numbers: dict[str, tuple[float, float]]
     gains: dict[str, float]
-    twist: FloatArray
-    residual: FloatArray
     regression: Regression
-    fit: Fit = field(repr=False)
+    fit: Fit
 
-    def accepted(self, term: str) -> bool:
-        """Whether a term is in the model."""
-        return term in self.terms
+    def accepted(self, term: str) -> float:
+        """Coefficient of a term that is in the model; zero of any other."""
+        return self.numbers[term][0] if term in self.terms else 0.0
+
+    def clear(self, term: str) -> bool:
+        """Whether a term is in the model, and positive beyond noise."""
+        value, std = self.numbers.get(term, (0.0, 0.0))
+        return term in self.terms and value > settings.CLEAR_DEVIATIONS * std
+
+    @property
+    def twist(self) -> FloatArray:
+        """(r,) rad with both channels at the same instants, less constants and position."""
+        followed = [self.columns[t][:, 0] * self.numbers[t][0] for t in self.terms if t != POSITION]
+        return np.asarray(sum(followed, self.fit.residuals[0]))
 
 
 def fit_twist(rows: TwistRows) -> TwistFit:
@@ -72,33 +82,32 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     columns = term_columns(rows)
     offset = 0.0
     for _ in range(_OFFSET_STEPS):
-        base = _base(rows, offset)
-        fit = base.with_columns({0: columns[LOAD]}).fit()
+        fit = _base(rows, offset).with_columns({0: columns[LOAD]}).fit()
         offset += float(fit.values[0])
     base = _base(rows, offset)
     terms, gains = _selected(base, columns)
     regression = _with_terms(base, [columns[term] for term in terms])
     fit = regression.fit()
-    coefficients, stds = {}, {}
-    for term, column in columns.items():
-        own = regression if term in terms else regression.with_columns({0: column})
-        found = fit if term in terms else own.fit()
-        place = _place(terms, columns, term)
-        if term == POSITION or (term == RATE and LOAD not in terms):
+    numbers = {}
+    for term in gains:
+        if term == POSITION:
             continue
-        coefficients[term] = float(found.coefficients[place])
-        stds[term] = float(np.sqrt(max(found.coefficient_covariance[place, place], 0.0)))
-    shift = float(fit.values[0])
+        beside, before = fit, terms
+        if term in terms:
+            before = terms[: terms.index(term)]
+        else:
+            beside = regression.with_columns({0: columns[term]}).fit()
+        place = sum(columns[other].shape[1] for other in before)
+        variance = float(beside.coefficient_covariance[place, place])
+        numbers[term] = float(beside.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
     return TwistFit(
         rows=rows,
-        offset=offset + shift,
+        offset=offset + float(fit.values[0]),
         offset_std=float(np.sqrt(max(fit.covariance[0, 0], 0.0))),
+        columns=columns,
         terms=tuple(terms),
-        coefficients=coefficients,
-        stds=stds,
+        numbers=numbers,
         gains=gains,
-        twist=_without_position(terms, columns, fit) + fit.residuals[0],
-        residual=fit.residuals[0],
         regression=regression,
         fit=fit,
     )
@@ -112,28 +121,18 @@ def term_columns(rows: TwistRows) -> dict[str, FloatArray]:
         columns[SIDE] = rows.side[:, None]
     span = max(float(np.ptp(rows.position)), 1e-12)
     turn = np.pi * (rows.position - rows.position.min()) / span
-    orders = np.arange(1, _POSITION_TERMS + 1)
-    columns[POSITION] = np.cos(turn[:, None] * orders)
+    columns[POSITION] = np.cos(turn[:, None] * np.arange(1, _POSITION_TERMS + 1))
     columns[RATE] = rows.load_rate[:, None]
     return columns
-
-
-def with_term(found: TwistFit, column: FloatArray) -> Fit:
-    """Fit the accepted terms with one more block of columns (r, k)."""
-    return found.regression.with_columns({0: column}).fit()
 
 
 def _base(rows: TwistRows, offset: float) -> Regression:
     """Speed and a constant for each recording."""
     constants = rows.recording[:, None] == np.unique(rows.recording)
     matrix = np.column_stack([rows.speed, constants.astype(float)])
-    joint = JointRows(
-        matrix=matrix,
-        torque=rows.twist(offset),
-        columns=np.arange(matrix.shape[1]),
-        segments=rows.segments,
-    )
-    return Regression((joint,), matrix.shape[1])
+    places = np.arange(matrix.shape[1])
+    joint = JointRows(matrix, rows.twist(offset), places, rows.segments)
+    return Regression((joint,), len(places))
 
 
 def _selected(
@@ -143,8 +142,8 @@ def _selected(
     terms: list[str] = []
     while True:
         gains = _gains(base, columns, terms)
-        open_ = [term for term in gains if term not in terms]
-        best = max(open_, key=lambda term: gains[term], default=None)
+        others = [term for term in gains if term not in terms]
+        best = max(others, key=lambda term: gains[term], default=None)
         if best is None or gains[best] < settings.LEAST_SUPPORT:
             break
         terms.append(best)
@@ -179,27 +178,64 @@ def _with_terms(base: Regression, blocks: Sequence[FloatArray]) -> Regression:
     return base
 
 
-def _place(terms: Sequence[str], columns: Mapping[str, FloatArray], term: str) -> int:
-    """Where the first coefficient of a term is; behind all others if it is not accepted."""
-    before = terms[: terms.index(term)] if term in terms else terms
-    return sum(columns[other].shape[1] for other in before)
+def compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
+    """1/K, its standard deviation (rad/(N m)), and whether all parts of the recording agree.
+
+    The deviation holds the noise of the twist, the parameters of the links, an error over the
+    position that the twist allows and does not ask for, and by how much the parts of the
+    recording differ beyond noise (Birge's ratio).
+    """
+    value, noise = fit.numbers[LOAD]
+    test, ratio = _agreement(fit)
+    variance = noise**2 * max(1.0, ratio) + _load_variance(fit)
+    if POSITION not in fit.terms and LOAD in fit.terms:
+        beside = fit.regression.with_columns({0: fit.columns[POSITION]}).fit()
+        variance += (float(beside.coefficients[fit.terms.index(LOAD)]) - value) ** 2
+    return value, float(np.sqrt(variance)), test
 
 
-def _without_position(
-    terms: Sequence[str], columns: Mapping[str, FloatArray], fit: Fit
-) -> FloatArray:
-    """What the accepted terms but the position make of the twist, (r,) rad."""
-    part = np.zeros(len(columns[LOAD]))
-    for term in terms:
-        if term == POSITION:
-            continue
-        first = _place(terms, columns, term)
-        width = columns[term].shape[1]
-        part += columns[term] @ fit.coefficients[first : first + width]
-    return part
+def _load_variance(fit: TwistFit) -> float:
+    """Variance of 1/K from the parameters of the links: its gradient along each of them."""
+    rows = fit.rows
+    noise, joint = fit.fit.noise_models[0], fit.regression.joints[0]
+    others = [joint.matrix, *(fit.columns[term] for term in fit.terms if term != LOAD)]
+    nuisance = np.linalg.qr(noise.standardized(np.column_stack(others), rows.segments))[0]
+
+    def rest(values: FloatArray) -> FloatArray:
+        white = noise.standardized(values, rows.segments)
+        return white - nuisance @ (nuisance.T @ white)
+
+    load, changes, twist = rest(rows.load), rest(rows.load_columns), rest(joint.torque)
+    energy = float(load @ load)
+    if energy <= 0.0:
+        return 0.0
+    value = float(load @ twist) / energy
+    gradient = (changes.T @ twist - 2.0 * value * (changes.T @ load)) / energy
+    return float(np.maximum(gradient @ rows.load_covariance @ gradient, 0.0))
 
 
-def held_out(found: TwistFit, term: str) -> tuple[float | None, int, int]:
+def _agreement(fit: TwistFit) -> tuple[HypothesisTest, float]:
+    """H0: one compliance for every recording (of one, for both halves); χ² over its df."""
+    part, words = fit.rows.recording, "all recordings"
+    if len(np.unique(part)) < 2:
+        part = (np.arange(len(part)) >= len(part) // 2).astype(np.int64)
+        words = "both halves of the recording"
+    words = f"one compliance holds for {words}"
+    if LOAD not in fit.terms:
+        return HypothesisTest.not_run(words, "all", "no twist follows the load"), 1.0
+    blocks = fit.rows.load[:, None] * (part[:, None] == np.unique(part)[1:])
+    wider = fit.regression.with_columns({0: blocks}).fit()
+    added = slice(len(wider.coefficients) - blocks.shape[1], None)
+    change, covariance = wider.coefficients[added], wider.coefficient_covariance[added, added]
+    df = int(np.linalg.matrix_rank(covariance))
+    if df == 0:
+        return HypothesisTest.not_run(words, "all", "the load moves in one part only"), 1.0
+    statistic = float(change @ np.linalg.pinv(covariance) @ change)
+    p_value = float(stats.chi2.sf(statistic, df))
+    return HypothesisTest(words, "all", statistic, df, None, p_value, alpha=0.01), statistic / df
+
+
+def held_out(fit: TwistFit, term: str) -> tuple[float | None, int, int]:
     """Share of the whitened twist's energy that a term takes on blocks that were not fitted.
 
     Blocks lie at the same places of every recording: its constant is fitted from the others.
@@ -211,30 +247,21 @@ def held_out(found: TwistFit, term: str) -> tuple[float | None, int, int]:
     int, int
         On how many blocks it helps, of how many.
     """
-    rows, noise = found.rows, found.fit.noise_models[0]
-    place = found.terms.index(term)
-    widths = found.regression.widths
-    base = found.regression.parameters
-    own = slice(base + sum(widths[:place]), base + sum(widths[: place + 1]))
-    extended = found.regression.extended[0]
-    table = noise.whiten(np.column_stack([extended.matrix, extended.torque]), rows.segments)
-    without = np.delete(table, np.r_[own], axis=1)
-    count = int(settings.FOLDS)
+    rows, regression, count = fit.rows, fit.regression, int(settings.FOLDS)
+    first = regression.parameters + sum(regression.widths[: fit.terms.index(term)])
+    joint = regression.extended[0]
+    table = np.column_stack([joint.matrix, joint.torque])
+    table = fit.fit.noise_models[0].whiten(table, rows.segments)
+    without = np.delete(table, first, axis=1)
     block = np.zeros(len(table), dtype=np.int64)
     for number in np.unique(rows.recording):
         places = np.flatnonzero(rows.recording == number)
         block[places] = np.arange(len(places)) * count // len(places)
-    energies = np.array(
-        [[_predicted(each, block == k) for each in (without, table)] for k in range(count)]
+    before, after = (
+        np.array([_predicted(some, block == k) for k in range(count)]) for some in (without, table)
     )
-    total = energies.sum(axis=0)
-    if total[0] <= 0.0:
-        return None, 0, count
-    return (
-        float(1.0 - total[1] / total[0]),
-        int(np.sum(energies[:, 1] < energies[:, 0])),
-        count,
-    )
+    gain = float(1.0 - after.sum() / before.sum()) if before.sum() > 0.0 else None
+    return gain, int(np.sum(after < before)), count
 
 
 def _predicted(table: FloatArray, out: BoolArray) -> float:

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
@@ -17,9 +16,8 @@ from idim_iv_ros.diagnosis.transmission.fit import (
     RATE,
     SIDE,
     TwistFit,
+    compliance,
     fit_twist,
-    term_columns,
-    with_term,
 )
 from idim_iv_ros.diagnosis.transmission.twist import (
     LINK_MOTION_STEPS,
@@ -29,15 +27,9 @@ from idim_iv_ros.diagnosis.transmission.twist import (
 )
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.identification.link_encoders import link_encoders
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.types import FloatArray
 
 _LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
 _LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
-
-UnitAt = Callable[[str], str]
-
-_SAME = "one compliance holds for {parts}"
 
 
 @dataclass(frozen=True)
@@ -53,20 +45,10 @@ class Measured:
         """Twist over load for the figure."""
         if self.fit is None:
             return None
-        rows = self.fit.rows
-        rest = self.fit.residual
-        line = self.fit.coefficients[LOAD] * rows.load if self.fit.accepted(LOAD) else 0.0 * rest
-        side = (
-            self.fit.coefficients[SIDE] * rows.side
-            if self.fit.accepted(SIDE)
-            else np.zeros(len(rest))
-        )
-        return TransmissionSeries(
-            joint=self.result.joint,
-            load=rows.load,
-            twist=line + side + rest,
-            direction=rows.direction,
-        )
+        rows, fit = self.fit.rows, self.fit
+        followed = fit.accepted(LOAD) * rows.load + fit.accepted(SIDE) * rows.side
+        twist = followed + fit.fit.residuals[0]
+        return TransmissionSeries(self.result.joint, rows.load, twist, rows.direction)
 
 
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
@@ -82,21 +64,18 @@ def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Meas
 
 
 def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
-    rows = twist_rows(data, regression, joint)
+    rows, name = twist_rows(data, regression, joint), data.joints[joint]
     reason = _unusable(data, rows, joint)
     if reason:
-        return Measured(joint, Transmission(joint=data.joints[joint], reason=reason))
+        return Measured(joint, Transmission(joint=name, reason=reason))
     fit = fit_twist(rows)
     for _ in range(LINK_MOTION_STEPS):
-        compliance = fit.coefficients[LOAD]
-        if not fit.accepted(LOAD) or compliance <= settings.CLEAR_DEVIATIONS * fit.stds[LOAD]:
+        if not fit.clear(LOAD):
             break
         fit = fit_twist(_with_link_motion(data, regression, joint, fit))
-        if fit.accepted(SIDE):
+        if SIDE in fit.terms:
             fit = fit_twist(fit.rows.away_from_side_changes())
-    return Measured(
-        joint, transmission(fit, data.joints[joint], lambda u: data.unit_at(joint, u)), fit
-    )
+    return Measured(joint, transmission(fit, name, lambda unit: data.unit_at(joint, unit)), fit)
 
 
 def _with_link_motion(
@@ -106,15 +85,12 @@ def _with_link_motion(
 
     A refit that takes the motor's motion for the link's finds heavier links.
     """
-    compliance = fit.coefficients[LOAD]
-    damping = None
-    if fit.accepted(RATE) and fit.coefficients[RATE] < 0.0:
-        damping = -fit.coefficients[RATE] / compliance**2
-    gap = 2.0 * max(fit.coefficients[SIDE], 0.0) if fit.accepted(SIDE) else 0.0
-    columns = twist_torques(data, joint, 1.0 / compliance, damping, gap)
-    rigid = regression.fit()
-    elastic = less(regression, columns).fit(rigid.noise_models)
-    return twist_rows(data, regression, joint, compliance, elastic.values)
+    bending, rate = fit.accepted(LOAD), fit.accepted(RATE)
+    damping = -rate / bending**2 if rate < 0.0 else None
+    gap = 2.0 * max(fit.accepted(SIDE), 0.0)
+    columns = twist_torques(data, joint, 1.0 / bending, damping, gap)
+    elastic = less(regression, columns).fit(regression.fit().noise_models)
+    return twist_rows(data, regression, joint, bending, elastic.values)
 
 
 def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
@@ -125,13 +101,11 @@ def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
             "with this joint moving"
         )
     types = data.prepared.model.robot.joint_types
-    for link_encoder in link_encoders(data.prepared.motions, data.joints, types):
-        if link_encoder.joint == data.joints[joint]:
-            return link_encoder.problem
-    return ""
+    encoders = link_encoders(data.prepared.motions, data.joints, types)
+    return next((each.problem for each in encoders if each.joint == data.joints[joint]), "")
 
 
-def transmission(fit: TwistFit, joint: str, unit_at: UnitAt = str) -> Transmission:
+def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str) -> Transmission:
     """Everything that the twist says, with what makes it unsure.
 
     Parameters
@@ -139,46 +113,61 @@ def transmission(fit: TwistFit, joint: str, unit_at: UnitAt = str) -> Transmissi
     unit_at
         From a unit of a joint that turns to that of this one.
     """
-    rows, terms = fit.rows, fit.terms
-    compliance, std, test = _compliance(fit)
-    elastic = compliance * rows.load
-    sure = compliance > settings.CLEAR_DEVIATIONS * std
-    large = float(np.ptp(elastic)) > rows.resolution
+    rows = fit.rows
+    bending, std, test = compliance(fit)
+    elastic = bending * rows.load
+    clear = bending > settings.CLEAR_DEVIATIONS * std
+    above_step = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
-    if fit.accepted(LOAD) and sure and large:
-        stiffness = EffectParameter(1.0 / compliance, std / compliance**2, unit_at("N m/rad"))
-        damping = _damping(fit, stiffness, unit_at)
-    highest = compliance + settings.NORMAL_95 * std
-    gap = _twice(fit, SIDE, unit_at)
+    if LOAD in fit.terms and clear and above_step:
+        stiffness = EffectParameter(1.0 / bending, std / bending**2, unit_at("N m/rad"))
+        damping = _damping(fit, stiffness, unit_at("N m s/rad"))
+    highest = bending + settings.NORMAL_95 * std
+    gap, friction = (
+        EffectParameter(2.0 * fit.numbers[term][0], 2.0 * fit.numbers[term][1], unit_at("rad"))
+        if fit.clear(term)
+        else None
+        for term in (SIDE, DIRECTION)
+    )
+    most = None
+    if SIDE in fit.numbers:
+        side, side_std = fit.numbers[SIDE]
+        most = 2.0 * (max(side, 0.0) + settings.NORMAL_95 * side_std)
     total = float(np.var(fit.twist)) or 1e-300
-    share = float(np.var(elastic)) / total
     return Transmission(
         joint=joint,
         stiffness=stiffness,
         stiffness_at_least=1.0 / highest if highest > 0.0 else None,
         damping=damping,
         backlash=gap if gap is not None and gap.value > rows.resolution else None,
-        backlash_at_most=_most_backlash(fit),
-        lost_motion=_twice(fit, DIRECTION, unit_at),
+        backlash_at_most=most,
+        lost_motion=friction,
         time_offset=EffectParameter(fit.offset, fit.offset_std, "s"),
-        position_error=POSITION in terms,
-        explained=max(0.0, 1.0 - float(np.var(fit.residual)) / total),
-        elastic_share=min(1.0, share) if stiffness is not None else 0.0,
+        position_error=POSITION in fit.terms,
+        explained=max(0.0, 1.0 - float(np.var(fit.fit.residuals[0])) / total),
+        elastic_share=min(1.0, float(np.var(elastic)) / total) if stiffness is not None else 0.0,
         twist_rms=float(np.sqrt(total)),
         resolution=rows.resolution,
         rows=len(rows.load),
         tests=(test,),
         unit=unit_at("rad"),
-        reason=_undecided(fit, sure=sure, large=large, measured=stiffness is not None),
+        reason="" if stiffness else _undecided(fit, clear=clear, above_step=above_step),
     )
 
 
-def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str:
-    """Why no stiffness is said; empty where one is."""
-    if measured:
-        return ""
+def _undecided(fit: TwistFit, *, clear: bool, above_step: bool) -> str:
+    """Why no stiffness is said.
+
+    Parameters
+    ----------
+    clear, above_step
+        Whether the twist under the load differs from zero, and is larger than the encoders' step.
+    """
     rows = fit.rows
-    if rows.resolution > 0.0 and (fit.accepted(LOAD) or not _could_be_seen(fit)) and not large:
+    # Whether a twist of one step of the encoders would not have been significant.
+    step = rows.resolution / max(float(np.ptp(rows.load)), 1e-300)
+    hidden = step <= settings.CLEAR_DEVIATIONS * fit.numbers[LOAD][1]
+    if rows.resolution > 0.0 and (LOAD in fit.terms or hidden) and not above_step:
         return (
             f"the twist under the load stays below the encoders' step of {rows.resolution:.2g}: "
             "it cannot be determined"
@@ -186,115 +175,20 @@ def _undecided(fit: TwistFit, *, sure: bool, large: bool, measured: bool) -> str
     largest = max(float(np.abs(rows.load).max()), 1e-300)
     if float(np.std(rows.load)) <= _LEAST_VARIATION * largest:
         return "the load hardly varies: it cannot be determined"
-    if fit.accepted(LOAD) and not sure:
+    if LOAD in fit.terms and not clear:
         return "what the encoders' errors and the load's leave open is as large as the twist"
     return "no twist follows the load"
 
 
-def _could_be_seen(fit: TwistFit) -> bool:
-    """Whether a twist of one step of the encoders would have been significant."""
-    step = fit.rows.resolution / max(float(np.ptp(fit.rows.load)), 1e-300)
-    return step > settings.CLEAR_DEVIATIONS * fit.stds[LOAD]
-
-
-def _compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
-    """1/K, its standard deviation (rad/(N m)), and whether all parts of the recording agree.
-
-    The deviation holds the noise of the twist, the parameters of the links, an error over the
-    position that the twist allows and does not ask for, and by how much the parts of the
-    recording differ beyond noise (Birge's ratio).
-    """
-    value, noise = fit.coefficients[LOAD], fit.stds[LOAD]
-    test, ratio = _agreement(fit)
-    variance = noise**2 * max(1.0, ratio) + _load_variance(fit)
-    if POSITION not in fit.terms and fit.accepted(LOAD):
-        beside = with_term(fit, term_columns(fit.rows)[POSITION])
-        place = fit.terms.index(LOAD)
-        variance += (float(beside.coefficients[place]) - value) ** 2
-    return value, float(np.sqrt(variance)), test
-
-
-def _load_variance(fit: TwistFit) -> float:
-    """Variance of 1/K from the parameters of the links: its gradient along each of them."""
-    rows = fit.rows
-    noise = fit.fit.noise_models[0]
-    segments = rows.segments
-    others = [fit.regression.joints[0].matrix]
-    columns = term_columns(rows)
-    others += [columns[term] for term in fit.terms if term != LOAD]
-    whiten = noise.standardized
-    nuisance = np.linalg.qr(whiten(np.column_stack(others), segments))[0]
-
-    def rest(values: FloatArray) -> FloatArray:
-        white = whiten(values, segments)
-        return white - nuisance @ (nuisance.T @ white)
-
-    load, changes = rest(rows.load), rest(rows.load_columns)
-    twist = rest(fit.regression.joints[0].torque)
-    energy = float(load @ load)
-    if energy <= 0.0:
-        return 0.0
-    value = float(load @ twist) / energy
-    gradient = (changes.T @ twist - 2.0 * value * (changes.T @ load)) / energy
-    return float(np.maximum(gradient @ rows.load_covariance @ gradient, 0.0))
-
-
-def _agreement(fit: TwistFit) -> tuple[HypothesisTest, float]:
-    """H0: one compliance for every recording (of one, for both halves); χ² over its df."""
-    rows = fit.rows
-    part = rows.recording
-    words = _SAME.format(parts="all recordings")
-    if len(np.unique(part)) < 2:
-        part = (np.arange(len(part)) >= len(part) // 2).astype(np.int64)
-        words = _SAME.format(parts="both halves of the recording")
-    labels = np.unique(part)
-    blocks = rows.load[:, None] * (part[:, None] == labels[1:])
-    found = with_term(fit, blocks)
-    if not fit.accepted(LOAD):
-        reason = "no twist follows the load"
-        return HypothesisTest.not_run(words, "all", reason), 1.0
-    own = slice(len(found.coefficients) - blocks.shape[1], None)
-    change, covariance = found.coefficients[own], found.coefficient_covariance[own, own]
-    df = int(np.linalg.matrix_rank(covariance))
-    if df == 0:
-        return HypothesisTest.not_run(words, "all", "the load moves in one part only"), 1.0
-    statistic = float(change @ np.linalg.pinv(covariance) @ change)
-    test = HypothesisTest(
-        words, "all", statistic, df, None, float(stats.chi2.sf(statistic, df)), alpha=0.01
-    )
-    return test, statistic / df
-
-
-def _damping(fit: TwistFit, stiffness: EffectParameter, unit_at: UnitAt) -> EffectParameter | None:
+def _damping(fit: TwistFit, stiffness: EffectParameter, unit: str) -> EffectParameter | None:
     """D = −K² times the coefficient of the load's rate, where it is shown."""
-    if not fit.accepted(RATE):
+    rate, std = fit.numbers.get(RATE, (0.0, 0.0))
+    value = -rate * stiffness.value**2
+    if RATE not in fit.terms or value <= 0.0 or stiffness.std is None:
         return None
-    value = -fit.coefficients[RATE] * stiffness.value**2
-    assert stiffness.std is not None
-    relative = np.hypot(
-        fit.stds[RATE] / fit.coefficients[RATE], 2.0 * stiffness.std / stiffness.value
-    )
-    std = float(abs(value) * relative)
-    if value <= settings.CLEAR_DEVIATIONS * std:
-        return None
-    return EffectParameter(value, std, unit_at("N m s/rad"))
-
-
-def _twice(fit: TwistFit, term: str, unit_at: UnitAt) -> EffectParameter | None:
-    """Whole width of what changes sides with a term."""
-    if not fit.accepted(term):
-        return None
-    value, std = 2.0 * fit.coefficients[term], 2.0 * fit.stds[term]
-    if value <= settings.CLEAR_DEVIATIONS * std:
-        return None
-    return EffectParameter(value, std, unit_at("rad"))
-
-
-def _most_backlash(fit: TwistFit) -> float | None:
-    """Upper end of the gap's 95 % interval, rad; None where the load never changes its side."""
-    if SIDE not in fit.coefficients:
-        return None
-    return 2.0 * (max(fit.coefficients[SIDE], 0.0) + settings.NORMAL_95 * fit.stds[SIDE])
+    relative = float(np.hypot(std / rate, 2.0 * stiffness.std / stiffness.value))
+    clear = settings.CLEAR_DEVIATIONS * relative < 1.0
+    return EffectParameter(value, value * relative, unit) if clear else None
 
 
 def link_inertia(data: Baseline, joint: int) -> float:

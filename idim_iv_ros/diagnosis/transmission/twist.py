@@ -26,36 +26,10 @@ _SIDE_MARGIN = 2  # rows beside a change of side: the link flies there
 # Base parameters that are none of the links.
 _NOT_OF_LINKS = ("Fv", "Fc", "off", "Ia")
 # Fields of `TwistRows` with a value for each row.
-_OF_LOAD = ("load", "load_rate", "load_columns", "side")
-_ROWS = (*_OF_LOAD, "speed", "direction", "position", "recording")
-
-
-@dataclass(frozen=True)
-class LinkChannel:
-    """One joint's positions before and behind its gear in one recording, and its rows.
-
-    Attributes
-    ----------
-    motion : Motion
-    joint : int
-    counting : (m,) bool
-        Decimated samples that count.
-    """
-
-    motion: Motion
-    joint: int
-    counting: BoolArray
-
-    def twist(self, offset: float) -> FloatArray:
-        """Motor less link (r,) rad, with the link's channel read `offset` seconds later."""
-        signals, span = self.motion.signals, self.motion.span
-        assert signals.link_position is not None
-        link = signals.link_position[:, self.joint]
-        later = scipy.ndimage.shift(
-            link, -offset * signals.rate, order=SHIFT_SPLINE, mode="nearest"
-        )
-        twist = (signals.position[:, self.joint] - later)[span]
-        return np.asarray(self.motion.decimation.whole(twist)[self.counting])
+_ROWS = (
+    *("load", "load_rate", "load_columns", "side"),
+    *("speed", "direction", "position", "recording"),
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +38,10 @@ class TwistRows:
 
     Attributes
     ----------
-    channels : tuple of LinkChannel
+    joint : int
+    channels : tuple of (Motion, (m,) bool)
+        Recordings with positions before and behind the gear, and their decimated samples that
+        count.
     load : N m
         Torque of the links, from the refit.
     load_rate : N m/s
@@ -88,7 +65,8 @@ class TwistRows:
         Which rows of the channels these are; None: all.
     """
 
-    channels: tuple[LinkChannel, ...]
+    joint: int
+    channels: tuple[tuple[Motion, BoolArray], ...]
     load: FloatArray
     load_rate: FloatArray
     side: FloatArray
@@ -104,7 +82,15 @@ class TwistRows:
 
     def twist(self, offset: float) -> FloatArray:
         """Motor less link (r,) rad, with the link's channel read `offset` seconds later."""
-        twist = np.concatenate([channel.twist(offset) for channel in self.channels])
+        parts = []
+        for motion, counting in self.channels:
+            signals = motion.signals
+            assert signals.link_position is not None
+            link, later = signals.link_position[:, self.joint], -offset * signals.rate
+            link = scipy.ndimage.shift(link, later, order=SHIFT_SPLINE, mode="nearest")
+            twist = (signals.position[:, self.joint] - link)[motion.span]
+            parts.append(motion.decimation.whole(twist)[counting])
+        twist = np.concatenate(parts)
         return twist if self.chosen is None else twist[self.chosen]
 
     def away_from_side_changes(self) -> "TwistRows":
@@ -117,9 +103,7 @@ class TwistRows:
         for segment in self.segments:
             spread = np.convolve(near[segment], np.ones(2 * _SIDE_MARGIN + 1), mode="same")
             chosen[segment] = spread[: segment.stop - segment.start] < 0.5
-        rows: dict[str, Any] = {
-            name: getattr(self, name)[chosen] for name in (*_ROWS, "load_columns")
-        }
+        rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ROWS}
         segments = segments_of([chosen[segment] for segment in self.segments])
         return replace(self, **rows, segments=segments, chosen=chosen)
 
@@ -153,15 +137,14 @@ def twist_rows(
         motion for theirs.
     """
     channels, parts, taken = [], [], []
-    for number, (motion, smooth) in enumerate(
-        zip(data.prepared.motions, data.motions, strict=True)
-    ):
+    pairs = zip(data.prepared.motions, data.motions, strict=True)
+    for number, (motion, smooth) in enumerate(pairs):
         assert motion.signals.link_valid is not None
         valid = motion.signals.link_valid[motion.span, joint : joint + 1]
         measured = all_around(valid, motion.decimation, motion.decimation.factor)[:, 0]
         kept = motion.kept[:, joint]
         counting = kept & measured
-        channels.append(LinkChannel(motion, joint, counting))
+        channels.append((motion, counting))
         taken.append(measured[kept])
         load = smooth.load[:, joint]
         for _ in range(LINK_MOTION_STEPS if compliance > 0.0 else 0):
@@ -177,15 +160,16 @@ def twist_rows(
         )
         rows = [smooth.rows(values)[counting] for values in series]
         parts.append([*rows, np.full(int(counting.sum()), number)])
-    load, rate, side, speed, direction, position, recording = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
+    load, rate, side, speed, direction, position, recording = map(
+        np.concatenate, zip(*parts, strict=True)
     )
-    columns, own, covariance = _of_links(data, regression, joint)
+    columns, places, covariance = _of_links(data, regression, joint)
     columns = columns[np.concatenate(taken)]
     fitted = regression.fit().values if values is None else values
     # The motion holds the parameters of another estimator.
-    load = load + columns @ (fitted - data.estimate.linear.values)[own]
+    load = load + columns @ (fitted - data.estimate.linear.values)[places]
     return TwistRows(
+        joint=joint,
         channels=tuple(channels),
         load=load,
         load_rate=rate,
@@ -194,7 +178,7 @@ def twist_rows(
         direction=direction,
         position=position,
         recording=recording.astype(np.int64),
-        segments=segments_of([channel.counting for channel in channels]),
+        segments=segments_of([counting for _, counting in channels]),
         load_columns=columns,
         load_covariance=covariance,
         resolution=_resolution(data, joint),

@@ -24,10 +24,10 @@ from idim_iv_ros.nodes.recorder.report import (
     topic_status,
 )
 from idim_iv_ros.nodes.recorder.session import RecordingSession
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.snapshot_service import SnapshotService
 from idim_iv_ros.nodes.recorder.threads import Intake, Result, WriterThread
-from idim_iv_ros.nodes.recorder.topic_set import TopicSet
+from idim_iv_ros.nodes.recorder.topics import TopicSet
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers

@@ -1,26 +1,31 @@
 """Serialised messages: where their numbers lie, so that thousands are read at once.
 
-JointState and Float64MultiArray have no fixed size, but a driver publishes the same joints in
-the same order nearly always: the layout of one message then holds for all that agree with it in
-every byte that is neither the stamp nor one of the numbers.
+Messages of joints have no fixed size, but a driver publishes the same joints in the same order
+nearly always: the layout of one message then holds for all that agree with it in every length and
+every text.
 """
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
-from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.definitions import MessageType
-from idim_iv_ros.recording.bags.located import locate
+from idim_iv_ros.types import FloatArray, IntArray
 
 ByteArray = NDArray[np.uint8]
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
-FLOAT_ARRAY = "std_msgs/msg/Float64MultiArray"
+_SIZES = {
+    "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_DEEPEST, _MOST_ITEMS = 20, 100_000
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,25 @@ class MessageBatch:
 
 
 @dataclass(frozen=True)
+class Column:
+    """Where one quantity of all joints lies in a message.
+
+    Attributes
+    ----------
+    origin : str
+        Field of the message.
+    offsets : (n,) int
+        Of each number; -1 where there is none.
+    code : str
+        NumPy's code of the type of the numbers.
+    """
+
+    origin: str
+    offsets: IntArray
+    code: str
+
+
+@dataclass(frozen=True)
 class CdrLayout:
     """Layout of one message.
 
@@ -82,8 +106,8 @@ class CdrLayout:
         Offset of the header's stamp (seconds int32, nanoseconds uint32).
     names : tuple of str
         Joint names; empty for an array without names.
-    fields : dict
-        Offset and count of the float64 numbers of each field.
+    columns : mapping
+        Of each quantity that the message holds.
     fixed : (size,) uint8
         The bytes of the message it was read from.
     structure : (n,) int
@@ -94,82 +118,178 @@ class CdrLayout:
     order: str
     stamp: int | None
     names: tuple[str, ...]
-    fields: dict[str, tuple[int, int]]
+    columns: Mapping[str, Column]
     fixed: ByteArray
-    structure: NDArray[np.int64]
+    structure: IntArray
 
     def agrees(self, messages: ByteArray) -> NDArray[np.bool_]:
         """Which of `messages` (k, size) have this layout."""
         same = messages[:, self.structure] == self.fixed[self.structure]
         return np.asarray(same.all(axis=1))
 
-    def numbers(self, messages: ByteArray, field: str) -> NDArray[np.float64]:
-        """Numbers (k, count) of a field of `messages` (k, size)."""
-        offset, count = self.fields[field]
-        raw = np.ascontiguousarray(messages[:, offset : offset + 8 * count])
-        return raw.view(f"{self.order}f8").astype(np.float64)
+    def numbers(self, messages: ByteArray, quantity: str) -> FloatArray:
+        """Numbers (k, n) of a quantity of `messages` (k, size); NaN where there is none."""
+        column = self.columns[quantity]
+        offsets, size = column.offsets, int(column.code[-1])
+        present = offsets >= 0
+        if present.all() and np.all(np.diff(offsets) == size):
+            raw = np.ascontiguousarray(messages[:, offsets[0] : offsets[-1] + size])
+            return np.asarray(raw.view(column.code), dtype=np.float64)
+        values = np.full((len(messages), len(offsets)), np.nan)
+        places = offsets[present][:, None] + np.arange(size)
+        raw = np.ascontiguousarray(messages[:, places.reshape(-1)])
+        values[:, present] = raw.view(column.code).reshape(len(messages), -1)
+        return values
 
-    def stamps(self, messages: ByteArray) -> NDArray[np.int64]:
+    def stamps(self, messages: ByteArray) -> IntArray:
         """Header stamps (k,) in ns; zero where the type has none."""
         if self.stamp is None:
             return np.zeros(len(messages), dtype=np.int64)
         raw = np.ascontiguousarray(messages[:, self.stamp : self.stamp + 8])
-        seconds = raw[:, :4].copy().view(f"{self.order}i4")[:, 0].astype(np.int64)
-        nanoseconds = raw[:, 4:].copy().view(f"{self.order}u4")[:, 0].astype(np.int64)
-        return seconds * 1_000_000_000 + nanoseconds
+        stamp = raw.view([("seconds", f"{self.order}i4"), ("nanoseconds", f"{self.order}u4")])[:, 0]
+        return stamp["seconds"].astype(np.int64) * 1_000_000_000 + stamp["nanoseconds"]
 
 
-_TEXT, _NUMBER = (Nodetype.BASE, ("string", 0)), (Nodetype.BASE, ("uint32", 0))
-_NUMBERS = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("float64", 0)), 0))
-_TYPES = {
-    JOINT_STATE: MessageType(
-        JOINT_STATE,
-        {
-            JOINT_STATE: [
-                ("stamp.sec", _NUMBER),
-                ("stamp.nanosec", _NUMBER),
-                ("frame_id", _TEXT),
-                ("name", (Nodetype.SEQUENCE, (_TEXT, 0))),
-                *((name, _NUMBERS) for name in ("position", "velocity", "effort")),
-            ]
-        },
-    ),
-    FLOAT_ARRAY: MessageType(
-        FLOAT_ARRAY,
-        {
-            FLOAT_ARRAY: [
-                ("dim", (Nodetype.SEQUENCE, ((Nodetype.NAME, "dim"), 0))),
-                ("data_offset", _NUMBER),
-                ("data", _NUMBERS),
-            ],
-            "dim": [("label", _TEXT), ("size", _NUMBER), ("stride", _NUMBER)],
-        },
-    ),
-}
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers of one type in a row: offset of the first, how many, NumPy's code of the type."""
+
+    offset: int
+    count: int
+    code: str
 
 
-def read_layout(message: bytes, message_type: str) -> CdrLayout:
-    """Read the layout of one JointState or Float64MultiArray.
+class Located:
+    """Where all numbers and texts of one message lie, found by a walk through its CDR.
+
+    Items of a sequence are ``name[0]``, ``name[1]``, ….
+
+    Attributes
+    ----------
+    numbers : dict of str to Numbers
+        Of each path that leads to a number or to several in a row.
+    texts : dict of str to tuple of str
+        Of each path that leads to a text (one item) or to several.
+    counts : dict of str to int
+        Items of each sequence or array of messages.
+    end : int
+        Where the message ends; padding may follow.
 
     Raises
     ------
-    DataError
-        The bytes are not a message of this type.
+    ValueError
+        The bytes are no message of this type, or its definition is not complete.
     """
-    try:
-        located = locate(message, _TYPES[message_type])
-    except ValueError as error:
-        raise DataError(f"not a {message_type} message") from error
-    return CdrLayout(
-        size=len(message),
-        order=located.order,
-        stamp=located.stamp,
-        names=located.texts.get("name", ()),
-        fields={
-            name: (numbers.offset, numbers.count)
-            for name, numbers in located.numbers.items()
-            if numbers.code.endswith("f8")
-        },
-        fixed=np.frombuffer(message, dtype=np.uint8),
-        structure=located.places,
-    )
+
+    def __init__(self, message: bytes, kind: MessageType) -> None:
+        if len(message) < 4 or message[0] != 0 or message[1] not in (0, 1):
+            raise ValueError("no CDR encapsulation header")
+        self.numbers: dict[str, Numbers] = {}
+        self.texts: dict[str, tuple[str, ...]] = {}
+        self.counts: dict[str, int] = {}
+        self.end = 4
+        self._message, self._fields = message, kind.fields
+        self._order = "<" if message[1] == 1 else ">"
+        self._structure = [(0, 4)]
+        self._items = 0
+        try:
+            self._walk_message(kind.name, "", 0)
+        except (struct.error, UnicodeDecodeError, KeyError) as error:
+            raise ValueError(f"no {kind.name}") from error
+
+    def layout(self, names: tuple[str, ...], columns: Mapping[str, Column | None]) -> CdrLayout:
+        """Layout of the message with the columns that are there."""
+        stamp = self.numbers.get("header.stamp.sec") or self.numbers.get("stamp.sec")
+        return CdrLayout(
+            size=len(self._message),
+            order=self._order,
+            stamp=None if stamp is None else stamp.offset,
+            names=names,
+            columns={name: column for name, column in columns.items() if column is not None},
+            fixed=np.frombuffer(self._message, dtype=np.uint8),
+            structure=np.concatenate([np.arange(*places) for places in self._structure]),
+        )
+
+    def column(self, origin: str, places: Sequence[tuple[str, int]]) -> Column | None:
+        """Column of one number for each joint: ``(path, number in the row)``; None without any."""
+        offsets, codes = np.full(len(places), -1), set()
+        for joint, (path, number) in enumerate(places):
+            row = self.numbers.get(path)
+            if row is not None and 0 <= number < row.count:
+                offsets[joint] = row.offset + number * int(row.code[-1])
+                codes.add(row.code)
+        return Column(origin, offsets, codes.pop()) if len(codes) == 1 else None
+
+    def row(self, path: str, width: int | None = None) -> Column | None:
+        """Column of the numbers at a path, as many as there are or `width` of them."""
+        numbers = self.numbers.get(path)
+        count = 0 if numbers is None else numbers.count
+        return self.column(path, [(path, k) for k in range(count if width is None else width)])
+
+    def _walk_message(self, name: str, path: str, depth: int) -> None:
+        self._count_items(1)
+        if depth > _DEEPEST:
+            raise ValueError("nested deeper than any message of a robot")
+        for field_name, described in self._fields[name]:
+            self._walk_value(described, f"{path}.{field_name}" if path else field_name, depth)
+
+    def _walk_value(self, described: tuple[Any, Any], path: str, depth: int) -> None:
+        node, detail = described
+        if node == Nodetype.NAME:
+            self._walk_message(detail, path, depth + 1)
+        elif node != Nodetype.BASE:
+            item, count = detail
+            count = self._read_count() if node == Nodetype.SEQUENCE else count
+            self._walk_items(item, path, count, depth)
+        elif detail[0] == "string":
+            self.texts[path] = (self._read_text(),)
+        else:
+            self._note_numbers(path, 1, detail[0])
+
+    def _walk_items(self, item: tuple[Any, Any], path: str, count: int, depth: int) -> None:
+        node, detail = item
+        if node == Nodetype.BASE and detail[0] != "string":
+            self._note_numbers(path, count, detail[0])
+            return
+        self._count_items(count)
+        if node == Nodetype.BASE:
+            self.texts[path] = tuple(self._read_text() for _ in range(count))
+            return
+        self.counts[path] = count
+        for number in range(count):
+            self._walk_value(item, f"{path}[{number}]", depth)
+
+    def _count_items(self, more: int) -> None:
+        self._items += more
+        if self._items > _MOST_ITEMS:
+            raise ValueError("of more parts than any message of a robot")
+
+    def _note_numbers(self, path: str, count: int, base: str) -> None:
+        code = _SIZES[base]
+        size = int(code[1])
+        if count:
+            self._align(size)
+        self.numbers[path] = Numbers(self.end, count, self._order + code)
+        self._advance(size * count)
+
+    def _read_count(self) -> int:
+        self._align(4)
+        start = self._advance(4)
+        self._structure.append((start, start + 4))
+        return int(struct.unpack_from(self._order + "I", self._message, start)[0])
+
+    def _read_text(self) -> str:
+        size = self._read_count()
+        start = self._advance(size)
+        self._structure.append((start, start + size))
+        return self._message[start : start + size].rstrip(b"\0").decode("utf-8")
+
+    def _align(self, size: int) -> None:
+        self.end += -(self.end - 4) % size
+
+    def _advance(self, size: int) -> int:
+        """Pass so many bytes, and return where they begin."""
+        start, self.end = self.end, self.end + size
+        if self.end > len(self._message):
+            raise ValueError("the message ends before its content")
+        return start

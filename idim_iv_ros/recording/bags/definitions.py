@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
+FLOAT_ARRAY = "std_msgs/msg/Float64MultiArray"
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 MANY_STATES = "control_msgs/msg/MultiDOFStateStamped"
 DYNAMIC_STATE = "control_msgs/msg/DynamicJointState"
@@ -55,15 +58,12 @@ def note_type(topics: dict[str, str], topic: str, kind: str) -> None:
 @lru_cache(maxsize=64)
 def versions(name: str, schema: SchemaText | None) -> tuple[MessageType, ...]:
     """Return the version of a type that a bag defines, else all that are known; may be empty."""
+    if name in _PLAIN:
+        return (MessageType(name, _PLAIN),)
     if schema is not None and schema.text.strip():
         return _parsed(name, schema)
-    return tuple(
-        version for text in _KNOWN.get(name, ()) for version in _parsed(name, _message(text))
-    )
-
-
-def _message(text: str) -> SchemaText:
-    return SchemaText("ros2msg", text)
+    texts = _KNOWN.get(name, ())
+    return tuple(kind for text in texts for kind in _parsed(name, SchemaText("ros2msg", text)))
 
 
 def _parsed(name: str, schema: SchemaText) -> tuple[MessageType, ...]:
@@ -87,6 +87,25 @@ def _standard() -> dict[str, Fields]:
     store = get_typestore(Stores.ROS2_JAZZY)
     return {name: list(parts[1]) for name, parts in store.fielddefs.items()}
 
+
+# Written out, because the whole store of ROS 2's types takes a tenth of a second to load.
+_TEXT, _NUMBER = (Nodetype.BASE, ("string", 0)), (Nodetype.BASE, ("uint32", 0))
+_NUMBERS = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("float64", 0)), 0))
+_PLAIN: dict[str, Fields] = {
+    JOINT_STATE: [
+        ("stamp.sec", _NUMBER),
+        ("stamp.nanosec", _NUMBER),
+        ("frame_id", _TEXT),
+        ("name", (Nodetype.SEQUENCE, (_TEXT, 0))),
+        *((name, _NUMBERS) for name in ("position", "velocity", "effort")),
+    ],
+    FLOAT_ARRAY: [
+        ("dim", (Nodetype.SEQUENCE, ((Nodetype.NAME, "dimension"), 0))),
+        ("data_offset", _NUMBER),
+        ("data", _NUMBERS),
+    ],
+    "dimension": [("label", _TEXT), ("size", _NUMBER), ("stride", _NUMBER)],
+}
 
 _POINT, _MANY = (
     "trajectory_msgs/JointTrajectoryPoint",

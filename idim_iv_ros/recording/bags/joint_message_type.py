@@ -7,30 +7,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from rosbags.interfaces import Nodetype
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording.bags.cdr import (
-    FLOAT_ARRAY,
-    JOINT_STATE,
-    ByteArray,
-    CdrLayout,
-    read_layout,
-)
+from idim_iv_ros.recording.bags.cdr import CdrLayout, Column, Located
 from idim_iv_ros.recording.bags.definitions import (
     AND,
     CONTROLLER_STATE,
     DYNAMIC_STATE,
+    FLOAT_ARRAY,
+    JOINT_STATE,
     MANY_STATES,
     ROS2_CONTROL,
     MessageType,
     SchemaText,
     versions,
 )
-from idim_iv_ros.recording.bags.located import Located, Numbers, locate
-from idim_iv_ros.types import FloatArray, IntArray
 
+QUANTITIES = ("position", "velocity", "effort")
 PLAIN = (JOINT_STATE, FLOAT_ARRAY)
 # The same point under the names of newer and older versions of control_msgs.
 _SAME = {"reference": "desired", "desired": "reference", "feedback": "actual", "actual": "feedback"}
@@ -38,38 +32,8 @@ _ASKED, _MEASURED, _OUTPUT = ("reference", "desired"), ("feedback", "actual"), (
 POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
 _PADDING = 8  # bytes that may follow the last field
 
-Places = dict[str, tuple[str, list[Numbers | None]]]
-"""Of position, velocity and effort: the field it comes from, and one number for each joint."""
-
-
-@dataclass(frozen=True)
-class PlacedLayout(CdrLayout):
-    """Layout of a message whose numbers lie anywhere.
-
-    Attributes
-    ----------
-    places : dict
-        Of each quantity the offset of every joint's number (-1: none), and its NumPy type.
-    origins : dict
-        Field of the message that each quantity comes from.
-    """
-
-    places: Mapping[str, tuple[IntArray, str]]
-    origins: Mapping[str, str]
-
-    def numbers(self, messages: ByteArray, field: str) -> FloatArray:
-        """Numbers (k, n_joints) of a quantity of `messages` (k, size); NaN where there is none."""
-        offsets, code = self.places[field]
-        there = offsets >= 0
-        size = int(code[-1])
-        if there.all() and len(offsets) and np.all(np.diff(offsets) == size):
-            raw = np.ascontiguousarray(messages[:, offsets[0] : offsets[-1] + size])
-            return np.asarray(raw.view(code), dtype=np.float64)
-        values = np.full((len(messages), len(offsets)), np.nan)
-        bytes_ = offsets[there][:, None] + np.arange(size)
-        raw = np.ascontiguousarray(messages[:, bytes_.reshape(-1)])
-        values[:, there] = raw.view(code).reshape(len(messages), -1)
-        return values
+_Columns = tuple[tuple[str, ...], Mapping[str, Column | None]]
+"""Names of the joints, and where their numbers lie by quantity."""
 
 
 @dataclass(frozen=True)
@@ -158,94 +122,88 @@ class JointMessageType:
         DataError
             The bytes are not a message of this type.
         """
-        if self.name in PLAIN:
-            return read_layout(message, self.name)
         kinds = versions(self.name, self.schema)
         for kind in kinds:
             try:
-                located = locate(message, kind)
-            except ValueError:
+                located = Located(message, kind)
+                names, columns = self._columns(located, quantities)
+            except (
+                ValueError,
+                KeyError,
+            ):  # or a definition without its fields
                 continue
             if len(kinds) == 1 or len(message) - located.end < _PADDING:
-                return self._layout(message, located, kind, quantities)
+                return located.layout(names, columns)
         raise DataError(f"not a {self.name} message")
 
-    def _layout(
-        self, message: bytes, located: Located, kind: MessageType, quantities: Sequence[str]
-    ) -> CdrLayout:
+    def _columns(self, located: Located, quantities: Sequence[str]) -> _Columns:
+        if self.name == JOINT_STATE:
+            return located.texts["name"], {name: located.row(name) for name in QUANTITIES}
         if self.name == CONTROLLER_STATE:
-            names, places = self._controller_state(located)
-        elif self.name == DYNAMIC_STATE:
-            names, places = self._interfaces(located, quantities)
-        elif self.name == MANY_STATES:
-            names, places = self._many_states(located)
-        else:
-            names, places = self._named_field(located, quantities)
-        return _placed(message, located, names, places)
+            return self._controller_state(located)
+        if self.name == DYNAMIC_STATE:
+            return self._interfaces(located, quantities)
+        if self.name == MANY_STATES:
+            return self._many_states(located)
+        field = "data" if self.name == FLOAT_ARRAY else self.field or ""
+        return _named_field(located, field, quantities)
 
-    def _controller_state(self, located: Located) -> tuple[tuple[str, ...], Places]:
+    def _controller_state(self, located: Located) -> _Columns:
         names = located.texts["joint_names"]
         points = _ASKED if self.reference else _MEASURED
         efforts = points if self.reference else (*_MEASURED, *_OUTPUT)
         if self.field is not None:
             points = efforts = (self.field, _SAME.get(self.field, self.field))
-        places: Places = {}
+        columns = {}
         for quantity, member, allowed in (
             ("position", "positions", points),
             ("velocity", "velocities", points),
             ("effort", "effort", efforts),
         ):
             # Of a version with both names only one is filled.
-            filled = (f"{point}.{member}" for point in allowed if _filled(located, point, member))
-            path = next(filled, "")
-            places[quantity] = (path, _row(located.numbers.get(path), len(names)))
-        return names, places
+            rows = (located.row(f"{point}.{member}", len(names)) for point in allowed)
+            columns[quantity] = next(filter(None, rows), None)
+        return names, columns
 
-    def _interfaces(
-        self, located: Located, quantities: Sequence[str]
-    ) -> tuple[tuple[str, ...], Places]:
+    def _interfaces(self, located: Located, quantities: Sequence[str]) -> _Columns:
         names = located.texts["joint_names"]
-        wanted = {name: name for name in ("position", "velocity", "effort")}
+        wanted = {name: name for name in QUANTITIES}
         if self.field is not None:
             wanted[_first_of(quantities)] = self.field
-        places: Places = {name: (interface, []) for name, interface in wanted.items()}
-        for joint in range(len(names)):
-            path = f"interface_values[{joint}]"
-            interfaces = located.texts.get(f"{path}.interface_names", ())
-            row = _row(located.numbers.get(f"{path}.values"), len(interfaces))
-            for interface, column in places.values():
-                present = interface in interfaces
-                column.append(row[interfaces.index(interface)] if present else None)
-        return names, places
+        paths = [f"interface_values[{joint}]" for joint in range(len(names))]
+        interfaces = [located.texts.get(f"{path}.interface_names", ()) for path in paths]
+        return names, {
+            quantity: located.column(
+                wanted_name,
+                [
+                    (f"{path}.values", there.index(wanted_name) if wanted_name in there else -1)
+                    for path, there in zip(paths, interfaces, strict=True)
+                ],
+            )
+            for quantity, wanted_name in wanted.items()
+        }
 
-    def _many_states(self, located: Located) -> tuple[tuple[str, ...], Places]:
-        count = located.counts.get("dof_states", 0)
-        names = tuple(located.texts[f"dof_states[{k}].name"][0] for k in range(count))
+    def _many_states(self, located: Located) -> _Columns:
+        paths = [f"dof_states[{k}]" for k in range(located.counts["dof_states"])]
         asked = self.field == "reference" or (self.field is None and self.reference)
         members = {"position": "reference"} if asked else {
             "position": "feedback", "velocity": "feedback_dot", "effort": "output"
         }  # fmt: skip
-        return names, {
-            quantity: (member, [located.numbers[f"dof_states[{k}].{member}"] for k in range(count)])
+        return tuple(located.texts[f"{path}.name"][0] for path in paths), {
+            quantity: located.column(member, [(f"{path}.{member}", 0) for path in paths])
             for quantity, member in members.items()
         }
 
-    def _named_field(
-        self, located: Located, quantities: Sequence[str]
-    ) -> tuple[tuple[str, ...], Places]:
-        field = self.field or ""
-        if f"{field}.name" in located.texts:  # a JointState within the message
-            names = located.texts[f"{field}.name"]
-            paths = {name: f"{field}.{name}" for name in ("position", "velocity", "effort")}
-        else:
-            names = located.texts.get("joint_names", located.texts.get("name", ()))
-            paths = {_first_of(quantities): field}
-        numbers = {name: located.numbers.get(path) for name, path in paths.items()}
-        counts = {row.count for row in numbers.values() if row is not None}
-        if counts != {len(names)} and f"{field}.name" not in located.texts:
-            names = ()
-        width = max(max(counts), len(names))
-        return names, {name: (paths[name], _row(row, width)) for name, row in numbers.items()}
+
+def _named_field(located: Located, field: str, quantities: Sequence[str]) -> _Columns:
+    """Columns of a field that holds numbers, or a JointState."""
+    if f"{field}.name" in located.texts:
+        names = located.texts[f"{field}.name"]
+        return names, {name: located.row(f"{field}.{name}") for name in QUANTITIES}
+    names = located.texts.get("joint_names", located.texts.get("name", ()))
+    column = located.row(field)
+    width = 0 if column is None else len(column.offsets)
+    return names if width == len(names) else (), {_first_of(quantities): column}
 
 
 def _holds_numbers(kind: MessageType, path: str) -> bool:
@@ -265,52 +223,9 @@ def _holds_numbers(kind: MessageType, path: str) -> bool:
     return bool(node == Nodetype.BASE and detail[0] != "string")
 
 
-def _filled(located: Located, point: str, member: str) -> bool:
-    numbers = located.numbers.get(f"{point}.{member}")
-    return numbers is not None and numbers.count > 0
-
-
 def _first_of(quantities: Sequence[str]) -> str:
     """What a named field holds: positions, where they are asked for at all."""
     return "position" if "position" in quantities else "effort"
-
-
-def _row(numbers: Numbers | None, count: int) -> list[Numbers | None]:
-    """Split a row into single numbers, one for each of `count` joints; None where it ends."""
-    if numbers is None:
-        return [None] * count
-    size = int(numbers.code[-1])
-    row = [
-        Numbers(numbers.offset + k * size, 1, numbers.code)
-        for k in range(min(numbers.count, count))
-    ]
-    return [*row, *[None] * (count - len(row))]
-
-
-def _placed(
-    message: bytes, located: Located, names: tuple[str, ...], places: Places
-) -> PlacedLayout:
-    placed, fields = {}, {}
-    for quantity, (_, row) in places.items():
-        codes = {number.code for number in row if number is not None}
-        if len(codes) != 1:
-            fields[quantity] = (0, 0)
-            continue
-        offsets = np.array(
-            [-1 if number is None else number.offset for number in row], dtype=np.int64
-        )
-        placed[quantity], fields[quantity] = (offsets, codes.pop()), (0, len(row))
-    return PlacedLayout(
-        size=len(message),
-        order=located.order,
-        stamp=located.stamp,
-        names=names,
-        fields=fields,
-        fixed=np.frombuffer(message, dtype=np.uint8),
-        structure=located.places,
-        places=placed,
-        origins={quantity: path for quantity, (path, _) in places.items() if quantity in placed},
-    )
 
 
 def may_hold_joints(name: str) -> bool:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import FLOAT_ARRAY, CdrLayout, MessageBatch
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, PlacedLayout
+from idim_iv_ros.recording.bags.cdr import CdrLayout, MessageBatch
+from idim_iv_ros.recording.bags.joint_message_type import PLAIN, JointMessageType
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -177,10 +177,9 @@ class JointMessageReader:
         stamps[sized] = layout.stamps(messages)
         which[sized] = number
         for name in self.fields:
-            source = "data" if self.kind.name == FLOAT_ARRAY else name
-            if source not in layout.fields or layout.fields[source][1] == 0:
+            if name not in layout.columns:
                 continue
-            numbers = layout.numbers(messages, source)
+            numbers = layout.numbers(messages, name)
             if not values[name].flags.writeable:
                 values[name] = np.full(values[name].shape, np.nan)
             for column, place in enumerate(places):
@@ -190,7 +189,7 @@ class JointMessageReader:
 
     def _places(self, layout: CdrLayout) -> list[int | None]:
         if self.kind.numbered and not layout.names:
-            count = max(count for _, count in layout.fields.values())
+            count = max((len(c.offsets) for c in layout.columns.values()), default=0)
             if count not in (0, len(self.joints)):
                 raise DataError(
                     f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
@@ -222,8 +221,8 @@ class JointMessageReader:
         for number, (known, places) in enumerate(self._layouts):
             names.update(dict.fromkeys(known.names))
             named[number] = [place is not None for place in places]
-            if isinstance(known, PlacedLayout):
-                origins.update(known.origins)
+            if self.kind.name not in PLAIN:
+                origins.update({name: c.origin for name, c in known.columns.items()})
         return JointMessages(
             topic=self.topic,
             stamps=stamps,

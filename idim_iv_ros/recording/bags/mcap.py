@@ -19,10 +19,8 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile
-from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.mcap_index import McapIndex, fetched_index
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -35,12 +33,11 @@ from idim_iv_ros.recording.bags.mcap_records import (
     MESSAGE,
     MESSAGE_HEAD,
     SCHEMA,
-    McapDescription,
     Record,
-    read_summary,
     records,
     text,
 )
+from idim_iv_ros.recording.bags.mcap_summary import McapDescription, fetched_summary, read_summary
 from idim_iv_ros.types import IntArray
 
 _READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
@@ -67,16 +64,15 @@ class McapFile(BagFile):
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, chunk by chunk; otherwise as `BagFile`."""
         if self.source is not None:
-            index = fetched_index(self.source)
-            if index is not None:
-                yield from self._fetched(index, self.source, wanted)
+            summary = fetched_summary(self.source)
+            if summary is not None:
+                yield from self._fetched(summary, self.source, wanted)
                 return
         with self._mapped() as (content, file):
             if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
                 raise DataError(f"{self.path}: not an MCAP file")
             summary = read_summary(content)
-            self._description = summary or McapDescription()
-            self.topics, self.definitions = self._description.topics, self._description.definitions
+            self._use(summary or McapDescription())
             yield from self._walk(content, wanted, len(MAGIC), file)
             if summary is not None and summary.counts is not None:
                 self._compare(summary.counts, wanted)
@@ -84,10 +80,10 @@ class McapFile(BagFile):
     def summarised_topics(self) -> dict[str, str]:
         """Type of each topic by the summary; empty where the file has none."""
         if self.source is not None:
-            index = fetched_index(self.source)
-            return {} if index is None else dict(index.description.topics)
-        with self._mapped() as (content, _):
-            summary = read_summary(content)
+            summary = fetched_summary(self.source)
+        else:
+            with self._mapped() as (content, _):
+                summary = read_summary(content)
         return {} if summary is None else dict(summary.topics)
 
     @contextmanager
@@ -105,15 +101,18 @@ class McapFile(BagFile):
                 yield content, file.fileno()
 
     def _fetched(
-        self, index: McapIndex, source: ByteSource, wanted: set[str]
+        self, summary: McapDescription, source: ByteSource, wanted: set[str]
     ) -> Iterator[tuple[str, MessageBatch]]:
         """Messages of the chunks that hold wanted topics, some chunks at a time."""
-        self._description = index.description
-        self.topics, self.definitions = self._description.topics, self._description.definitions
-        for first, last in index.stretches(wanted):
+        self._use(summary)
+        for first, last in summary.stretches(wanted):
             yield from self._walk(source.read(first, last), wanted, 0)
         self.truncated = False
-        self._compare(index.counts, wanted)
+        self._compare(summary.counts or {}, wanted)
+
+    def _use(self, description: McapDescription) -> None:
+        self._description = description
+        self.topics, self.definitions = description.topics, description.definitions
 
     def _walk(
         self,

@@ -4,13 +4,9 @@ import errno
 import os
 import re
 import struct
-import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from mmap import mmap
 from typing import NamedTuple
-
-from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
@@ -29,7 +25,6 @@ _IN_A_ROW = 3  # records that must follow each other where reading begins again
 # no recorder left it like that. Zeros, which a hole on the disk is made of, are passed by unread.
 _MOST_GARBAGE, _BLOCK = 1 << 27, 1 << 20
 _ZEROS = bytes(_BLOCK)
-_LONGEST_SUMMARY = 1 << 28
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_SIZE = 20
@@ -174,97 +169,3 @@ def _leads_on(content: mmap | bytes, place: int) -> bool:
             break
         place = record.end
     return True
-
-
-@dataclass
-class McapDescription:
-    """Schemas and channels of a file, from its data or from its summary.
-
-    Attributes
-    ----------
-    schemas : dict
-        Name of each schema.
-    definitions : dict
-        Definition of each type.
-    channels : dict
-        Topic of each channel of CDR messages.
-    topics : dict
-        Type of each topic.
-    counts : dict or None
-        Messages of each channel in the whole file; None where no summary says it.
-    """
-
-    schemas: dict[int, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    channels: dict[int, str] = field(default_factory=dict)
-    topics: dict[str, str] = field(default_factory=dict)
-    counts: dict[int, int] | None = None
-
-    def add(self, opcode: int, record: bytes) -> None:
-        """Take a schema or channel record.
-
-        Raises
-        ------
-        struct.error, UnicodeDecodeError
-            It is damaged.
-        """
-        if opcode == SCHEMA:
-            (number,) = struct.unpack_from("<H", record)
-            name, place = text(record, 2)
-            self.schemas[number] = name
-            encoding, place = text(record, place)
-            # Other encodings than those of ROS need not be text.
-            written = record[place + 4 :].decode("utf-8", errors="replace")
-            self.definitions[name] = SchemaText(encoding, written)
-            return
-        number, schema = struct.unpack_from("<HH", record)
-        topic, place = text(record, 4)
-        encoding, _ = text(record, place)
-        if encoding == "cdr":
-            self.channels[number] = topic
-            note_type(self.topics, topic, self.schemas.get(schema, ""))
-
-
-def read_summary(content: mmap | bytes, offset: int = 0) -> McapDescription | None:
-    """Description at the end of a file, None where there is none or its checksum is wrong.
-
-    `content` is the end of the file from byte `offset` on; it must hold the whole summary.
-    """
-    footer = len(content) - len(MAGIC) - FOOTER_SIZE
-    start = summary_start(content, offset)
-    if start is None or start < offset:
-        return None
-    start -= offset
-    (checksum,) = struct.unpack_from("<I", content, footer + 16)
-    # A writer that computes no checksum leaves it zero.
-    if checksum not in (0, zlib.crc32(content[start : footer + 16])):
-        return None
-    description = McapDescription()
-    try:
-        for record in records(content, start):
-            if record.opcode in (SCHEMA, CHANNEL):
-                description.add(record.opcode, content[record.start : record.end])
-            elif record.opcode == STATISTICS:
-                description.counts = _counts(content[record.start : record.end])
-            elif record.opcode == FOOTER:
-                break
-    except (struct.error, UnicodeDecodeError):
-        return None
-    return description
-
-
-def summary_start(content: mmap | bytes, offset: int = 0) -> int | None:
-    """Where in the file the summary begins, None where there is none; see `read_summary`."""
-    footer = len(content) - len(MAGIC) - FOOTER_SIZE
-    if footer < HEAD or content[-len(MAGIC) :] != MAGIC or content[footer - HEAD] != FOOTER:
-        return None
-    (start,) = struct.unpack_from("<Q", content, footer)
-    if offset + footer - start > _LONGEST_SUMMARY:
-        return None
-    return start if len(MAGIC) <= start < offset + footer - HEAD else None
-
-
-def _counts(record: bytes) -> dict[int, int]:
-    """Messages of each channel, from a statistics record."""
-    (size,) = struct.unpack_from("<I", record, 42)
-    return dict(struct.iter_unpack("<HQ", record[46 : 46 + size]))

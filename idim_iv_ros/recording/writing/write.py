@@ -8,21 +8,39 @@ from pathlib import Path
 from typing import IO, cast
 
 import numpy as np
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
-from idim_iv_ros.recording.bags.cdr import JOINT_STATE, read_layout
+from idim_iv_ros.recording.bags.definitions import JOINT_STATE
+from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES, JointMessageType
 from idim_iv_ros.recording.topic_names import in_root
-from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.types import FloatArray, IntArray
 
 _STRING = "std_msgs/msg/String"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 # A damaged byte costs the messages of one chunk: chunks are short.
 _CHUNK_DURATION = 1_000_000_000  # ns of log time
+
+
+@dataclass(frozen=True)
+class Storage:
+    """Compression of chunks, and the bytes from which on a chunk ends."""
+
+    compression: CompressionType = CompressionType.ZSTD
+    chunk_size: int = 1 << 20
+
+
+# What rosbag2's presets of the same purpose choose (fastwrite, zstd_fast, zstd_small), as far as a
+# file that survives a crash allows: chunks and their index are always written.
+PRESETS = {
+    "default": Storage(),
+    "none": Storage(CompressionType.NONE),
+    "fast": Storage(CompressionType.LZ4),
+    "small": Storage(CompressionType.ZSTD, 4 << 20),
+}
 
 
 @dataclass(frozen=True)
@@ -263,7 +281,7 @@ def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
 def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Serialised messages (n, size): one template, its numbers filled in for all at once."""
     template = _template(topic)
-    layout = read_layout(template, JOINT_STATE)
+    layout = JointMessageType(JOINT_STATE).layout(template, QUANTITIES)
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
     assert layout.stamp is not None
@@ -271,9 +289,9 @@ def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     messages[:, place : place + 4] = seconds.astype("<i4")[:, None].view(np.uint8)
     messages[:, place + 4 : place + 8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
     for name, values in _fields(topic).items():
-        offset, count = layout.fields[name]
-        numbers = np.ascontiguousarray(values, dtype="<f8")
-        messages[:, offset : offset + 8 * count] = numbers.view(np.uint8)
+        offset = layout.columns[name].offsets[0]
+        numbers = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
+        messages[:, offset : offset + numbers.shape[1]] = numbers
     return messages
 
 

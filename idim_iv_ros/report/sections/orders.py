@@ -9,7 +9,7 @@ from idim_iv_ros.report.figures import BLUE, INK, ORANGE, Figure, Mark, axis, la
 from idim_iv_ros.report.gap_words import drawable, extended_beyond_refit, torque_unit, unit_in
 from idim_iv_ros.report.numerals import number, round_number
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.statistics.order_spectrum import OrderSpectrum, order_spectrum
+from idim_iv_ros.statistics.curves import OrderSpectrum, order_spectrum
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230

@@ -30,7 +30,7 @@ from idim_iv_ros.report.gap_words import (
 )
 from idim_iv_ros.report.numerals import round_number
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.statistics.smoothing import SmoothCurve, smooth
+from idim_iv_ros.statistics.curves import SmoothCurve, smooth
 from idim_iv_ros.types import FloatArray
 
 _BANDS = {FORWARD: FORWARD_BAND, BACKWARD: BACKWARD_BAND}

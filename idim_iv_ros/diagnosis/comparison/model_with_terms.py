@@ -118,7 +118,7 @@ class Torques:
         model = [
             rows.matrix * scale for rows, scale in zip(ledger.joints, self.scales, strict=True)
         ]
-        self.inner = options.own_products(lines)
+        self.inner = options.inner_products(lines)
         self.normal, self.shared = products_with_model(options, model, lines)
 
 
@@ -172,16 +172,16 @@ class NominalErrors:
             before = np.matmul(turned, np.matmul(white.inner[w], basis))
             self.raw[w] = _ROUNDING * np.trace(before, axis1=1, axis2=2)
             self.score[w] = np.matmul(turned, score[columns][:, :, None])[:, :, 0]
-        self._links: dict[tuple[object, ...], _Link] = {}
+        self._made: dict[tuple[object, ...], _TermProducts] = {}
 
-    def link(self, term: Term) -> "_Link":
+    def products_of(self, term: Term) -> "_TermProducts":
         """Products of a term with everything, made once."""
-        if term.identity not in self._links:
-            self._links[term.identity] = _Link(self, term)
-        return self._links[term.identity]
+        if term.identity not in self._made:
+            self._made[term.identity] = _TermProducts(self, term)
+        return self._made[term.identity]
 
 
-class _Link:
+class _TermProducts:
     """Products of one term with the model and with all options, beside the nominal errors."""
 
     def __init__(self, nominal: NominalErrors, term: Term) -> None:
@@ -195,12 +195,12 @@ class _Link:
             if joint not in term.columns or rows.left_out:
                 right.append(np.zeros((len(rows), term.width)))
                 continue
-            own = white.noise[joint].standardized(term.columns[joint], rows.segments)
-            own = own * white.counted[joint][:, None]
-            self.white[joint] = own
-            right.append(own)
-            shared[rows.columns] += white.model[joint].T @ own
-            gap += own.T @ white.gap[joint]
+            table = white.noise[joint].standardized(term.columns[joint], rows.segments)
+            table = table * white.counted[joint][:, None]
+            self.white[joint] = table
+            right.append(table)
+            shared[rows.columns] += white.model[joint].T @ table
+            gap += table.T @ white.gap[joint]
         self.projected = nominal.root.T @ shared
         self.moved = nominal.root @ self.projected
         self.score = gap - self.projected.T @ nominal.explained
@@ -219,7 +219,7 @@ class _Link:
             }
         return self._crossed
 
-    def between(self, other: "_Link") -> FloatArray:
+    def between(self, other: "_TermProducts") -> FloatArray:
         """Products (w, w') of two terms beside the nominal errors."""
         inner = -self.projected.T @ other.projected
         for joint in self.white.keys() & other.white.keys():
@@ -228,7 +228,7 @@ class _Link:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class ModelWithTerms:
     """A model: the nominal errors and some terms, their coefficients as good as free.
 
     Attributes
@@ -241,8 +241,8 @@ class Beside:
     terms: tuple[Term, ...]
 
     @cached_property
-    def _links(self) -> list[_Link]:
-        return [self.nominal.link(term) for term in self.terms]
+    def _products(self) -> list[_TermProducts]:
+        return [self.nominal.products_of(term) for term in self.terms]
 
     @cached_property
     def starts(self) -> list[int]:
@@ -256,12 +256,12 @@ class Beside:
         inner, prior = np.zeros((q, q)), np.zeros((q, q))
         score = np.zeros(q)
         for k, (one, start, end) in enumerate(
-            zip(self._links, self.starts, self.starts[1:], strict=False)
+            zip(self._products, self.starts, self.starts[1:], strict=False)
         ):
             score[start:end] = one.score
             prior[start:end, start:end] = self.terms[k].prior_root
             for m in range(k + 1):
-                block = one.between(self._links[m])
+                block = one.between(self._products[m])
                 inner[start:end, self.starts[m] : self.starts[m + 1]] = block
                 inner[self.starts[m] : self.starts[m + 1], start:end] = block.T
         values, vectors = np.linalg.eigh(prior.T @ inner @ prior)
@@ -292,11 +292,11 @@ class Beside:
     def errors(self) -> FloatArray:
         """(b,) δ: change of the nominal numbers beside the terms."""
         change = self.nominal.root @ self.nominal.explained
-        for link, start, end in zip(self._links, self.starts, self.starts[1:], strict=False):
-            change = change - link.moved @ self.coefficients[start:end]
+        for products, start, end in zip(self._products, self.starts, self.starts[1:], strict=False):
+            change = change - products.moved @ self.coefficients[start:end]
         return np.asarray(change)
 
-    def options_beside(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+    def options_left(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Products (m_w, w, w) and scores (m_w, w) of the options of each width, unit size."""
         nominal = self.nominal
         if not self.terms:
@@ -306,7 +306,10 @@ class Beside:
         made = {}
         for w in nominal.inner:
             crossed = (
-                np.concatenate([link.crossed(nominal)[w] for link in self._links], axis=2) @ root
+                np.concatenate(
+                    [products.crossed(nominal)[w] for products in self._products], axis=2
+                )
+                @ root
             )
             inner = nominal.inner[w] - np.matmul(crossed, crossed.transpose(0, 2, 1))
             made[w] = inner, nominal.score[w] - crossed @ taken
@@ -320,8 +323,8 @@ class Beside:
             model = self.nominal.white.model[joint] if white else rows.matrix
             rest = self.nominal.white.gap[joint] if white else ledger.gap[joint]
             rest = rest - model @ self.errors[rows.columns]
-            for link, term, start in zip(self._links, self.terms, self.starts, strict=False):
-                table = link.white if white else term.columns
+            for products, term, start in zip(self._products, self.terms, self.starts, strict=False):
+                table = products.white if white else term.columns
                 if joint in table:
                     rest = rest - table[joint] @ self.coefficients[start : start + term.width]
             left.append(rest)
@@ -344,16 +347,16 @@ class Beside:
         root = self._solved[0] if self.terms else np.zeros((0, 0))
         taken = root @ (root.T @ crossed.T) if self.terms else np.zeros((0, moved.shape[1]))
         errors = moved
-        for link, start, end in zip(self._links, self.starts, self.starts[1:], strict=False):
-            errors = errors - link.moved @ taken[start:end]
+        for products, start, end in zip(self._products, self.starts, self.starts[1:], strict=False):
+            errors = errors - products.moved @ taken[start:end]
         made = {}
         for joint, rows in enumerate(self.nominal.options.ledger.joints):
             model = self.nominal.white.model[joint] if white else rows.matrix
             rest = -model @ errors[rows.columns]
             if joint in columns:
                 rest = rest + columns[joint]
-            for link, term, start in zip(self._links, self.terms, self.starts, strict=False):
-                table = link.white if white else term.columns
+            for products, term, start in zip(self._products, self.terms, self.starts, strict=False):
+                table = products.white if white else term.columns
                 if joint in table:
                     rest = rest - table[joint] @ taken[start : start + term.width]
             made[joint] = rest
@@ -363,5 +366,5 @@ class Beside:
         """Products (w, q) of one option, in coefficients of unit size, with the terms."""
         if not self.terms:
             return np.zeros((width, 0))
-        links = [link.crossed(self.nominal)[width][place] for link in self._links]
-        return np.concatenate(links, axis=1)
+        crossed = [products.crossed(self.nominal)[width][place] for products in self._products]
+        return np.concatenate(crossed, axis=1)

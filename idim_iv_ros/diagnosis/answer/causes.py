@@ -1,0 +1,297 @@
+"""Causes and hints with numbers, evidence and a sentence, in the order in which they are said."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
+from idim_iv_ros.diagnosis.answer.numbers import numbers_of, parameters_of
+from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
+from idim_iv_ros.diagnosis.comparison.select import refit_residuals
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import shrinkage
+from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    Evidence,
+    Gap,
+    Hint,
+    Indistinguishable,
+    ParameterError,
+    SimulationGap,
+    Unexplained,
+    Verdict,
+)
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.types import FloatArray
+
+
+def rivals_of(joints: Sequence[str], terms: Sequence[Term]) -> tuple[Indistinguishable, ...]:
+    """What explains the recording as well in the place of terms, the likeliest first."""
+    weights: dict[tuple[str, int | None], float] = {}
+    for term in terms:
+        for key, weight in term.rivals:
+            if key[:3] != term.key[:3] and weight >= settings.LEAST_WEIGHT_OF_RIVAL:
+                weights.setdefault(key[:2], weight)
+    return tuple(
+        Indistinguishable(effect, None if joint is None else joints[joint], weight)
+        for (effect, joint), weight in weights.items()
+    )
+
+
+def structural_causes(
+    data: Baseline, found: Explained, simulations: Sequence[SimulationGap | None]
+) -> list[Cause]:
+    """One cause for each structural effect.
+
+    Parameters
+    ----------
+    simulations
+        Gap of the simulated motion before and after each effect.
+    """
+    causes, tested = [], found.tested
+    # The refit with the coefficients that effects have beside the errors of the nominal model.
+    coefficients = [effect.term.coefficients for effect in found.effects]
+    fit = replace(found.fit, coefficients=np.concatenate([np.zeros(0), *coefficients]))
+    for number, (judged, simulation) in enumerate(zip(found.effects, simulations, strict=True)):
+        term, place = judged.term, judged.term.place
+        stage = tested.refit + number
+        gap = tested.gap(stage, stage + 1, place.joint)
+        gain, helped, folds = tested.gain(number)
+        start = found.block(number).start
+        numbers = parameters_of(data, found.regression, fit, term, start)
+        cause = Cause(
+            effect=term.effect.name,
+            kind="structural",
+            joint=data.joints[place.joint],
+            other_joint=None if place.other is None else data.joints[place.other],
+            sentence="",
+            parameters=data.in_units_at(place.joint, numbers),
+            probability=judged.probability,
+            evidence=Evidence(
+                statistic=max(2.0 * term.evidence, 0.0),
+                held_out_gain=gain,
+                folds_positive=f"{helped} of {folds}",
+                chosen_in_folds=judged.chosen,
+            ),
+            indistinguishable_from=rivals_of(data.joints, [term]),
+            torque_gap=gap,
+            simulation_gap=simulation,
+            joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
+        )
+        meaning = term.effect.meaning(term.shape)
+        said = sentences.structural_cause(data, cause, meaning)
+        causes.append(replace(cause, sentence=said))
+    return causes
+
+
+def parametric_causes(
+    data: Baseline, found: Explained
+) -> tuple[list[Cause], tuple[ParameterError, ...]]:
+    """One cause for each wrong number, and what parameter errors make of the gap at each joint.
+
+    The number that takes most of the gap beside those before it comes first, after what the
+    configuration itself leaves out. The gap is that of the nominal model beside the structural
+    causes; errors are empty without a nominal model.
+    """
+    ledger = found.selection.comparison.options.ledger
+    signals = [term for term in found.selection.terms if term.candidate.kind is Kind.SIGNAL]
+    gap = list(ledger.gap)
+    for term in (*(effect.term for effect in found.effects), *signals, *found.selection.curves):
+        gap = _without(gap, term)
+    refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
+    left, before, causes = list(found.numbers), first, []
+    while left:
+        judged = _next(found, left, gap)
+        left = [other for other in left if other is not judged]
+        gap = _without(gap, judged.term)
+        after = _rms(gap)
+        causes.append(_parametric_cause(data, found, judged, before, after))
+        before = after
+    if data.prepared.given is None:
+        return causes, ()
+    remaining = np.sqrt(np.maximum(before**2 - refit**2, 0.0))
+    table = np.column_stack([first, before, refit, remaining, remaining / data.torque_sizes])
+    errors = zip(data.joints, table.tolist(), strict=True)
+    return causes, tuple(
+        ParameterError(name, *numbers)
+        for joint, (name, numbers) in enumerate(errors)
+        if joint not in data.left_out
+    )
+
+
+def _next(found: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]) -> JudgedTerm:
+    """The number that takes most of a gap; before it what the configuration itself leaves out."""
+    comparison = found.selection.comparison
+
+    def rank(judged: JudgedTerm) -> tuple[bool, float]:
+        effect = judged.term.candidate.effect
+        assert isinstance(effect, ParametricEffect)
+        rest = _rms(_without(gap, judged.term)) / comparison.options.ledger.sizes
+        return effect.known_to_be_left_out(comparison.catalogue.space), -float(rest @ rest)
+
+    return max(left, key=rank)
+
+
+def _without(gap: Sequence[FloatArray], term: Term) -> list[FloatArray]:
+    """Take a term's torque out of a gap."""
+    return [
+        left - term.columns[joint] @ term.coefficients if joint in term.columns else left
+        for joint, left in enumerate(gap)
+    ]
+
+
+def _rms(gap: Sequence[FloatArray]) -> FloatArray:
+    return np.array([np.sqrt(np.mean(left**2)) if len(left) else 0.0 for left in gap])
+
+
+def _parametric_cause(
+    data: Baseline, found: Explained, judged: JudgedTerm, before: FloatArray, after: FloatArray
+) -> Cause:
+    """One wrong number, with the gap (n_joints,) before and after it is corrected, N m (N)."""
+    term, effect = judged.term, judged.term.candidate.effect
+    assert isinstance(effect, ParametricEffect)
+    space = found.selection.comparison.catalogue.space
+    joint = None if term.candidate.place is None else term.candidate.place.joint
+    name = None if joint is None else data.joints[joint]
+    others = rivals_of(data.joints, [term])
+    if effect.known_to_be_left_out(space):
+        inseparable = effect.inseparable_from(space)
+        others = tuple(Indistinguishable(other, where, 1.0) for other, where in inseparable)
+    changed = [
+        data.joint_change(number, float(one), float(two))
+        for number, (one, two) in enumerate(zip(before, after, strict=True))
+    ]
+    changed = [
+        change
+        for change in changed
+        if change.joint == name or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
+    ]
+    changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
+    which = list(range(len(data.joints))) if joint is None else [joint]
+    one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
+    floor = common_floor([found.floors[number] for number in which])
+    taken = float(shrinkage(np.array(one), np.array(two), floor))
+    cause = Cause(
+        effect=effect.name,
+        kind="parametric",
+        joint=name,
+        sentence="",
+        parameters=numbers_of(term, found),
+        probability=judged.probability,
+        evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judged.chosen),
+        indistinguishable_from=others,
+        torque_gap=Gap(one, two, floor, taken if np.isfinite(taken) else None, None),
+        joint_gaps=tuple(changed),
+    )
+    return replace(cause, sentence=sentences.parametric_cause(data, cause, effect))
+
+
+def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterError]:
+    """Joints with more than a share of torque in error that no cause names, the largest first."""
+    return sorted(
+        (
+            error
+            for error in errors
+            if error.share_of_torque > least
+            and error.named > settings.PARAMETER_ERROR_OVER_REFIT * error.refit
+        ),
+        key=lambda error: -error.share_of_torque,
+    )
+
+
+def hints_of(data: Baseline, found: Explained) -> tuple[Hint, ...]:
+    """Terms that were selected and are no causes, each with the reason."""
+    made = []
+    for judged in found.doubtful:
+        term, place = judged.term, judged.term.candidate.place
+        if place is None or float(term.whole.max()) <= 0.0:
+            continue
+        joints = [data.joints[joint] for joint in place.joints]
+        numbers = data.in_units_at(place.joint, numbers_of(term, found))
+        share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
+        rest = found.tested.rms(len(found.tested.names) - 1, place.joint)[0]
+        made.append(
+            Hint(
+                effect=term.key[0],
+                joint=joints[0],
+                other_joint=joints[1] if len(joints) > 1 else None,
+                sentence=sentences.hint(term.key[0], joints, numbers, judged.reason),
+                reason=judged.reason,
+                parameters=numbers,
+                chosen_in_folds=judged.chosen if term.candidate.kind is Kind.EFFECT else "",
+                torque_gap=Gap(float(np.hypot(rest, share)), rest, None, None, None),
+            )
+        )
+    return tuple(made)
+
+
+def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
+    """Sort causes by what they take of the gap, as a share of the torque of the joint.
+
+    Of causes that move several joints the shares of all count. Another control law has no gap of
+    the torque: its evidence decides whether it comes before the structural causes or after them.
+    What was put in before anything else was looked for comes first: drive inertia that the
+    configuration leaves out, and a delay of all joints.
+    """
+    laws = [cause for cause in causes if BY_NAME[cause.effect].part == "gains"]
+    others = [cause for cause in causes if BY_NAME[cause.effect].part != "gains"]
+    others.sort(key=lambda cause: -_taken(cause, data))
+    places = [place for place, cause in enumerate(others) if cause.kind == "structural"]
+    place = places[-1] + 1 if places else len(others)
+    if places and _most_evidence(laws) > _most_evidence([others[number] for number in places]):
+        place = places[0]
+    ordered = [*others[:place], *laws, *others[place:]]
+    return sorted(
+        ordered,
+        key=lambda cause: not (BY_NAME[cause.effect].put_in_first and cause.joint is None),
+    )
+
+
+def _most_evidence(group: Sequence[Cause]) -> float:
+    return max((cause.evidence.statistic for cause in group), default=0.0)
+
+
+def _taken(cause: Cause, data: Baseline) -> float:
+    """Energy of the torque gap that a cause takes, as a share of the torque's, over its joints."""
+    if cause.joint_gaps:
+        return sum(
+            float(np.sign(joint_gap.share_of_torque)) * joint_gap.share_of_torque**2
+            for joint_gap in cause.joint_gaps
+        )
+    taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
+    joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
+    whole = sum(float(np.mean(data.rows[joint].torque ** 2)) for joint in joints)
+    return taken / max(whole, 1e-300)
+
+
+def verdict_of(
+    causes: Sequence[Cause],
+    outside: Unexplained | None,
+    *,
+    parameters: bool = False,
+    unexplained: bool = False,
+) -> Verdict:
+    """One word: causes of the catalogue count before what is outside it.
+
+    Parameters
+    ----------
+    parameters
+        Whether parameters are in error beyond the causes: it is not known which.
+    unexplained
+        Whether much of the gap remains.
+    """
+    kinds: set[str] = {cause.kind for cause in causes}
+    if parameters and not kinds and not unexplained:
+        kinds = {"parametric"}
+    if kinds == {"parametric", "structural"}:
+        return "both"
+    if "parametric" in kinds:
+        return "parametric" if outside is None else "unknown"
+    if "structural" in kinds:
+        return "structural"
+    return "unknown" if unexplained or outside is not None else "none"

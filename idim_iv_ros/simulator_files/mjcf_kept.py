@@ -1,0 +1,304 @@
+"""A user's own MJCF with other values in it, and bodies for payloads.
+
+What an `<inertial>` of the file is written as stays: `fullinertia` in the axes of the body, or
+`diaginertia` with a `quat`. Attributes that a default class gives are written at the joint itself.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import read_text
+from idim_iv_ros.model.mjcf import compiled_mjcf
+from idim_iv_ros.model.mjcf_ties import native_elements
+from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.simulator_files.links import LinkBody
+from idim_iv_ros.simulator_files.mjcf import JointValues, friction_solver, inertial_of
+from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.xml_text import (
+    comment_text,
+    elements,
+    number_text,
+    numbers_text,
+    put_first,
+    read_xml,
+    set_values,
+    tag_text,
+    written_xml,
+)
+from idim_iv_ros.types import FloatArray
+
+_LARGEST = 50.0  # MB
+# What puts other elements in its place, so that a body that moves is not one of this file's own.
+_MADE_ELSEWHERE = {
+    "attach": "takes bodies from another file: name that file as robot.mjcf",
+    "replicate": "makes bodies: write them out",
+    "composite": "makes bodies: write them out",
+    "flexcomp": "makes bodies: write them out",
+}
+_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+_CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
+_DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
+_NEAR = 0.1  # of it: known no better from a recording
+# Of a sum that was taken apart again: what differs by less is rounding.
+_ROUNDING = 1e-14
+
+
+def with_mjcf_values(
+    content: bytes,
+    path: Path,
+    urdf: Urdf,
+    links: Mapping[str, LinkBody],
+    joints: Sequence[str],
+    values: JointValues,
+    mounted: Mapping[str, tuple[str, Load]],
+) -> tuple[bytes, tuple[str, ...]]:
+    """Return the MJCF with other values and bodies for payloads, and what to say of it.
+
+    Parameters
+    ----------
+    content
+        The bytes of the file.
+    path
+    urdf
+        What this program makes of the file.
+    links
+        Inertials of links in their frames, by name.
+    joints
+        Those that are identified, in the order of `values`.
+    values
+    mounted
+        Payloads by the name of their body, each with the link that carries it.
+
+    Raises
+    ------
+    UsageError
+        The file takes bodies from an asset or makes them by itself, or has settings that change
+        inertials; a joint or body whose values have no place of their own.
+    """
+    document, included = with_included(content, path)
+    notes: tuple[str, ...] = ()
+    refers = next(
+        (each.getAttribute("file") for each in _all(document) if each.hasAttribute("file")), ""
+    )
+    if refers:
+        notes += (
+            f"the MJCF refers to other files ({refers} and so on) as before, relative to its own "
+            "folder: put it beside the file that it was made from, under another name, or copy "
+            "these files to it",
+        )
+    if included:
+        notes += (f"what the MJCF includes ({', '.join(included)}) is written out in it",)
+    for element in _all(document):
+        if element.tagName in _MADE_ELSEWHERE:
+            raise UsageError(f"{path}: <{element.tagName}> {_MADE_ELSEWHERE[element.tagName]}")
+    mujoco, spec, model = compiled_mjcf(path)
+    _require_own_inertials(mujoco, spec, model, str(path))
+    bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
+    file = _Mjcf(mujoco, model, bodies, str(path))
+    for place, name in enumerate(joints):
+        file.set_joint(urdf, name, values, place)
+    without = [name for name, body in links.items() if not file.set_inertial(name, body)]
+    for name, (link, load) in mounted.items():
+        file.add_payload(name, link, load)
+    if without:
+        notes += (
+            f"the inertia of {', '.join(without)} was that of geoms; it has an <inertial> now, so "
+            "that the mass of its geoms no longer counts",
+        )
+    return written_xml(document, content), notes
+
+
+def with_included(
+    content: bytes, path: Path, within: tuple[Path, ...] = ()
+) -> tuple[Any, tuple[str, ...]]:
+    """Return an MJCF with the files that it includes in their place, and the names of these.
+
+    As MuJoCo does: what is within the root of a file stands where that is included, and paths are
+    relative to the folder of the file that is read first. `within`: files that include this one.
+
+    Raises
+    ------
+    UsageError
+        A file cannot be read or changed, or includes itself.
+    """
+    document, names = read_xml(content, str(path)), tuple[str, ...]()
+    for include in list(document.getElementsByTagName("include")):
+        name = include.getAttribute("file")
+        file = (*within, path)[0].parent / name
+        if file in (*within, path):
+            raise UsageError(f"{path}: <include>: {name} includes itself")
+        text = read_text(file, "an included MJCF", megabytes=_LARGEST)
+        inner, more = with_included(text.encode(), file, (*within, path))
+        for node in list(inner.documentElement.childNodes):
+            include.parentNode.insertBefore(document.importNode(node, True), include)
+        include.parentNode.removeChild(include)
+        names += (name, *more)
+    return document, names
+
+
+def _all(document: Any) -> list[Any]:
+    return list(document.getElementsByTagName("*"))
+
+
+def _of_body(body: Any, *tags: str) -> Iterator[Any]:
+    """Elements of a body, also those in a <frame>, which carries on for the body around it."""
+    for element in elements(body, "frame", *tags):
+        if element.tagName == "frame":
+            yield from _of_body(element, *tags)
+        else:
+            yield element
+
+
+def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
+    """Refuse a file in which an `<inertial>` is not what MuJoCo takes."""
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
+    # A version of MuJoCo need not have all of them.
+    settings += [name for name in _CHANGES_INERTIALS if getattr(spec.compiler, name, 0) > 0]
+    if settings:
+        raise UsageError(
+            f"{source}: <compiler> has {', '.join(settings)}, so that the <inertial> of a body is "
+            "not what is simulated: write the inertials out without it (`mj_saveLastXML` does)"
+        )
+    effects = [name for name, places in native_elements(mujoco, model).items() if places]
+    if effects:
+        raise UsageError(
+            f"{source}: holds {', '.join(effects)} of an earlier export, which the new effects "
+            "would count twice: export with the MJCF or URDF that was there before"
+        )
+
+
+@dataclass(frozen=True)
+class _Mjcf:
+    """The file: its compiled model, its bodies by name, and what to call it in messages."""
+
+    mujoco: Any
+    model: Any
+    bodies: Mapping[str, Any]
+    source: str
+
+    def set_joint(self, urdf: Urdf, name: str, values: JointValues, place: int) -> None:
+        """Armature, damping and friction at the joint, less what its actuators have of them."""
+        given = urdf.joints[name]
+        joint = self._only_joint(given.child, name)
+        dof = int(self.model.jnt_dofadr[int(self.model.body(given.child).jntadr[0])])
+        now = {
+            "armature": float(self.model.dof_armature[dof]),
+            "damping": float(np.ravel(self.model.dof_damping[dof])[0]),
+            "frictionloss": float(self.model.dof_frictionloss[dof]),
+        }
+        # What the compiled joint has less than the nominal model is that of actuators.
+        of_actuators = {
+            "armature": given.armature - now["armature"],
+            "damping": given.damping - now["damping"],
+            "frictionloss": 0.0,
+        }
+        wanted = {
+            "armature": float(values.armature[place]),
+            "damping": float(values.damping[place]),
+            "frictionloss": float(values.friction[place]),
+        }
+        changed = {}
+        for key, whole in wanted.items():
+            value, beyond = whole - of_actuators[key], of_actuators[key]
+            if value < -_ROUNDING * max(1.0, abs(beyond)):
+                raise UsageError(
+                    f"{self.source}: joint {name}: its actuators alone have more {key} "
+                    f"({beyond:.6g}) than was found ({whole:.6g}): take it out of the actuators"
+                )
+            if abs(value - now[key]) > _ROUNDING * (abs(now[key]) + abs(beyond)):
+                changed[key] = number_text(max(value, 0.0))
+        solver = friction_solver(float(values.lead[place]), float(self.model.opt.timestep))
+        constant, ratio = self.model.dof_solref[dof]
+        near = abs(float(solver["solreffriction"].split()[0]) / constant - 1.0) < _NEAR
+        if wanted["frictionloss"] > 0.0 and (constant, ratio) == _DEFAULT_SOLVER and not near:
+            changed |= solver
+        set_values(joint, changed, zeros=True)
+
+    def _only_joint(self, link: str, name: str) -> Any:
+        """The joint of a body that has no other one, as an element."""
+        for body_name, body in self.bodies.items():
+            joints = list(_of_body(body, "joint", "freejoint"))
+            names = [joint.getAttribute("name") for joint in joints]
+            if (name in names and len(joints) > 1) or (body_name == link and len(joints) != 1):
+                raise UsageError(
+                    f"{self.source}: body {body_name} has {len(joints)} joints, and one "
+                    f"<inertial> cannot hold what each of them carries: give {name} a body of its "
+                    "own"
+                )
+        return next(_of_body(self._body(link), "joint", "freejoint"))
+
+    def _body(self, link: str) -> Any:
+        if link not in self.bodies:
+            raise UsageError(
+                f"{self.source}: {link} is no named <body> of this file: give each body that "
+                "moves a name and one joint"
+            )
+        return self.bodies[link]
+
+    def set_inertial(self, link: str, new: LinkBody) -> bool:
+        """Write the inertial of a link; False where the body had none."""
+        values = inertial_of(new, self._anchor(link))
+        element = next(_of_body(self._body(link), "inertial"), None)
+        if element is None:
+            put_first(self._body(link), [tag_text("inertial", values)])
+            return False
+        full = values.pop("fullinertia")
+        set_values(element, values, zeros=True)
+        if not element.hasAttribute("diaginertia"):
+            set_values(element, {"fullinertia": full})
+            return True
+        w, x, y, z = (float(component) for component in self.model.body(link).iquat)
+        moments, quaternion = _principal(new.inertia, pin.Quaternion(w, x, y, z).matrix())
+        set_values(element, {"diaginertia": numbers_text(moments)})
+        for turn in _TURNS[1:]:
+            if element.hasAttribute(turn):
+                element.removeAttribute(turn)
+        set_values(element, {"quat": numbers_text(quaternion)})
+        return True
+
+    def add_payload(self, name: str, link: str, load: Load) -> None:
+        """A body of its own within the one that carries it."""
+        body = tag_text("body", {"name": name, "pos": numbers_text(self._anchor(link))})
+        lines = [
+            comment_text(load.words),
+            body.replace("/>", ">"),
+            f"  {tag_text('inertial', inertial_of(load.body))}",
+            "</body>",
+        ]
+        put_first(self._body(link), lines)
+
+    def _anchor(self, link: str) -> FloatArray:
+        """From the frame of a body to that of its link, m, as `mjcf_as_urdf` places it."""
+        body, types = self.model.body(link), self.mujoco.mjtJoint
+        if body.jntnum[0] == 0:
+            return np.zeros(3)
+        last = int(body.jntadr[0] + body.jntnum[0]) - 1
+        if int(self.model.jnt_type[last]) not in (int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE)):
+            return np.zeros(3)
+        return np.array(self.model.jnt_pos[last])
+
+
+def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return principal moments (3,) and the quaternion (4,) of their axes, w first.
+
+    In the order and with the signs that are nearest to the axes `before` (3, 3), so that small
+    changes of a body are small changes of its numbers.
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    overlap = np.abs(before.T @ axes)
+    order = max(permutations(range(3)), key=lambda order: overlap[range(3), order].sum())
+    moments, axes = moments[list(order)], axes[:, list(order)]
+    along = np.diag(before.T @ axes)
+    axes = axes * np.where(along < 0.0, -1.0, 1.0)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, int(np.argmin(np.abs(along)))] *= -1.0
+    turn = pin.Quaternion(axes)
+    return moments, np.array([turn.w, turn.x, turn.y, turn.z])

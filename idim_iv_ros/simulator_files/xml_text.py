@@ -1,0 +1,128 @@
+"""XML that a user wrote, with other values: comments, order and line ends stay, blanks may not."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+from xml.dom import minidom
+from xml.parsers.expat import ExpatError
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.types import FloatArray
+
+_DECLARATION = re.compile(rb"\s*<\?xml[^>]*\?>")
+
+
+def read_xml(content: bytes, source: str) -> Any:
+    """Return the document of a file, `source` in messages.
+
+    Raises
+    ------
+    UsageError
+        No XML, UTF-16, or entities of its own.
+    """
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise UsageError(f"{source}: is UTF-16; write it as UTF-8")
+    if b"<!ENTITY" in content:
+        raise UsageError(f"{source}: declares XML entities, which no robot model has")
+    try:
+        return minidom.parseString(content)
+    except ExpatError as error:
+        raise UsageError(f"{source}: not XML whose values can be changed: {error}") from error
+
+
+def written_xml(document: Any, content: bytes) -> bytes:
+    """Return the text of a document with the declaration, encoding and line ends of its file."""
+    declaration = _DECLARATION.match(content.removeprefix(b"\xef\xbb\xbf"))
+    parts = [] if declaration is None else [declaration[0].strip().decode()]
+    parts += [node.toxml() for node in document.childNodes]
+    text = "\n".join(parts) + ("\n" if content.endswith(b"\n") else "")
+    if b"\r\n" in content:
+        text = text.replace("\n", "\r\n")
+    return text.encode(document.encoding or "utf-8", "xmlcharrefreplace")
+
+
+def elements(parent: Any, *tags: str) -> Iterator[Any]:
+    """Child elements, those with one of these names if any are given, in their order."""
+    for node in parent.childNodes:
+        if node.nodeType == node.ELEMENT_NODE and (not tags or node.tagName in tags):
+            yield node
+
+
+def set_values(element: Any, values: Mapping[str, str], *, zeros: bool = False) -> None:
+    """Give attributes other values where they differ; add those that are missing.
+
+    `zeros`: also those that are missing and zero.
+    """
+    for key, text in values.items():
+        if element.hasAttribute(key):
+            if not _same_numbers(element.getAttribute(key), text):
+                element.setAttribute(key, text)
+        elif zeros or any(float(word) for word in text.split()):
+            element.setAttribute(key, text)
+
+
+def put_first(parent: Any, lines: Sequence[str]) -> None:
+    """Put lines of XML behind the start tag of an element, one step further in."""
+    indent = "\n" + _indent(parent)
+    text = "".join(f"{indent}  {line}" for line in lines)
+    _insert(parent, text if parent.hasChildNodes() else text + indent, parent.firstChild)
+
+
+def put_before(element: Any, line: str) -> None:
+    """Put a line of XML before an element, as far in."""
+    _insert(element.parentNode, f"{line}\n{_indent(element)}", element)
+
+
+def put_last(parent: Any, lines: Sequence[str]) -> None:
+    """Put lines of XML before the end tag of an element, as far in as its first child."""
+    indent = "\n" + _indent(next(elements(parent), parent))
+    last = parent.lastChild
+    closing = last if last is not None and last.nodeType == last.TEXT_NODE else None
+    text = "".join(indent + line for line in lines)
+    _insert(parent, text if closing is not None else f"{text}\n{_indent(parent)}", closing)
+
+
+def _insert(parent: Any, text: str, before: Any) -> None:
+    new: Any = minidom.parseString(f"<new>{text}</new>").documentElement
+    for node in list(new.childNodes):
+        parent.insertBefore(parent.ownerDocument.importNode(node, True), before)
+
+
+def _indent(element: Any) -> str:
+    """Blanks before an element, where nothing else is on its line."""
+    before = element.previousSibling
+    if before is None or before.nodeType != before.TEXT_NODE or "\n" not in before.data:
+        return "" if element.parentNode.nodeType == element.DOCUMENT_NODE else "  "
+    return str(before.data.rpartition("\n")[2])
+
+
+def _same_numbers(before: str, text: str) -> bool:
+    """Whether two texts have the same numbers but for their rounding."""
+    old, new = ([float(word) for word in each.split()] for each in (before, text))
+    return len(new) == len(old) and np.allclose(new, old, rtol=1e-12, atol=0.0)
+
+
+def tag_text(name: str, values: Mapping[str, str]) -> str:
+    """Text of an element without content."""
+    return f"<{name} {' '.join(f'{key}={quoteattr(text)}' for key, text in values.items())}/>"
+
+
+def number_text(value: float) -> str:
+    """With more digits than any interval has a use for, and no rounding of sums."""
+    return f"{float(value) + 0.0:.8g}"
+
+
+def numbers_text(values: FloatArray) -> str:
+    """Several of one kind, with the digits that the largest has."""
+    largest = float(np.abs(values).max())
+    digits = 7 - math.floor(math.log10(largest)) if largest > 0.0 else 0
+    return " ".join(number_text(round(float(value), digits)) for value in values)
+
+
+def comment_text(text: str) -> str:
+    """A text as an XML comment."""
+    return f"<!-- {text.replace('--', '- -')} -->"
