@@ -146,7 +146,7 @@ def concluded(
     ]
     if refit.weightless is not None:
         with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
-        stages = (refit.weightless.stage(0), with_gravity, *stages[1:])
+        stages = (refit.weightless, with_gravity, *stages[1:])
     return GapResult(
         robot=prepared.model.robot.name,
         joints=data.joints,

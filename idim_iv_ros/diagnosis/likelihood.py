@@ -8,6 +8,7 @@ residual both small and white).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Rows of all joints, with columns that were already added.
+    """Rows of all joints, and blocks of columns that were added to them.
 
     Attributes
     ----------
@@ -64,43 +65,37 @@ class Regression:
         Without the added columns.
     parameters : int
         b.
-    before : Regression, optional
-        The same without the block that was added last.
-    block : Columns
-        That block: columns by joint (r_j, k); a joint that is missing has zeros.
+    added : tuple of Columns
+        Columns by joint (r_j, k); a joint that is missing in a block has zeros.
     """
 
     joints: tuple[JointRows, ...]
     parameters: int
-    before: "Regression | None" = None
-    block: Columns | None = None
+    added: tuple[Columns, ...] = ()
 
     def with_columns(self, columns: Columns) -> "Regression":
         """Return the same with one more block."""
-        return Regression(self.joints, self.parameters, self, columns)
+        return replace(self, added=(*self.added, columns))
 
-    @cached_property
-    def added(self) -> tuple[Columns, ...]:
-        """All blocks of columns that were added."""
-        if self.before is None or self.block is None:
-            return ()
-        return (*self.before.added, self.block)
-
-    @cached_property
+    @property
     def widths(self) -> tuple[int, ...]:
         """Columns of each block."""
         return tuple(width_of(block) for block in self.added)
 
     @cached_property
     def extended(self) -> tuple[JointRows, ...]:
-        """Rows with all added columns; those of a joint that a block leaves alone are shared."""
-        if self.before is None or self.block is None:
-            return self.joints
-        places = np.arange(self.before.total, self.total)
-        return tuple(
-            rows.with_columns(self.block[joint], places) if joint in self.block else rows
-            for joint, rows in enumerate(self.before.extended)
-        )
+        """Rows with all added columns; a joint that no block moves has its own."""
+        starts = self.parameters + np.cumsum([0, *self.widths])
+        places = [np.arange(*ends) for ends in pairwise(starts)]
+        made = []
+        for joint, rows in enumerate(self.joints):
+            pairs = zip(self.added, places, strict=True)
+            blocks = [(block[joint], place) for block, place in pairs if joint in block]
+            if blocks:
+                columns, own = zip(*blocks, strict=True)
+                rows = rows.with_columns(np.hstack(columns), np.concatenate(own))
+            made.append(rows)
+        return tuple(made)
 
     @cached_property
     def total(self) -> int:
@@ -156,8 +151,7 @@ class Regression:
         would take slow structure for noise: an offset, or gravity, that is left out is
         predictable from its past.
         """
-        assert self.before is not None
-        without = self.before.fit(fit.noise_models, steps=0)
+        without = replace(self, added=self.added[:-1]).fit(fit.noise_models, steps=0)
         gain = 0.0
         pairs = zip(without.residuals, fit.residuals, strict=True)
         for rows, noise, both in zip(self.joints, fit.noise_models, pairs, strict=True):

@@ -105,13 +105,3 @@ def test_an_effect_that_is_not_there_gains_nothing() -> None:
     assert gap.shrinkage is not None
     assert abs(gap.shrinkage) < 0.01
     assert np.isnan(shrinkage(np.array(0.5), np.array(0.5), 0.5))
-
-
-def _acting_in(recordings: int, active: int, seed: int, size: float) -> Regression:
-    """An effect whose torque is zero in all but the first recordings."""
-    whole = _regression(recordings, seed, 0.0)
-    (rows,) = whole.joints
-    assert whole.block is not None
-    extra = whole.block[0] * (np.arange(recordings * ROWS) < active * ROWS)[:, None]
-    joint = JointRows(rows.matrix, rows.torque + size * extra[:, 0], rows.columns, rows.segments)
-    return Regression((joint,), 3).with_columns({0: extra})

@@ -71,13 +71,7 @@ def test_energy_in_one_bin_is_found_there() -> None:
     assert energy[0] == pytest.approx(0.5, abs=0.04)
     assert occupancy[0] == pytest.approx(0.1, abs=1e-9)
     assert limits[0, 0] < 5.0 < limits[0, 1]
-    found = regimes_of("joint_2", axis, bins, "rad/s")
-    assert found[0].low == 0.0
-    best = joined(found)
-    assert best is not None
-    sentence = finding(Finding(best, *ends_of(best, axis.edges), False, 0.0), ())
-    assert sentence.startswith("joint_2, below 0.1 rad/s: ")
-    assert " % of the gap in 10 % of the samples" in sentence
+    assert regimes_of("joint_2", axis, bins, "rad/s")[0].low == 0.0
     assert energy.sum() == pytest.approx(1.0)
 
 

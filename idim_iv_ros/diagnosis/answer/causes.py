@@ -214,7 +214,7 @@ def hints_of(data: Baseline, found: Explained) -> tuple[Hint, ...]:
         joints = [data.joints[joint] for joint in place.joints]
         numbers = data.in_units_at(place.joint, numbers_of(term, found))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
-        rest = found.tested.rms(len(found.tested.names) - 1, place.joint)[0]
+        rest = found.tested.rms(-1, place.joint)
         made.append(
             Hint(
                 effect=term.key[0],

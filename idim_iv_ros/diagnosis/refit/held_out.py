@@ -76,6 +76,28 @@ def interval(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
+    """Sums of squares and of rows (b, 2) of a residual (r,) in each block (r,)."""
+    return np.column_stack([block_sums(blocks, residual**2), block_sums(blocks, residual**0)])
+
+
+def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> Stage:
+    """Stage from the `energies` (b, 2) of each joint, its tracking not yet known."""
+    limits = {}
+    for joint, blocks in zip(joints, sums, strict=True):
+        draws = resampled(blocks)
+        limits[joint] = interval(np.sqrt(draws[:, 0] / draws[:, 1]))
+    return Stage(
+        name=name,
+        torque_rms={
+            joint: _root(blocks.sum(axis=0)) for joint, blocks in zip(joints, sums, strict=True)
+        },
+        torque_ci95=limits,
+        tracking_rms=None,
+        note="",
+    )
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Residuals of every stage at rows that its fit did not see.
@@ -117,35 +139,20 @@ class HeldOut:
     def _energies(self) -> list[list[FloatArray]]:
         """For each stage and joint, the sums of squares and of rows in each block, (b, 2)."""
         return [
-            [
-                np.column_stack(
-                    [block_sums(block, residual**2), block_sums(block, np.ones(len(block)))]
-                )
-                for residual, block in zip(stage, self.blocks, strict=True)
-            ]
+            [energies(*parts) for parts in zip(stage, self.blocks, strict=True)]
             for stage in self.residuals
         ]
 
-    def rms(self, stage: int, joint: int) -> tuple[float, tuple[float, float]]:
-        """RMS of one joint and its 95 % interval, N m (N)."""
-        sums = self._energies[stage][joint]
-        draws = resampled(sums)
-        return _root(sums.sum(axis=0)), interval(np.sqrt(draws[:, 0] / draws[:, 1]))
-
-    def stage(self, number: int) -> Stage:
-        """One stage, its tracking not yet known."""
-        rms = {name: self.rms(number, joint) for joint, name in enumerate(self.joints)}
-        return Stage(
-            name=self.names[number],
-            torque_rms={name: value for name, (value, _) in rms.items()},
-            torque_ci95={name: limits for name, (_, limits) in rms.items()},
-            tracking_rms=None,
-            note="",
-        )
+    def rms(self, stage: int, joint: int) -> float:
+        """RMS of one stage at one joint, N m (N)."""
+        return _root(self._energies[stage][joint].sum(axis=0))
 
     def stages(self) -> tuple[Stage, ...]:
-        """All stages."""
-        return tuple(self.stage(number) for number in range(len(self.names)))
+        """All stages, their tracking not yet known."""
+        return tuple(
+            stage_of(name, self.joints, sums)
+            for name, sums in zip(self.names, self._energies, strict=True)
+        )
 
     def gap(self, before: int, after: int, joint: int | None) -> Gap:
         """Gap of two stages at a joint; None: root of the sum of all joints' mean squares."""
