@@ -66,13 +66,13 @@ def diagnose(
         others = read_configured(second, configuration, progress) if second else ()
         return_freed_memory()
         watch.stage("refit", 0.1)
-        beside = None if identified is None else partial(with_nominal, identified=identified)
-        refit = refitted(recordings, configuration, excluded, beside)
+        other_nominal = None if identified is None else partial(with_nominal, identified=identified)
+        refit = refitted(recordings, configuration, excluded, other_nominal)
         return_freed_memory()
         watch.stage("attribution", 0.2)
-        found = compared(refit, excluded)
+        explanation = compared(refit, excluded)
         return_freed_memory()
-        result = concluded(refit, found, configuration, excluded, watch)
+        result = concluded(refit, explanation, configuration, excluded, watch)
         if identified is not None:
             result = replace(result, nominal=identified.nominal)
         if second:
@@ -94,9 +94,9 @@ def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath])
     UsageError
         It names the recording.
     """
-    known = {os.path.realpath(each) for each in reference}
+    first_set = {os.path.realpath(recording) for recording in reference}
     for recording in against:
-        if os.path.realpath(recording) in known:
+        if os.path.realpath(recording) in first_set:
             raise UsageError(
                 f"--against {recording}: it is among the reference recordings, too; "
                 "a set cannot differ from itself"

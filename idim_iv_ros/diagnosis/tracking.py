@@ -171,14 +171,14 @@ def tracking_series(
     return tuple(made)
 
 
-def tracked_stages(data: Baseline, found: Explained) -> list[Tracking]:
+def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
     """Tracking of the nominal model, of the refit, and of that with one effect more each time."""
     given = data.prepared.given
     tracked = [] if given is None else [simulated_tracking(data, given)]
     effects: list[SimulatedEffect] = []
-    for number, fit in enumerate(found.fits):
+    for number, fit in enumerate(explanation.fits):
         if number > 0:
-            effects.append(_simulated_effect(data, found, number - 1))
+            effects.append(_simulated_effect(data, explanation, number - 1))
         tracked.append(simulated_tracking(data, fit.values, effects))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.
@@ -190,9 +190,12 @@ def tracked_stages(data: Baseline, found: Explained) -> list[Tracking]:
     return tracked
 
 
-def _simulated_effect(data: Baseline, found: Explained, number: int) -> SimulatedEffect:
+def _simulated_effect(data: Baseline, explanation: Explained, number: int) -> SimulatedEffect:
     """One of the effects as the simulator takes it, with the coefficients beside all others."""
-    term, coefficients = found.effects[number].term, found.fit.coefficients[found.block(number)]
+    term, coefficients = (
+        explanation.effects[number].term,
+        explanation.fit.coefficients[explanation.block(number)],
+    )
     numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
     return SimulatedEffect(
         term.effect.name,
@@ -202,10 +205,12 @@ def _simulated_effect(data: Baseline, found: Explained, number: int) -> Simulate
     )
 
 
-def simulation_gaps(found: Explained, tracked: Sequence[Tracking]) -> list[SimulationGap | None]:
+def simulation_gaps(
+    explanation: Explained, tracked: Sequence[Tracking]
+) -> list[SimulationGap | None]:
     """Gap of the simulated motion at the joint of each effect, before and after it."""
-    stages = tracked[len(tracked) - len(found.fits) :]
+    stages = tracked[len(tracked) - len(explanation.fits) :]
     return [
         simulation_gap(before, after, effect.term.place.joint)
-        for effect, before, after in zip(found.effects, stages, stages[1:], strict=False)
+        for effect, before, after in zip(explanation.effects, stages, stages[1:], strict=False)
     ]

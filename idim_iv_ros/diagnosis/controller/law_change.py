@@ -93,7 +93,7 @@ class CommandRows:
             second=self.second[kept],
         )
 
-    def above(self, other: "CommandRows") -> "CommandRows":
+    def followed_by(self, other: "CommandRows") -> "CommandRows":
         """Rows of two sets, each with errors of its own."""
         first = len(self.rest)
         return CommandRows(
@@ -290,8 +290,8 @@ class LawChange:
         for name, (value, _) in self.changes.items():
             rest = rest - value * rows.groups[name]
         for number in np.unique(rows.recording):
-            own = rows.recording == number
-            rest[own] -= np.median(rest[own])
+            inside = rows.recording == number
+            rest[inside] -= np.median(rest[inside])
         return rest
 
 
