@@ -48,26 +48,22 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        energy = sum(
-            np.sum(error**2, axis=0) / rate
-            for error, rate in zip(self.errors, self.rates, strict=True)
-        )
-        square = np.asarray(energy) / self._seconds
-        return {name: float(np.sqrt(square[j])) for j, name in enumerate(self.joints)}
-
-    @property
-    def _seconds(self) -> float:
-        return sum(len(error) / rate for error, rate in zip(self.errors, self.rates, strict=True))
+        energies = [self.block_energies([joint]) for joint in range(len(self.joints))]
+        return {
+            name: float(np.sqrt(energy.sum() / seconds))
+            for name, (energy, seconds) in zip(self.joints, energies, strict=True)
+        }
 
     def block_energies(self, joints: Sequence[int]) -> tuple[FloatArray, float]:
         """Squared errors of the joints over time (b,) in blocks of time, and all seconds."""
-        sums = []
+        sums, seconds = [], 0.0
         for error, rate in zip(self.errors, self.rates, strict=True):
             places = np.arange(len(error))
             blocks = time_blocks(np.zeros_like(places), places, rate)
             squares = np.sum(error[:, list(joints)] ** 2, axis=1)
             sums.append(block_sums(blocks, squares) / rate)
-        return np.concatenate(sums), self._seconds
+            seconds += len(error) / rate
+        return np.concatenate(sums), seconds
 
 
 def simulated_tracking(
