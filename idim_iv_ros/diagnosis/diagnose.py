@@ -58,7 +58,7 @@ def diagnose(
     excluded = tuple(without)
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     second = [against] if isinstance(against, (str, os.PathLike)) else list(against)
-    require_two_sets(given, second)
+    _require_two_sets(given, second)
     identified = None if nominal is None else read_nominal_model(nominal, configuration)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
@@ -81,12 +81,12 @@ def diagnose(
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
             contrast = contrasted(recordings, others, same, excluded, watch.progress)
-            result = with_contrast(result, contrast)
+            result = _with_contrast(result, contrast)
     result.timing.update(watch.timing)
     return result
 
 
-def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath]) -> None:
+def _require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath]) -> None:
     """Refuse a recording that is in both sets.
 
     Raises
@@ -103,7 +103,7 @@ def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath])
             )
 
 
-def with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
+def _with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
     """Return the diagnosis of the reference set with what changed, first in its summary."""
     listed = ", ".join(result.bags)
     summary = f"{contrast.sentence} The reference ({listed}) by itself: {result.summary}"

@@ -114,7 +114,7 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judgements = judged_terms(data, regression, selection)
+    judgements = _judged_terms(data, regression, selection)
     while True:
         explanation = _tested(data, regression, selection, judgements)
         idle = {
@@ -204,7 +204,7 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
     return made
 
 
-def judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first."""
     terms = [
         (number, term)
@@ -214,7 +214,7 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
     if not terms:
         return []
     chosen = chosen_without(selection)
-    remaining = beyond_noise(data, regression, selection)
+    remaining = _beyond_noise(data, regression, selection)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
@@ -226,7 +226,7 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
     return sorted(made, key=lambda judgements: -float(judgements.term.visible.max()))
 
 
-def beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
+def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
     floors = noise_floors(data, regression, regression.fit(), repeats_of(data))
     ledger = selection.comparison.options.ledger

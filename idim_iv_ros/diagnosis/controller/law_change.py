@@ -34,6 +34,7 @@ _SECOND: Scope = frozenset({1})  # what differs in the second set
 _BLOCKS = 20  # stretches of time by which a change of the law is judged
 TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
+_ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
 _FREE = 100.0  # torque that a constant may have, times that of the commands
 _LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
 
@@ -84,13 +85,9 @@ class CommandRows:
         """Leave out the rows that are not `kept` (r,)."""
         return replace(
             self,
-            rest=self.rest[kept],
+            **{name: getattr(self, name)[kept] for name in _ROWS},
             groups={name: torque[kept] for name, torque in self.groups.items()},
-            errors=self.errors[kept],
             runs=segments_of([kept[run] for run in self.runs]),
-            recording=self.recording[kept],
-            time=self.time[kept],
-            second=self.second[kept],
         )
 
     def followed_by(self, other: "CommandRows") -> "CommandRows":

@@ -79,7 +79,7 @@ class TwistFit:
 
 def fit_twist(rows: TwistRows) -> TwistFit:
     """Align the two channels and find what their difference follows."""
-    columns = term_columns(rows)
+    columns = _term_columns(rows)
     offset = 0.0
     for _ in range(_OFFSET_STEPS):
         fit = _base(rows, offset).with_columns({0: columns[LOAD]}).fit()
@@ -113,7 +113,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     )
 
 
-def term_columns(rows: TwistRows) -> dict[str, FloatArray]:
+def _term_columns(rows: TwistRows) -> dict[str, FloatArray]:
     """Columns (r, k) of every term that need not be there."""
     columns = {LOAD: rows.load[:, None], DIRECTION: rows.direction[:, None]}
     sides = [float(np.mean(rows.side * sign > 0.0)) for sign in (-1.0, 1.0)]
