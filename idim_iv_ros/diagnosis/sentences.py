@@ -326,7 +326,7 @@ def events(
     return text
 
 
-def finding(each: Finding, session: Sequence[SessionPart]) -> str:
+def finding(placed: Finding, session: Sequence[SessionPart]) -> str:
     """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
 
     Parameters
@@ -334,27 +334,27 @@ def finding(each: Finding, session: Sequence[SessionPart]) -> str:
     session
         The recordings: a time is that of one of them.
     """
-    regime = each.regime
+    regime = placed.regime
     low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
     part = f"between {low} and {high}"
     if regime.axis == "direction":
         part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
-    elif regime.axis == "reversal" and each.first:
+    elif regime.axis == "reversal" and placed.first:
         part = f"within {high} after a reversal"
     elif regime.axis == "time":
         part = f"from {in_recordings(session, regime.low, regime.high)}"
-    elif each.first and regime.axis != "position":
+    elif placed.first and regime.axis != "position":
         part = f"below {high}"
-    elif each.last and regime.axis != "position":
+    elif placed.last and regime.axis != "position":
         part = f"above {low} {regime.unit}"
     what = {
         "load": "load ",
-        "reversal": "" if each.first else "displacement since reversal ",
+        "reversal": "" if placed.first else "displacement since reversal ",
         "frequency": "residual ",
     }.get(regime.axis, "")
     whole = "bandwidth" if regime.axis == "frequency" else "samples"
     return (
-        f"{'after a refit, ' if each.after_refit else ''}{regime.joint}, {what}{part}: "
+        f"{'after a refit, ' if placed.after_refit else ''}{regime.joint}, {what}{part}: "
         f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
         f"{whole}"
     )
@@ -397,7 +397,7 @@ def left_out(data: Baseline) -> str:
     ]
     if not out:
         return ""
-    names = ", ".join(data.joints[each.joint] for each in out)
+    names = ", ".join(data.joints[finding.joint] for finding in out)
     return f"{names} {'is' if len(out) == 1 else 'are'} left out: {out[0].sentence}"
 
 

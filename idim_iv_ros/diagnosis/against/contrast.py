@@ -100,7 +100,7 @@ def contrast_of(
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = tuple(
         words.unattributed(data, term, _side(sets, term), _torques(sets, [term])[0])
-        for term in changes.confirmed
+        for term in changes.accepted
         if term.candidate.kind is Kind.CURVE
     )
     joints, of_reference = _joints(sets, changes)
@@ -153,7 +153,7 @@ def _side(sets: TwoSets, term: Term) -> Side:
 def _evidence(changes: Changes, terms: Sequence[Term]) -> Evidence:
     return Evidence(
         sum(max(2.0 * term.evidence, 0.0) for term in terms),
-        chosen_in_folds=min(changes.confirmed[term] for term in terms),
+        chosen_in_folds=min(changes.accepted[term] for term in terms),
     )
 
 
@@ -177,7 +177,7 @@ def _torques(
 def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
     places: dict[tuple[str, int | None, int | None], list[Term]] = {}
-    for term in changes.confirmed:
+    for term in changes.accepted:
         if term.candidate.kind is Kind.EFFECT:
             places.setdefault(term.key[:3], []).append(term)
     return [_structural_cause(sets, changes, terms) for _, terms in sorted(places.items())]
@@ -187,8 +187,8 @@ def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) ->
     data, first = sets.data, terms[0]
     numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
     for term in terms:
-        found = term.effect.parameters(term.shape, term.coefficients, term.deviations)
-        numbers[_side(sets, term)] = data.in_units_at(term.place.joint, found)
+        fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
+        numbers[_side(sets, term)] = data.in_units_at(term.place.joint, fitted)
     one, other = numbers["reference"], numbers["against"]
     change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
     if (one and other) or any(term.key[:3] == first.key[:3] for term in changes.common):

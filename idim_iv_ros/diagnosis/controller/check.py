@@ -60,7 +60,7 @@ class LawCheck:
     beyond: tuple[str, ...] = ()
     delay: tuple[Cause, ...] = ()
 
-    def beside(
+    def not_shown_by_torque(
         self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
     ) -> "LawCheck":
         """Leave out other laws that what the torque shows explains.
