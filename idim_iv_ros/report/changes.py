@@ -9,14 +9,15 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
 from idim_iv_ros.report.gap_words import effect_at
-from idim_iv_ros.report.nominal import Nominal
 from idim_iv_ros.report.numerals import INTERVAL
+from idim_iv_ros.report.section import Nominal, Report, Section
 
 RECORDING, SUM = "the recording alone", "only the sum is known"
 _CONFIGURATION, _URDF = "configuration", "URDF"
@@ -285,3 +286,19 @@ def _gains(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterator[C
         yield ChangedValue(
             "", key, _CONFIGURATION, words, given, each.value, each.std, each.unit, ""
         )
+
+
+def _context(report: Report[Any]) -> dict[str, Any] | None:
+    rows = changed_values(report.result, report.nominal)
+    if not rows:
+        return None
+    return {
+        "single": [row for row in rows if row.source != SUM and row.significant is not False],
+        "kept": [row for row in rows if row.source != SUM and row.significant is False],
+        "sums": [row for row in rows if row.source == SUM],
+        "config": report.config,
+        "given_known": any(row.given is not None for row in rows),
+    }
+
+
+CHANGES: Section[Any] = Section("Given → new", "changes", "changes.html.j2", _context)
