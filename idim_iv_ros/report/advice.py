@@ -185,8 +185,14 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
     recording = _recording_step(result, config)
     if len(laws) < len(result.causes):
-        command = _command("export", "gap.json", "--config", config, "--out", "simulator")
-        steps = [Step("Put the causes into your simulator, or into ours:", command)]
+        rest, words = [], "Put the causes into your simulator, or into ours:"
+        # Beside a torque scale or gravity the export cannot spread what no cause names.
+        parts = {part_of(cause.effect) for cause in result.causes}
+        if result.parameter_errors and not parts & {"torque scale", "gravity"}:
+            rest = ["--remainder"]
+            words = "Put the causes and the other values into your simulator:"
+        command = _command("export", "gap.json", "--config", config, *rest, "--out", "simulator")
+        steps = [Step(words, command)]
     elif laws:
         steps = []
     elif result.verdict == "parametric":
