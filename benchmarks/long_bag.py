@@ -94,7 +94,7 @@ def later(chunk: bytes, seconds: int) -> bytes:
 
 def identified() -> None:
     from idim_iv_ros import load_configuration
-    from idim_iv_ros.fleet.identify import identify_task
+    from idim_iv_ros.fleet.commands import identify_task
     from idim_iv_ros.fleet.robots import Robot
 
     robot = Robot.of(load_configuration(CONFIG))

@@ -12,7 +12,7 @@ from idim_iv_ros.cli import arguments as shared
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from idim_iv_ros.fleet.diagnose import Fleet
+    from idim_iv_ros.fleet.commands import Fleet
     from idim_iv_ros.fleet.run import FleetRun
 
 fleet = typer.Typer(
@@ -80,7 +80,7 @@ def fleet_command(
     """Identify or diagnose a fleet, whichever the command is called."""
     from idim_iv_ros.cli.output import Output, report_warnings
     from idim_iv_ros.files import FLEET, FLEET_PAGE
-    from idim_iv_ros.fleet.diagnose import diagnose_fleet, identify_fleet
+    from idim_iv_ros.fleet.commands import diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.fleet.table import FILE, write_table
     from idim_iv_ros.report import require_writable, write_report

@@ -1,4 +1,4 @@
-"""A result as one picture to show others: the verdict, how far the gap shrinks, the robot."""
+"""A result or a replay as one picture to show others: verdict, how far the gap shrinks, robot."""
 
 import struct
 import textwrap

@@ -1,4 +1,4 @@
-"""A section of a report: a title, a template, and what the template shows."""
+"""A section of a report: title, template, and what it shows of a result and its nominal model."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Each accepted cause: what, how large, why it is believed, what it may be mistaken for."""
+"""Causes of the gap and of a change: what, how large, why it is believed, what else it may be."""
 
 import math
 from dataclasses import dataclass

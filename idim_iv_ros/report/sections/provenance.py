@@ -1,4 +1,4 @@
-"""How to obtain the same numbers again: command, versions, timing, configuration; and notes."""
+"""How to obtain the same numbers again, what was filtered and dropped, limits, notes and words."""
 
 import io
 from collections import Counter

@@ -1,4 +1,4 @@
-"""What the residual of a diagnosis follows: speed, position, load, distance since reversal."""
+"""What the residual of a diagnosis follows: speed, position, load, distance, and wave numbers."""
 
 from dataclasses import dataclass
 from typing import Any

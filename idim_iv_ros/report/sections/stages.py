@@ -1,4 +1,4 @@
-"""How far the gap shrinks: nominal model, refit, effect by effect, noise floor; each joint."""
+"""How far the gap shrinks, model by model, and in which regime of the motion it lies."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Measured and modelled torque over time, with what each model leaves; of both commands."""
+"""Torque over time with what each model leaves, and the tracking error in closed loop."""
 
 from dataclasses import dataclass
 from typing import Any

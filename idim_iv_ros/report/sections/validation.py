@@ -1,4 +1,4 @@
-"""What is left of an identified torque: is it noise? Autocorrelation, distribution, words."""
+"""Is what is left noise, and are the instruments valid? The tests, their figures and words."""
 
 from collections.abc import Sequence
 from typing import Any
