@@ -25,6 +25,11 @@ class LinkInertia(ParametricEffect):
     excitation = "all joints, fast and in many poses"
     segments = ("repeat", "multisine")
 
+    def standard_kind(self, name: str) -> str:
+        """Letters of the inertial parameter that changes; empty of one that groups others."""
+        changed = re.fullmatch(r"change_of_([A-Z]+)\d+", name)
+        return "" if changed is None else changed[1]
+
     def parameter_words(self, name: str) -> str:
         """Which of the link's parameters, and whether those of other links are grouped into it."""
         changed = re.fullmatch(r"change_of_(base_)?([A-Z]+\d+)", name)
