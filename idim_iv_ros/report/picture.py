@@ -21,7 +21,7 @@ from idim_iv_ros.files import (
     write_together,
 )
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model.units import unit_at
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.advice import diagnosis_headline, identification_headline, verdict_badge
 from idim_iv_ros.report.gap_words import VERDICTS, stage_words, torque_unit
 from idim_iv_ros.report.numerals import known, number, percent

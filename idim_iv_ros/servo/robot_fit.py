@@ -16,7 +16,7 @@ from idim_iv_ros.servo.fit import (
     steps_of,
 )
 from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joints
-from idim_iv_ros.simulation.inverse_dynamics import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _FINE = 200.0  # Hz, least rate of what the rigid bodies ask

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from idim_iv_ros.recording.writing.storage import PRESETS
+from idim_iv_ros.recording.writing.write import PRESETS
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
