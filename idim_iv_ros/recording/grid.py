@@ -91,8 +91,8 @@ def on_grid(
 
     Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
     around it are further apart than a gap, or where its value is not finite; `smooth` ones have no
-    corners there (see `bridged`). What is `stepwise` keeps its value until the next stamp, however long
-    that takes, and nothing of it is invented but what comes before the first.
+    corners there (see `bridged`). What is `stepwise` keeps its value until the next stamp, however
+    long that takes, and nothing of it is invented but what comes before the first.
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
