@@ -87,14 +87,14 @@ def on_grid(
     origin: str,
     *,
     smooth: bool = False,
-    held: bool = False,
+    stepwise: bool = False,
 ) -> Signal:
     """Values (n, n_joints) at stamps `time` (n,) ns, by cubic splines between stamps.
 
     Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
     around it are further apart than a gap, or where its value is not finite; `smooth` ones have no
-    corners there (see `bridged`). What is `held` keeps its value until the next stamp, however long
-    that takes, and nothing of it is invented but what comes before the first.
+    corners there (see `bridged`). What is `stepwise` keeps its value until the next stamp, however
+    long that takes, and nothing of it is invented but what comes before the first.
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
@@ -106,8 +106,8 @@ def on_grid(
             if not invented.any():
                 return Signal(read_only(direct), read_only(invented), origin)
     target = grid.time
-    if held:
-        return _held(target + _EARLY / grid.rate, seconds, values, origin)
+    if stepwise:
+        return _stepwise(target + _EARLY / grid.rate, seconds, values, origin)
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
     finite = np.isfinite(values)
@@ -127,7 +127,7 @@ def on_grid(
     return Signal(read_only(out), read_only(invented), origin)
 
 
-def _held(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
+def _stepwise(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
     """The last finite value (n_samples, n_joints) at `seconds` (n,) not after each time, s."""
     out = np.zeros((len(target), values.shape[1]))
     invented = np.ones(out.shape, dtype=bool)

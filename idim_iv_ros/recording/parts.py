@@ -95,11 +95,11 @@ def parts_note(topic: str, parts: Sequence[Part], joints: Sequence[str]) -> list
 
 
 def joined(
-    grid: Grid, parts: Sequence[Part], source: str, name: str, *, held: bool = False
+    grid: Grid, parts: Sequence[Part], source: str, name: str, *, stepwise: bool = False
 ) -> Signal:
     """One quantity of all joints on the grid, each part from its own stamps.
 
-    `held`: a value stays until the next one, as commands of servos do.
+    `stepwise`: a value stays until the next one, as commands of servos do.
     """
     first = parts[0].stamped[source].messages
     origin = f"{first.topic} {first.origins.get(name, name)}"
@@ -107,7 +107,9 @@ def joined(
     for part in parts:
         stamped = part.stamped[source]
         values, smooth = stamped.messages.values[name], name == "position"
-        signals.append(on_grid(grid, stamped.time, values, origin, smooth=smooth, held=held))
+        signals.append(
+            on_grid(grid, stamped.time, values, origin, smooth=smooth, stepwise=stepwise)
+        )
     if len(parts) == 1:
         return signals[0]
     order = np.argsort(np.concatenate([part.columns for part in parts]))

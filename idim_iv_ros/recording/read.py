@@ -281,7 +281,9 @@ def _assemble(
         effort=torque,
         velocity=_optional(grid, parts, joint_states, "velocity"),
         position_reference=(
-            joined(grid, parts, reference, "position", held=effort is None) if reference else None
+            joined(grid, parts, reference, "position", stepwise=effort is None)
+            if reference
+            else None
         ),
         velocity_reference=_optional(grid, parts, reference, "velocity") if reference else None,
         link_position=(

@@ -45,7 +45,7 @@ class Request:
         return fields
 
     @property
-    def own(self) -> "Request":
+    def with_reference_field(self) -> "Request":
         """The same with a source of its own for the reference.
 
         One controller_state may hold what was asked for and what was measured.
@@ -84,7 +84,7 @@ def in_bag(bag: Bag, request: Request) -> Request:
         No such bag, or several topics may be meant.
     """
     if all(name.startswith("/") for name in request.named.values()):
-        return request.own
+        return request.with_reference_field
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
     kinds = bag.unread().known_topics().items()
@@ -103,7 +103,7 @@ def in_bag(bag: Bag, request: Request) -> Request:
         effort=None if effort is None else full(effort),
         reference=None if reference is None else full(reference),
         link_states=None if link_states is None else full(link_states),
-    ).own
+    ).with_reference_field
 
 
 def add_batch(

@@ -22,7 +22,7 @@ def topics_in_bag(
     path: Path,
     named: Mapping[str, str],
     topics: Collection[str],
-    own: Mapping[str, str],
+    node_topics: Mapping[str, str],
 ) -> dict[str, str]:
     """Return the full names of topics that a configuration names.
 
@@ -38,7 +38,7 @@ def topics_in_bag(
         Name of each key of the section `signals`, the one that matters most first.
     topics
         Full names of the topics that can be meant.
-    own
+    node_topics
         What relative names are for the node that asks, remapping included.
 
     Returns
@@ -56,7 +56,7 @@ def topics_in_bag(
     if not relative:
         return full_names
     key, first = next(iter(relative.items()))
-    mine = {name: own.get(name, in_root(name)) for name in relative.values()}
+    mine = {name: node_topics.get(name, in_root(name)) for name in relative.values()}
     candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
     if mine[first] in topics or not candidates:
         return {**full_names, **mine}
@@ -71,7 +71,7 @@ def topics_in_bag(
     return {**full_names, **{name: namespace + name for name in relative.values()}}
 
 
-def descriptions_of(joint_states: str, own: Mapping[str, str]) -> list[str]:
+def descriptions_of(joint_states: str, node_topics: Mapping[str, str]) -> list[str]:
     """Return the topics that may hold the description of a robot, the likeliest first.
 
     The node's own, then that in the namespace of the joint states, then those above it; at last
@@ -81,10 +81,10 @@ def descriptions_of(joint_states: str, own: Mapping[str, str]) -> list[str]:
     ----------
     joint_states
         Full name.
-    own
+    node_topics
         As of `topics_in_bag`.
     """
-    likely = [own[ROBOT_DESCRIPTION]] if ROBOT_DESCRIPTION in own else []
+    likely = [node_topics[ROBOT_DESCRIPTION]] if ROBOT_DESCRIPTION in node_topics else []
     namespace = joint_states
     while namespace:
         namespace = namespace.rpartition("/")[0]

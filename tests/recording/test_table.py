@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -88,3 +89,11 @@ def test_columns_are_named_by_the_header_or_by_numbers_from_0(tmp_path: Path, ke
     np.testing.assert_allclose(recording.position.values, GOOD, atol=1e-9)
     with pytest.raises(UsageError, match=r"column 3; .* t, q1, q2, "):
         convert(tmp_path, f"{table}:3,1")
+
+
+def test_a_variable_of_hdf5_needs_no_map(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "t.h5", "w") as file:
+        file["run/q"] = GOOD.T
+    convert(tmp_path, f"{tmp_path / 't.h5'}:run/q")
+    (recording,) = read_recordings([tmp_path / "out.mcap"], joints=JOINTS)
+    np.testing.assert_allclose(recording.position.values, GOOD, atol=1e-9)
