@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
     from idim_iv_ros.first_configuration import propose_configuration, write_configuration
-    from idim_iv_ros.fleet.diagnose import Fleet, diagnose_fleet, identify_fleet
+    from idim_iv_ros.fleet.commands import Fleet, diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
@@ -73,7 +73,7 @@ _MODULES = {
     "first_configuration": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),
-    "fleet.diagnose": ("Fleet", "diagnose_fleet", "identify_fleet"),
+    "fleet.commands": ("Fleet", "diagnose_fleet", "identify_fleet"),
     "fleet.run": ("FleetRun",),
     "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),

@@ -286,9 +286,9 @@ class Configuration(Section):
 
     def with_own_topics(self, topics: Mapping[str, str]) -> "Configuration":
         """Return the configuration for a node for which relative topics have these names."""
-        own = self.model_copy()
-        own._own_topics = dict(topics)
-        return own
+        copied = self.model_copy()
+        copied._own_topics = dict(topics)
+        return copied
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":
@@ -369,10 +369,10 @@ def _existing(path: Path, key: str, urdf: Path) -> Path:
     """Absolute path of the URDF or MJCF that a key of a configuration names."""
     try:
         absolute = (path.parent / urdf).resolve()
-        found = absolute.is_file()
+        present = absolute.is_file()
     except (OSError, ValueError, RuntimeError) as error:  # too long, a zero byte, a loop of links
         reason = getattr(error, "strerror", None) or "not a path"
         raise UsageError(f"{path}: {key}: {shortened(str(urdf))}: {reason}") from error
-    if not found:
+    if not present:
         raise UsageError(f"{path}: {key}: no file {absolute}")
     return absolute

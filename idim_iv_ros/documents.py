@@ -137,9 +137,9 @@ class Document:
             content = from_json(text)
         except ValueError as error:
             raise UsageError(f"{name}: not JSON: {error}") from error
-        found = content.get("format") if isinstance(content, Mapping) else None
-        if found != cls.format:
-            shown = repr(found) if isinstance(found, str) else "missing"
+        stated = content.get("format") if isinstance(content, Mapping) else None
+        if stated != cls.format:
+            shown = repr(stated) if isinstance(stated, str) else "missing"
             raise UsageError(
                 f"{name}: not {cls.what}: its format is {shown}, not {cls.format!r}; {again}"
             )
@@ -187,5 +187,5 @@ def _plain(value: object) -> Any:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, Iterable):
-        return [_plain(each) for each in value]
+        return [_plain(item) for item in value]
     raise TypeError(f"{type(value).__name__} has no place in a document")

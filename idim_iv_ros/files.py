@@ -71,7 +71,7 @@ def as_paths(bags: FilePaths) -> tuple[Path, ...]:
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     if not given:
         raise UsageError("no bag was given; at least one is needed")
-    return tuple(Path(each) for each in given)
+    return tuple(Path(bag) for bag in given)
 
 
 def as_file(out: FilePath) -> Path:
@@ -324,7 +324,7 @@ def _kind(path: Path) -> str | None:
 
 def is_own(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
-    known = {
+    recognised_by = {
         ".json": _own_json,
         ".html": _own_html,
         ".svg": _own_html,
@@ -333,7 +333,7 @@ def is_own(path: Path) -> bool:
         ".parquet": _own_parquet,
     }
     try:
-        return known.get(path.suffix.lower(), _own_digest)(path)
+        return recognised_by.get(path.suffix.lower(), _own_digest)(path)
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -404,9 +404,9 @@ def _own_digest(path: Path) -> bool:
     if first.startswith(_SIGNATURE):
         return first.removeprefix(_SIGNATURE) == digest(rest)
     stem = path.name.split(".", 1)[0]
-    for beside in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
-        if beside.is_file() and _own_json(beside):
-            files = json.loads(beside.read_text(encoding="utf-8")).get(FILES)
+    for document in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
+        if document.is_file() and _own_json(document):
+            files = json.loads(document.read_text(encoding="utf-8")).get(FILES)
             if isinstance(files, dict) and files.get(path.name) == digest(text):
                 return True
     return False

@@ -85,8 +85,8 @@ def _interrupted(number: int, frame: FrameType | None) -> None:
 
 
 def _leave(number: int) -> None:
-    for each in SIGNALS:
-        signal.signal(each, signal.SIG_IGN)
+    for ignored in SIGNALS:
+        signal.signal(ignored, signal.SIG_IGN)
     said = "".join(f": {words()}" for words in _words)
     for undo in reversed(_undo):
         with suppress(Exception):

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.documents import Document
-from idim_iv_ros.fleet.bag_result import BagResult
-from idim_iv_ros.fleet.result import FleetResult
+from idim_iv_ros.fleet.result import BagResult, FleetResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.servo.result import ServoResult
 from idim_iv_ros.simulators.replay_result import ReplayResult

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from benchmarks.fleet.arms import TYPE, FloatArray
-from idim_iv_ros.fleet.bag_result import BagResult, JointNoise
+from idim_iv_ros.fleet.result import BagResult, JointNoise
 
 NAMES = tuple(TYPE)
 MEAN = np.array([mean for mean, _ in TYPE.values()])

@@ -18,10 +18,9 @@ from benchmarks.paper_tx40.experiment import (
 )
 from benchmarks.paper_tx40.published import TABLE_1, TABLE_2, TABLE_3
 from idim_iv_ros import IdentificationResult
-from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, Figure, axis, layout, line, typed
 from idim_iv_ros.report.numerals import fixed, number
-from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.page import environment, page_html
 
 _TEMPLATE = Path(__file__).with_name("page.html.j2")
 _FIGURES = ((APPROPRIATE, 1), (INAPPROPRIATE, 3), (MODEL_ERROR, 5))
@@ -45,16 +44,13 @@ def page(runs: Sequence[Reproduction]) -> str:
             for name in SITUATIONS
         ],
     )  # fmt: skip
-    return environment().get_template("page.html.j2").render(
-        generator=Markup(GENERATOR),
-        robot="TX40",
-        subject="the paper's experiment, simulated",
-        subtitle="Section V of Brunot, Janot, Carrillo and Garnier on a simulated robot whose true "
+    return page_html(
+        "TX40",
+        "the paper's experiment, simulated",
+        "Section V of Brunot, Janot, Carrillo and Garnier on a simulated robot whose true "
         f"parameters are those of the paper's Table 1; 10 s at 5 kHz, noise seeds {seeds}.",
-        links=[],
-        sections=[Markup(section)],
-        **page_parts(),
-    )  # fmt: skip
+        [("paper", "The paper", Markup(section))],
+    )
 
 
 def _claim(claim: Any, runs: Sequence[Reproduction]) -> dict[str, Any]:

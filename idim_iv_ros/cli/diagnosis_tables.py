@@ -26,7 +26,7 @@ from idim_iv_ros.report.gap_words import (
     untestable,
 )
 from idim_iv_ros.report.numerals import measured
-from idim_iv_ros.report.sections.contrast import contrast_badge
+from idim_iv_ros.report.sections.causes import contrast_badge
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 # Columns of the tables.

@@ -113,8 +113,8 @@ def print_segments(
         f"{model.robot.name}: {len(segments)} segments, {diagnosis.trajectory.duration:.4g} s"
     )
     rows = []
-    for kind in dict.fromkeys(segment.plan.kind for segment in segments):
-        same = [segment for segment in segments if segment.plan.kind == kind]
+    for kind in dict.fromkeys(segment.kind for segment in segments):
+        same = [segment for segment in segments if segment.kind == kind]
         seconds = sum(segment.end - segment.start for segment in same)
         rows.append((kind, str(len(same)), f"{seconds:.1f}", ", ".join(same[0].effects)))
     print_table(console, "", ("segments", ">of them", ">seconds", "reveal"), rows)

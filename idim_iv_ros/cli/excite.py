@@ -103,8 +103,8 @@ def excite_command(
         motions.require_message_rate(message_rate, rate)
     print_marked(output.console, "Warning", model.robot.doubts, "yellow")
     segments = {"segments.csv"} if purpose == "diagnosis" else set()
-    place = motions.require_place(out, (*ENDINGS, *segments), force=force)
-    with place, output.progress() as progress:
+    motions.require_place(out, (*ENDINGS, *segments), force=force)
+    with output.progress() as progress:
         if purpose == "diagnosis":
             diagnosis = motions.design_diagnosis(
                 model,

@@ -12,7 +12,7 @@ from idim_iv_ros.cli import arguments as shared
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from idim_iv_ros.fleet.diagnose import Fleet
+    from idim_iv_ros.fleet.commands import Fleet
     from idim_iv_ros.fleet.run import FleetRun
 
 fleet = typer.Typer(
@@ -80,11 +80,10 @@ def fleet_command(
     """Identify or diagnose a fleet, whichever the command is called."""
     from idim_iv_ros.cli.output import Output, report_warnings
     from idim_iv_ros.files import FLEET, FLEET_PAGE
-    from idim_iv_ros.fleet.diagnose import diagnose_fleet, identify_fleet
+    from idim_iv_ros.fleet.commands import diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.fleet.table import FILE, write_table
-    from idim_iv_ros.report import require_writable
-    from idim_iv_ros.report.write import write_fleet_report
+    from idim_iv_ros.report import require_writable, write_report
 
     output = Output(quiet=quiet)
     run = FleetRun(source, config, out, scheduler, workers)
@@ -96,7 +95,7 @@ def fleet_command(
         with report_warnings():
             pages = _write_robots(answer, run, force)
             reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
-            _, page = write_fleet_report(answer.result, out, reports=reports, force=force)
+            _, page = write_report(answer.result, out, reports=reports, force=force)
     _print(output.console, answer, pages, verbose)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:

@@ -62,8 +62,8 @@ def replay_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     from idim_iv_ros.report import write_replay_report
+    from idim_iv_ros.report.picture import write_replay_picture
     from idim_iv_ros.report.replay import error_rows, headline
-    from idim_iv_ros.report.replay_picture import write_replay_picture
     from idim_iv_ros.simulators.mujoco_video import require_video, write_video
     from idim_iv_ros.simulators.replay import replay_bags, replayed_robot
 

@@ -53,6 +53,7 @@ def servo_command(
         raise UsageError(f"--gains {gains}: gains are above zero")
     from functools import partial
 
+    from idim_iv_ros.report import write_report
     from idim_iv_ros.report.servo import (
         SUMMARY_COLUMNS,
         error_rows,
@@ -61,7 +62,6 @@ def servo_command(
         number_rows,
         summary_rows,
     )
-    from idim_iv_ros.report.write import write_servo_report
     from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
     from idim_iv_ros.servo.identify import identify_servos
 
@@ -71,7 +71,7 @@ def servo_command(
         lambda progress: identify_servos(
             bags, configuration, gains=settings, model_error=model_error, progress=progress
         ),
-        partial(write_servo_report, force=force),
+        partial(write_report, force=force),
         lambda result, path: None,
         out=out,
         names=(SERVO, REPORT),

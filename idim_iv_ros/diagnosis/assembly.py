@@ -30,8 +30,7 @@ from idim_iv_ros.diagnosis.tracking import (
     tracking_series,
     with_tracking,
 )
-from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
-from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
+from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
 from idim_iv_ros.diagnosis.unexplained import (
     unexplained,
     unexplained_residual,
@@ -50,7 +49,7 @@ _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 
 def concluded(
     refit: Refit,
-    found: Explained,
+    explanation: Explained,
     configuration: Configuration,
     without: tuple[str, ...],
     watch: Stopwatch,
@@ -59,7 +58,7 @@ def concluded(
 
     Parameters
     ----------
-    refit, found
+    refit, explanation
         What was searched, and what explains it.
     configuration
         As the user gave it.
@@ -70,35 +69,37 @@ def concluded(
     prepared, left_out = data.prepared, data.left_out
 
     watch.stage("simulated motion", 0.85)
-    tracked = tracked_stages(data, found)
-    stages = with_tracking(found.tested.stages(), tracked)
+    tracked = tracked_stages(data, explanation)
+    stages = with_tracking(explanation.tested.stages(), tracked)
 
-    effects = [effect.term for effect in found.effects]
+    effects = [effect.term for effect in explanation.effects]
     recordings = agreement(data, regression, effects, without)
-    numbers, errors = parametric_causes(data, found)
-    law = check_law(data, without, shift=refit.shift.shift).beside(data, numbers, effects)
+    numbers, errors = parametric_causes(data, explanation)
+    law = check_law(data, without, shift=refit.shift.shift).not_shown_by_torque(
+        data, numbers, effects
+    )
     causes = [
-        *structural_causes(data, found, simulation_gaps(found, tracked)),
+        *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),
         *numbers,
         *law.causes,
-        *refit.gravity_causes(found.tested),
+        *refit.gravity_causes(explanation.tested),
         *(refit.delays or law.delay),
     ]
     transmissions = measured_transmissions(data, regression)
     causes, shafts, excluded = with_transmissions(data, regression, transmissions, causes, without)
     causes = strongest_first(causes, data)
-    hints = hints_of(data, found)
+    hints = hints_of(data, explanation)
 
     watch.stage("where", 0.95)
-    gaps, findings = where(data, regression, found.fits[0], found.floors)
+    gaps, findings = where(data, regression, explanation.fits[0], explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     not_testable = (
-        *not_shown_by_motion(data, regression, structural, found.noise_of_refit()),
+        *not_shown_by_motion(data, regression, structural, explanation.noise_of_refit()),
         *refit.not_testable,
     )
 
-    outside = unexplained(data, found)
-    residual = unexplained_residual(data, found, stages)
+    outside = unexplained(data, explanation)
+    residual = unexplained_residual(data, explanation, stages)
     not_named = remaining(errors, settings.LEAST_PARAMETER_ERROR)
     small = not_named if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
     nothing_shown = len(left_out) == len(data.joints)
@@ -128,8 +129,11 @@ def concluded(
     ]
     named = {(cause.effect, cause.joint) for cause in causes}
     speed = None if law.speed is None else law.speed.words
-    physical, why_not = _consistent(refit, found)
-    base, deviations = prepared.model.base, np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
+    physical, why_not = _consistent(refit, explanation)
+    base, deviations = (
+        prepared.model.base,
+        np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0)),
+    )
     notes = [
         refit.shift.sentence(data.joints),
         *(ripple.sentence(data.joints) for ripple in refit.ripples),
@@ -137,16 +141,16 @@ def concluded(
         speed and f"the speed in the control law: {speed}",
         *(sentences.transmission(measured.result) for measured in transmissions),
         *excluded,
-        *_notes(refit, found, law.beyond),
+        *_notes(refit, explanation, law.beyond),
         *(tracking.note or tracking.caveat for tracking in tracked),
         *prepared.warnings,
         *prepared.advice,
         *prepared.reasons,
-        *(sentences.small_nonparametric(data, t) for t in found.outside if not matters(t)),
+        *(sentences.small_nonparametric(data, t) for t in explanation.outside if not matters(t)),
     ]
     if refit.weightless is not None:
         with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
-        stages = (refit.weightless.stage(0), with_gravity, *stages[1:])
+        stages = (refit.weightless, with_gravity, *stages[1:])
     return GapResult(
         robot=prepared.model.robot.name,
         joints=data.joints,
@@ -162,16 +166,18 @@ def concluded(
         hints=hints,
         unexplained=outside,
         where=gaps,
-        findings=tuple(sentences.finding(each, prepared.session.parts) for each in findings),
+        findings=tuple(sentences.finding(finding, prepared.session.parts) for finding in findings),
         not_testable=tuple(
             effect for effect in not_testable if (effect.effect, effect.joint) not in named
         ),
         stages=stages,
-        series=_series(refit, found),
+        series=_series(refit, explanation),
         tracking=tracking_series(data, tracked[0], tracked[-1]),
         notes=tuple(dict.fromkeys(note for note in notes if note)),
         extended_parameters={
-            name: EffectParameter(float(found.fit.values[k]), float(deviations[k]), base.units[k])
+            name: EffectParameter(
+                float(explanation.fit.values[k]), float(deviations[k]), base.units[k]
+            )
             for k, name in enumerate(base.names)
         },
         physical=physical,
@@ -192,14 +198,14 @@ def concluded(
     )
 
 
-def _notes(refit: Refit, found: Explained, beyond_law: Sequence[str]) -> list[str]:
+def _notes(refit: Refit, explanation: Explained, beyond_law: Sequence[str]) -> list[str]:
     """What could not be done, what is missing in the configuration, and why."""
     data, prepared = refit.data, refit.data.prepared
     seconds = sum(recording.duration for recording in prepared.recordings)
     unchecked = why_not_checked(data)
     return [
-        found.tested.note and f"held-out gaps: {found.tested.note}",
-        *(floor.note and f"noise floor: {floor.note}" for floor in found.floors),
+        explanation.tested.note and f"held-out gaps: {explanation.tested.note}",
+        *(floor.note and f"noise floor: {floor.note}" for floor in explanation.floors),
         f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
         "record a minute or more"
         if seconds < settings.SHORT_RECORDING
@@ -217,26 +223,26 @@ def _notes(refit: Refit, found: Explained, beyond_law: Sequence[str]) -> list[st
     ]
 
 
-def _series(refit: Refit, found: Explained) -> tuple[GapSeries, ...]:
+def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     """Measured torque and that of three models for the figures, one series for each joint."""
-    data, regression, fit = refit.data, refit.regression, found.fit
+    data, regression, fit = refit.data, refit.regression, explanation.fit
     residuals, given = nominal_residuals(data, regression), data.prepared.given
     made = []
     for joint, name in enumerate(data.joints):
         torque = regression.joints[joint].torque
         motion = motion_at_rows(data, joint)
         friction = _friction(refit, joint, fit.values)
-        for number, effect in enumerate(found.effects):
+        for number, effect in enumerate(explanation.effects):
             columns = effect.term.columns
             if effect.term.effect.part == "friction" and joint in columns:
-                friction = friction + columns[joint] @ fit.coefficients[found.block(number)]
+                friction = friction + columns[joint] @ fit.coefficients[explanation.block(number)]
         made.append(
             GapSeries(
                 joint=name,
                 time=motion.time,
                 torque=torque,
                 given=None if residuals is None else torque - residuals[joint],
-                refit=torque - found.fits[0].residuals[joint],
+                refit=torque - explanation.fits[0].residuals[joint],
                 extended=torque - fit.residuals[joint],
                 friction=friction,
                 given_friction=None if given is None else _friction(refit, joint, given),
@@ -258,9 +264,9 @@ def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
     return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
 
 
-def _consistent(refit: Refit, found: Explained) -> tuple[PhysicalParameters | None, str]:
+def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameters | None, str]:
     """Physical parameters nearest to the extended model, judged on torques without its effects."""
-    fit, parameters = found.fit, len(found.fit.values)
+    fit, parameters = explanation.fit, len(explanation.fit.values)
     rows = [
         replace(joint, torque=joint.prediction(fit.values) + residual)
         for joint, residual in zip(refit.regression.joints, fit.residuals, strict=True)
@@ -268,7 +274,7 @@ def _consistent(refit: Refit, found: Explained) -> tuple[PhysicalParameters | No
     sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
     covariance = fit.covariance[:parameters, :parameters]
     # Effects of friction share their joint's Fv and Fc: only the sum is friction.
-    terms = [effect.term for effect in found.effects if effect.term.effect.part == "friction"]
+    terms = [effect.term for effect in explanation.effects if effect.term.effect.part == "friction"]
     joints = {joint for term in terms for joint in term.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
     return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)

@@ -58,7 +58,7 @@ def diagnose(
     excluded = tuple(without)
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     second = [against] if isinstance(against, (str, os.PathLike)) else list(against)
-    require_two_sets(given, second)
+    _require_two_sets(given, second)
     identified = None if nominal is None else read_nominal_model(nominal, configuration)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
@@ -66,13 +66,13 @@ def diagnose(
         others = read_configured(second, configuration, progress) if second else ()
         return_freed_memory()
         watch.stage("refit", 0.1)
-        beside = None if identified is None else partial(with_nominal, identified=identified)
-        refit = refitted(recordings, configuration, excluded, beside)
+        other_nominal = None if identified is None else partial(with_nominal, identified=identified)
+        refit = refitted(recordings, configuration, excluded, other_nominal)
         return_freed_memory()
         watch.stage("attribution", 0.2)
-        found = compared(refit, excluded)
+        explanation = compared(refit, excluded)
         return_freed_memory()
-        result = concluded(refit, found, configuration, excluded, watch)
+        result = concluded(refit, explanation, configuration, excluded, watch)
         if identified is not None:
             result = replace(result, nominal=identified.nominal)
         if second:
@@ -81,12 +81,12 @@ def diagnose(
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
             contrast = contrasted(recordings, others, same, excluded, watch.progress)
-            result = with_contrast(result, contrast)
+            result = _with_contrast(result, contrast)
     result.timing.update(watch.timing)
     return result
 
 
-def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath]) -> None:
+def _require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath]) -> None:
     """Refuse a recording that is in both sets.
 
     Raises
@@ -94,16 +94,16 @@ def require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath])
     UsageError
         It names the recording.
     """
-    known = {os.path.realpath(each) for each in reference}
+    first_set = {os.path.realpath(recording) for recording in reference}
     for recording in against:
-        if os.path.realpath(recording) in known:
+        if os.path.realpath(recording) in first_set:
             raise UsageError(
                 f"--against {recording}: it is among the reference recordings, too; "
                 "a set cannot differ from itself"
             )
 
 
-def with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
+def _with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
     """Return the diagnosis of the reference set with what changed, first in its summary."""
     listed = ", ".join(result.bags)
     summary = f"{contrast.sentence} The reference ({listed}) by itself: {result.summary}"

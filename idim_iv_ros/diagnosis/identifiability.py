@@ -5,7 +5,7 @@ left must stand out of the noise.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.result import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray
 
 _LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
 _ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
@@ -27,26 +27,6 @@ _MOST_SCALED = 1.5  # times that a shaft or a delay is scaled up to be seen
 _NONCENTRALITY = 20.0  # chi-square at which an effect is seen
 _LEAST_SHARE = 0.01  # of the whitened residual, the same
 _TINY = 1e-12
-
-
-@dataclass(frozen=True)
-class Detectability:
-    """What the motion shows of one effect.
-
-    Attributes
-    ----------
-    absorbed : float
-        Share of its energy that the model's own parameters absorb, 0 to 1, of the shape that is
-        absorbed least.
-    smallest : str
-        Smallest size that would be seen, in words; empty where none would.
-    plausible : bool
-        Whether that is no larger than what is plausible (`Effect.plausible`).
-    """
-
-    absorbed: float
-    smallest: str
-    plausible: bool
 
 
 class Absorption:
@@ -86,55 +66,79 @@ def detectability(
     shapes: Sequence[tuple[Shape, Columns]],
     rows: int,
     scale: JointScale,
-) -> Detectability:
-    """Say what the motion shows of an effect in some shapes, each with its columns.
+) -> tuple[str, str]:
+    """Why the motion does not show an effect, and from which size on it would; empty if it does.
+
+    An effect that shows only from an implausible size on (`Effect.plausible`) is not shown.
 
     Parameters
     ----------
     absorption
         By the refit.
+    shapes
+        Some of the effect, each with its columns.
     rows
         Of the joint.
     """
+    if not shapes:
+        return "no shape of it is possible on this motion", ""
     needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
-    absorbed = []
+    least_absorbed = 1.0
     options: list[tuple[bool, float, str]] = []
     for shape, columns in shapes:
         energy, left = absorption.left(columns)
-        energy, rest = np.maximum(energy, _TINY), np.clip(np.diag(left), 0.0, None)
-        share = rest / energy
-        absorbed.append(1.0 - float(share.max()))
-        if effect.size_in == "shape":
-            if rest[0] >= needed and share[0] > 1.0 - settings.ABSORBED:
-                words, plausible = _judged(effect, shape, np.ones(1), 0.0, scale)
-                options.append((plausible, effect.size_of(shape), words))
-            continue
+        rest = np.clip(np.diag(left), 0.0, None)
+        share = rest / np.maximum(energy, _TINY)
+        least_absorbed = min(least_absorbed, 1.0 - float(share.max()))
         at_joint = columns.get(scale.joint)
         largest = np.zeros(len(rest)) if at_joint is None else np.abs(at_joint).max(axis=0)
-        size = np.sqrt(needed / np.maximum(rest, _TINY))
-        size[(share < 1.0 - settings.ABSORBED) | (largest <= 0.0)] = np.inf
-        if effect.size_in == "scale":
-            size[size > _MOST_SCALED] = np.inf
-        k = int(np.argmin(size * np.maximum(largest, _TINY)))
-        if not np.isfinite(size[k]):
+        seen = _smallest(effect, rest, share > 1.0 - settings.ABSORBED, largest, needed)
+        if seen is None:
             continue
-        coefficients = np.zeros(len(size))
-        coefficients[k] = size[k]
-        torque = float(size[k] * largest[k])
-        words, plausible = _judged(effect, shape, coefficients, torque, scale)
-        options.append((plausible, torque, words))
+        coefficients, torque = seen
+        size = effect.size_of(shape) if effect.size_in == "shape" else torque
+        plausible = effect.plausible(shape, coefficients, torque, scale)
+        words = effect.size_in_words(shape, coefficients, torque)
+        options.append((not plausible, size, words))
+    if least_absorbed > settings.ABSORBED:
+        share_absorbed = 100.0 * least_absorbed
+        return f"the model's own parameters absorb {share_absorbed:.1f} % of it on this motion", ""
     if not options:
-        return Detectability(min(absorbed), "", plausible=False)
-    plausible, _, words = min(options, key=lambda option: (not option[0], option[1]))
-    return Detectability(min(absorbed), words, plausible)
+        return "its torque stays within the noise at every size that was tried", ""
+    implausible, _, words = min(options)
+    if implausible:
+        return f"it would be seen from {words} on, and is often smaller", words
+    return "", ""
 
 
-def _judged(
-    effect: Effect, shape: Shape, coefficients: FloatArray, torque: float, scale: JointScale
-) -> tuple[str, bool]:
-    """Size in words, and whether it is no larger than what is plausible."""
-    words = effect.size_in_words(shape, coefficients, torque)
-    return words, effect.plausible(shape, coefficients, torque, scale)
+def _smallest(
+    effect: Effect, rest: FloatArray, shown: BoolArray, largest: FloatArray, needed: float
+) -> tuple[FloatArray, float] | None:
+    """Coefficients (k,) at which one column is just seen, and their torque, N m (N), if one is.
+
+    Parameters
+    ----------
+    rest
+        (k,) energy of unit columns that the model leaves.
+    shown
+        (k,) columns that the model does not absorb.
+    largest
+        (k,) largest torque of unit columns at the joint, N m (N).
+    needed
+        Energy at which an effect is seen.
+    """
+    if effect.size_in == "shape":
+        return (np.ones(1), 0.0) if shown[0] and rest[0] >= needed else None
+    size = np.sqrt(needed / np.maximum(rest, _TINY))
+    size[~shown | (largest <= 0.0)] = np.inf
+    if effect.size_in == "scale":
+        size[size > _MOST_SCALED] = np.inf
+    column = int(np.argmin(size * np.maximum(largest, _TINY)))
+    if not np.isfinite(size[column]):
+        return None
+    coefficients = np.zeros(len(size))
+    coefficients[column] = size[column]
+    return coefficients, float(size[column] * largest[column])
 
 
 def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
@@ -166,14 +170,10 @@ def too_little(joint: int, covered: OperatingRange) -> bool:
     Slow motion over a wide range shows weights and friction well; small motion that sticks shows
     nothing, and no more does a torque that is left out.
     """
-    if joint in covered.left_out:
-        return True
-    lever = float(covered.lever[joint])
-    span = covered.span(joint)
-    fastest = float(covered.fastest[joint])
-    if span <= settings.LEAST_RANGE * lever:
-        return True
-    return fastest < settings.LEAST_FASTEST * lever and span < settings.SMALL_RANGE * lever
+    lever, span = float(covered.lever[joint]), covered.span(joint)
+    slow = float(covered.fastest[joint]) < settings.LEAST_FASTEST * lever
+    least = settings.SMALL_RANGE if slow else settings.LEAST_RANGE
+    return joint in covered.left_out or span <= least * lever
 
 
 def not_shown_by_motion(
@@ -198,14 +198,15 @@ def not_shown_by_motion(
     for joint, rows in enumerate(regression.joints):
         scale = JointScale(covered, joint, friction[joint])
         for effect in catalogue:
-            for place in _places(effect, joint, len(data.joints)):
+            # Of pairs of joints the one with the next joint.
+            places = [place for place in effect.places(len(data.joints)) if place.joint == joint]
+            for place in places[:1]:
                 reason, smallest = cannot_show(effect, joint, covered), ""
-                shapes = [] if reason else _shaped(data, effect, place, covered)
-                if shapes:
-                    measure = detectability(absorption, effect, shapes, len(rows.torque), scale)
-                    reason, smallest = _refusal(measure)
-                elif not reason:
-                    reason = "no shape of it is possible on this motion"
+                if not reason:
+                    shapes = _shaped(data, effect, place, covered)
+                    reason, smallest = detectability(
+                        absorption, effect, shapes, len(rows.torque), scale
+                    )
                 if reason:
                     needed = _TORQUE if joint in covered.left_out else effect.excitation
                     words = (data.unit_at(joint, text) for text in (reason, needed, smallest))
@@ -223,12 +224,6 @@ def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[Autore
     )
 
 
-def _places(effect: Effect, joint: int, joints: int) -> list[Place]:
-    """Places at a joint; of pairs the one with the next joint."""
-    places = [place for place in effect.places(joints) if place.joint == joint]
-    return places[:1]
-
-
 def _shaped(
     data: Baseline, effect: Effect, place: Place, covered: OperatingRange
 ) -> list[tuple[Shape, Columns]]:
@@ -239,19 +234,6 @@ def _shaped(
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
         if all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in columns.values())
     ]
-
-
-def _refusal(measure: Detectability) -> tuple[str, str]:
-    """Why an effect is not testable, and the smallest size that is; both empty where it is."""
-    if measure.absorbed > settings.ABSORBED:
-        share = 100.0 * measure.absorbed
-        return f"the model's own parameters absorb {share:.1f} % of it on this motion", ""
-    if not measure.smallest:
-        return "its torque stays within the noise at every size that was tried", ""
-    if not measure.plausible:
-        reason = f"it would be seen from {measure.smallest} on, and is often smaller"
-        return reason, measure.smallest
-    return "", ""
 
 
 def _dry_friction(data: Baseline, covered: OperatingRange) -> list[float]:

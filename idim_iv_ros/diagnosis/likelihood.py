@@ -8,6 +8,7 @@ residual both small and white).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -39,8 +40,6 @@ class Fit:
     residuals : one (r_j,) array for each joint, N m, not whitened
     log_likelihood : float
         Concentrated, less one for each coefficient of a noise model (Akaike).
-    factor : (≤ b + k + 1, b + k + 1)
-        R factor of the whitened [X y].
     """
 
     values: FloatArray
@@ -49,7 +48,6 @@ class Fit:
     noise_models: tuple[AutoregressiveModel, ...]
     residuals: tuple[FloatArray, ...]
     log_likelihood: float
-    factor: FloatArray
 
     @property
     def coefficient_covariance(self) -> FloatArray:
@@ -59,7 +57,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Rows of all joints, with columns that were already added.
+    """Rows of all joints, and blocks of columns that were added to them.
 
     Attributes
     ----------
@@ -67,43 +65,37 @@ class Regression:
         Without the added columns.
     parameters : int
         b.
-    before : Regression, optional
-        The same without the block that was added last.
-    block : Columns
-        That block: columns by joint (r_j, k); a joint that is missing has zeros.
+    added : tuple of Columns
+        Columns by joint (r_j, k); a joint that is missing in a block has zeros.
     """
 
     joints: tuple[JointRows, ...]
     parameters: int
-    before: "Regression | None" = None
-    block: Columns | None = None
+    added: tuple[Columns, ...] = ()
 
     def with_columns(self, columns: Columns) -> "Regression":
         """Return the same with one more block."""
-        return Regression(self.joints, self.parameters, self, columns)
+        return replace(self, added=(*self.added, columns))
 
-    @cached_property
-    def added(self) -> tuple[Columns, ...]:
-        """All blocks of columns that were added."""
-        if self.before is None or self.block is None:
-            return ()
-        return (*self.before.added, self.block)
-
-    @cached_property
+    @property
     def widths(self) -> tuple[int, ...]:
         """Columns of each block."""
         return tuple(width_of(block) for block in self.added)
 
     @cached_property
     def extended(self) -> tuple[JointRows, ...]:
-        """Rows with all added columns; those of a joint that a block leaves alone are shared."""
-        if self.before is None or self.block is None:
-            return self.joints
-        places = np.arange(self.before.total, self.total)
-        return tuple(
-            rows.beside(self.block[joint], places) if joint in self.block else rows
-            for joint, rows in enumerate(self.before.extended)
-        )
+        """Rows with all added columns; a joint that no block moves has its own."""
+        starts = self.parameters + np.cumsum([0, *self.widths])
+        places = [np.arange(*ends) for ends in pairwise(starts)]
+        made = []
+        for joint, rows in enumerate(self.joints):
+            pairs = zip(self.added, places, strict=True)
+            blocks = [(block[joint], place) for block, place in pairs if joint in block]
+            if blocks:
+                columns, own = zip(*blocks, strict=True)
+                rows = rows.with_columns(np.hstack(columns), np.concatenate(own))
+            made.append(rows)
+        return tuple(made)
 
     @cached_property
     def total(self) -> int:
@@ -114,13 +106,12 @@ class Regression:
         self,
         noise_models: Sequence[AutoregressiveModel] | None = None,
         *,
-        steps: int | None = None,
+        steps: int = _NOISE_MODEL_STEPS,
     ) -> Fit:
         """Fit everything by QR; noise models are refined `steps` times from those given.
 
         Columns of which less than 1e-6 is independent of those before them are left out.
         """
-        steps = _NOISE_MODEL_STEPS if steps is None else steps
         current = self._first_noise_models() if noise_models is None else tuple(noise_models)
         for step in range(steps + 1):
             factor = stacked_r_factor(
@@ -151,7 +142,6 @@ class Regression:
                 for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
                 if not rows.left_out
             ),
-            factor=factor,
         )
 
     def gain_of_last(self, fit: Fit) -> float:
@@ -161,19 +151,14 @@ class Regression:
         would take slow structure for noise: an offset, or gravity, that is left out is
         predictable from its past.
         """
-        kept = self.total - self.widths[-1]
-        basis = independent_basis(fit.factor[:, :kept], tolerance=NOT_SHOWN)
-        without = basis.solve(fit.factor[:, -1], self.total)
+        without = replace(self, added=self.added[:-1]).fit(fit.noise_models, steps=0)
         gain = 0.0
-        for rows, noise, residual in zip(
-            self.extended, fit.noise_models, fit.residuals, strict=True
-        ):
-            if rows.left_out:
-                continue
-            both = np.column_stack([residual, rows.residual(without)])
-            energies = np.mean(noise.standardized(both, rows.segments) ** 2, axis=0)
-            energies = np.maximum(energies, 1e-300)
-            gain += 0.5 * len(residual) * float(np.log(energies[1] / energies[0]))
+        pairs = zip(without.residuals, fit.residuals, strict=True)
+        for rows, noise, both in zip(self.joints, fit.noise_models, pairs, strict=True):
+            if not rows.left_out:
+                white = noise.standardized(np.column_stack(both), rows.segments)
+                energies = np.maximum(np.mean(white**2, axis=0), 1e-300)
+                gain += 0.5 * len(rows) * float(np.log(energies[0] / energies[1]))
         return gain
 
     def _first_noise_models(self) -> tuple[AutoregressiveModel, ...]:

@@ -49,33 +49,31 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
     """
     text = read_text(Path(path), "the nominal model", megabytes=_LARGEST_FILE)
     name = str(path)
+    document: GapResult | IdentificationResult
     if _format(text) == GAP_FORMAT:
-        gap = GapResult.from_json(text, name)
-        joints, settings, effects = gap.joints, gap.configuration, gap.causes
+        document = GapResult.from_json(text, name)
         left_out = tuple(
-            f"{effect.effect.replace('_', ' ')} at {effect.joint or 'all joints'}"
-            for effect in effects
-            if effect.kind == "structural"
+            f"{cause.effect.replace('_', ' ')} at {cause.joint or 'all joints'}"
+            for cause in document.causes
+            if cause.kind == "structural"
         )
-        found = NominalModel(name, gap.robot, left_out, dict(gap.extended_parameters))
-        expressions = _expressions(gap.configuration)
+        parameters = dict(document.extended_parameters)
+        expressions = _expressions(document.configuration)
     else:
-        result = IdentificationResult.from_json(text, name)
-        joints, settings = result.joints, result.configuration
+        document, left_out = IdentificationResult.from_json(text, name), ()
         parameters = {
             parameter.name: EffectParameter(parameter.value, parameter.std, parameter.unit)
-            for parameter in result.parameters
+            for parameter in document.parameters
         }
-        found = NominalModel(name, result.robot, (), parameters)
-        expressions = {parameter.name: parameter.expression for parameter in result.parameters}
+        expressions = {parameter.name: parameter.expression for parameter in document.parameters}
     wanted = tuple(configuration.robot.joints)
-    if tuple(joints) != wanted:
+    if tuple(document.joints) != wanted:
         raise UsageError(
-            f"--nominal {name}: it is of the joints {', '.join(joints)}, and the configuration of "
-            f"{', '.join(wanted)}; give a result of this robot"
+            f"--nominal {name}: it is of the joints {', '.join(document.joints)}, and the "
+            f"configuration of {', '.join(wanted)}; give a result of this robot"
         )
-    _check_settings(name, settings, configuration)
-    return IdentifiedModel(found, expressions)
+    _check_settings(name, document.configuration, configuration)
+    return IdentifiedModel(NominalModel(name, document.robot, left_out, parameters), expressions)
 
 
 def _expressions(settings: dict[str, object]) -> dict[str, str]:
@@ -101,13 +99,13 @@ def _format(text: str) -> object:
 
 def _check_settings(name: str, settings: dict[str, Any], configuration: Configuration) -> None:
     """Refuse a model that was identified under another gravity, effort or transmission."""
-    own = configuration.model_dump(mode="json", exclude_none=True)
+    current = configuration.model_dump(mode="json", exclude_none=True)
     for section, keys in (
         ("robot", ("gravity", "motor_to_joint", "motor_to_joint_torque", "couplings")),
         ("signals", ("effort_unit",)),
     ):
         for key in keys:
-            theirs, ours = (document.get(section, {}).get(key) for document in (settings, own))
+            theirs, ours = (document.get(section, {}).get(key) for document in (settings, current))
             if theirs != ours:
                 raise UsageError(
                     f"--nominal {name}: it was identified with {section}.{key} {theirs}, and the "
@@ -174,13 +172,13 @@ def _values(nominal: NominalModel, model: InverseModel) -> FloatArray:
             "identification.friction, drive_inertia and exclude"
         )
     for name, unit in zip(base.names, base.units, strict=True):
-        each = nominal.parameters.get(name)
-        if each is not None and each.unit != unit:
+        number = nominal.parameters.get(name)
+        if number is not None and number.unit != unit:
             raise UsageError(
-                f"--nominal {nominal.file}: {name} is in {each.unit}, and here in {unit}; give a "
+                f"--nominal {nominal.file}: {name} is in {number.unit}, and here in {unit}; give a "
                 "result of this robot"
             )
-        values.append(0.0 if each is None else each.value)
+        values.append(0.0 if number is None else number.value)
     if not np.all(np.isfinite(values)):
         raise UsageError(f"--nominal {nominal.file}: a base parameter is no finite number")
     return np.array(values)

@@ -10,7 +10,6 @@ from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
-    Gap,
     Hint,
     Indistinguishable,
     JointChange,
@@ -31,39 +30,28 @@ MOST_EVENTS = 5  # that are listed
 _RIGID = 1e12
 
 
-def structural_cause(
-    data: Baseline,
-    effect: Term,
-    numbers: dict[str, EffectParameter],
-    others: Sequence[Indistinguishable],
-    gap: Gap,
-    probability: float,
-) -> str:
+def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     """Where an effect is, how large, how probable, and how far the gap shrinks.
 
     Parameters
     ----------
-    numbers
-        Of the effect, in the units of its joint.
-    others
-        What explains the recording nearly as well.
-    probability
-        That it is a cause, 0 to 1.
+    cause
+        All of it but its sentence.
+    meaning
+        Which kind of the effect it is, in words; empty where there is one kind only.
     """
-    place = effect.place
-    joint, unit = data.joints[place.joint], data.unit_at(place.joint, "N m")
-    where = joint if place.other is None else f"{joint} and {data.joints[place.other]}"
-    kind = effect.effect.meaning(effect.shape)
-    name = effect.effect.name
-    size = listed_numbers(name, numbers)
+    assert cause.joint is not None
+    where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
+    gap = cause.torque_gap
     text = (
-        f"{spaced(name)} at {where}{kind and f' ({kind})'}, {likely(probability)}: {size}; "
-        f"the torque gap at {joint} falls from {gap.before:.3g} to {gap.after:.3g} {unit} "
-        "on data not used to fit it"
+        f"{spaced(cause.effect)} at {where}{meaning and f' ({meaning})'}, "
+        f"{likely(cause.probability)}: {listed_numbers(cause.effect, cause.parameters)}; the "
+        f"torque gap at {cause.joint} falls from {gap.before:.3g} to "
+        f"{torque(data, gap.after, cause.joint)} on data not used to fit it"
     )
     if gap.noise_floor is not None:
-        text += f" (noise {gap.noise_floor:.3g} {unit})"
-    return text + or_else(others)
+        text += f" (noise {torque(data, gap.noise_floor, cause.joint)})"
+    return text + or_else(cause.indistinguishable_from)
 
 
 def likely(probability: float | None) -> str:
@@ -106,43 +94,37 @@ def _difference(recording: RecordingAgreement) -> str:
     return f"{text} ({causes})"
 
 
-def parametric_cause(
-    data: Baseline,
-    effect: ParametricEffect,
-    joint: str | None,
-    numbers: dict[str, EffectParameter],
-    others: Sequence[Indistinguishable],
-    changed: Sequence[JointChange],
-    probability: float,
-) -> str:
+def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> str:
     """Which parameters are in error, by how much, and what correcting them takes of the gap."""
-    place = joint or ""
-    if joint:
-        place += effect.which(data.joints.index(joint))
+    place = ""
+    if cause.joint:
+        place = cause.joint + effect.which(data.joints.index(cause.joint))
     # Of a cause of no single joint all: one for each joint.
-    size = listed_numbers(effect.name, numbers, None if joint else len(numbers))
-    text = f"{effect.subject(place)}, {likely(probability)}: {size}"
-    mass = numbers.get("mass")
+    most = None if cause.joint else len(cause.parameters)
+    size = listed_numbers(cause.effect, cause.parameters, most)
+    text = f"{effect.subject(place)}, {likely(cause.probability)}: {size}"
+    mass = cause.parameters.get("mass")
     if mass is not None and mass.value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
-    smaller = [change for change in changed if change.share_of_torque > 0.0]
+    smaller = [change for change in cause.joint_gaps if change.share_of_torque > 0.0]
     if smaller:
-        most = max(smaller, key=lambda change: change.share_of_torque)
-        text += f"; correcting it reduces the torque gap {_change(data, most)}"
+        most_changed = max(smaller, key=lambda change: change.share_of_torque)
+        text += f"; correcting it reduces the torque gap {_change(data, most_changed)}"
         if len(smaller) > 1:
             text += f" and at {_count(len(smaller) - 1, 'more joint')}"
-    return text + or_else(others)
+    return text + or_else(cause.indistinguishable_from)
 
 
-def controller_cause(
-    data: Baseline, joint: int, gap: Gap, effect: str, parameters: dict[str, EffectParameter]
-) -> str:
+def controller_cause(data: Baseline, cause: Cause) -> str:
     """Commands that are not those of the configured law, and with which law they are."""
-    unit = data.unit_at(joint, "N m")
+    assert cause.joint is not None
+    before, after = (
+        torque(data, size, cause.joint)
+        for size in (cause.torque_gap.before, cause.torque_gap.after)
+    )
     return (
-        f"another control law than configured at {data.joints[joint]}: recorded and computed "
-        f"commands differ by {gap.before:.3g} {unit}, and by {gap.after:.3g} {unit} with "
-        f"{listed_numbers(effect, parameters)}"
+        f"another control law than configured at {cause.joint}: recorded and computed commands "
+        f"differ by {before}, and by {after} with {listed_numbers(cause.effect, cause.parameters)}"
     )
 
 
@@ -270,16 +252,15 @@ def remaining_parameter_errors(
     if not errors:
         return ""
     worst = errors[0]
-    unit = data.unit_at(data.joints.index(worst.joint), "N m")
     more = f" and at {_count(len(errors) - 1, 'more joint')}" if len(errors) > 1 else ""
     numbers = [
-        f"{spaced(each.effect)} at {each.joint}"
-        for each in hints
-        if BY_NAME[each.effect].kind == "parametric"
+        f"{spaced(hint.effect)} at {hint.joint}"
+        for hint in hints
+        if BY_NAME[hint.effect].kind == "parametric"
     ]
     which = f"perhaps {' or '.join(numbers)}" if numbers else "no given number stands out"
     return (
-        f"remaining parameter error: {worst.remaining:.3g} {unit} at {worst.joint} "
+        f"remaining parameter error: {torque(data, worst.remaining, worst.joint)} at {worst.joint} "
         f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}: {which}"
     )
 
@@ -288,12 +269,13 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise)."""
     if not lacking:
         return ""
-    joint, rms, share, noise = lacking[0]
-    unit = data.unit_at(joint, "N m")
+    number, rms, share, noise = lacking[0]
+    joint = data.joints[number]
     more = f" and at {_count(len(lacking) - 1, 'more joint')}" if len(lacking) > 1 else ""
     return (
-        f"unexplained residual: {rms:.3g} {unit} at {data.joints[joint]} ({100 * share:.0f} % of "
-        f"its torque, noise {noise:.2g} {unit}){more}; the causes are not the whole gap there"
+        f"unexplained residual: {torque(data, rms, joint)} at {joint} ({100 * share:.0f} % of its "
+        f"torque, noise {noise:.2g} {data.unit_at(number, 'N m')}){more}; the causes are not the "
+        "whole gap there"
     )
 
 
@@ -344,7 +326,7 @@ def events(
     return text
 
 
-def finding(each: Finding, session: Sequence[SessionPart]) -> str:
+def finding(placed: Finding, session: Sequence[SessionPart]) -> str:
     """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
 
     Parameters
@@ -352,27 +334,27 @@ def finding(each: Finding, session: Sequence[SessionPart]) -> str:
     session
         The recordings: a time is that of one of them.
     """
-    regime = each.regime
+    regime = placed.regime
     low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
     part = f"between {low} and {high}"
     if regime.axis == "direction":
         part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
-    elif regime.axis == "reversal" and each.first:
+    elif regime.axis == "reversal" and placed.first:
         part = f"within {high} after a reversal"
     elif regime.axis == "time":
         part = f"from {in_recordings(session, regime.low, regime.high)}"
-    elif each.first and regime.axis != "position":
+    elif placed.first and regime.axis != "position":
         part = f"below {high}"
-    elif each.last and regime.axis != "position":
+    elif placed.last and regime.axis != "position":
         part = f"above {low} {regime.unit}"
     what = {
         "load": "load ",
-        "reversal": "" if each.first else "displacement since reversal ",
+        "reversal": "" if placed.first else "displacement since reversal ",
         "frequency": "residual ",
     }.get(regime.axis, "")
     whole = "bandwidth" if regime.axis == "frequency" else "samples"
     return (
-        f"{'after a refit, ' if each.after_refit else ''}{regime.joint}, {what}{part}: "
+        f"{'after a refit, ' if placed.after_refit else ''}{regime.joint}, {what}{part}: "
         f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
         f"{whole}"
     )
@@ -415,7 +397,7 @@ def left_out(data: Baseline) -> str:
     ]
     if not out:
         return ""
-    names = ", ".join(data.joints[each.joint] for each in out)
+    names = ", ".join(data.joints[finding.joint] for finding in out)
     return f"{names} {'is' if len(out) == 1 else 'are'} left out: {out[0].sentence}"
 
 
@@ -484,10 +466,15 @@ def or_else(others: Sequence[Indistinguishable]) -> str:
     return listed and f"; this recording cannot exclude {listed}"
 
 
-def _change(data: Baseline, each: JointChange) -> str:
-    unit = data.unit_at(data.joints.index(each.joint), "N m")
-    share = f"{100.0 * each.share_of_torque:.3g} % of its torque"
-    return f"at {each.joint} from {each.before:.3g} to {each.after:.3g} {unit} ({share})"
+def torque(data: Baseline, value: float, joint: str) -> str:
+    """A torque of a joint with its unit."""
+    return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
+
+
+def _change(data: Baseline, change: JointChange) -> str:
+    share = f"{100.0 * change.share_of_torque:.3g} % of its torque"
+    after = torque(data, change.after, change.joint)
+    return f"at {change.joint} from {change.before:.3g} to {after} ({share})"
 
 
 def listed_numbers(

@@ -64,14 +64,8 @@ NARROWEST_BAND = Setting(0.5, "decimation cut-off of the identification",
     CHOSEN)
 POSITION_OVER_DECIMATION = Setting(2.5, "",
     "cut-off of the positions over that of the decimation", PAPER)
-NYQUIST_MARGIN = Setting(1.3, "",
-    "distance of the proposed cut-off of the positions from half of the sampling rate", NUMERICAL)
-HIGHEST_CUTOFF = Setting(0.4, "sampling rate",
-    "cut-off of the positions that is proposed at most", NUMERICAL)
 ACCELERATION_NOISE = Setting(2.0, "standard deviation of the torque's noise",
     "what noise of the acceleration may add in the band that is proposed", CHOSEN)
-NOISE_SEGMENT = Setting(2.0, "s",
-    "segments of the spectrum from which the noise of the sensors is read", NUMERICAL)
 LEAST_SPEED_SHARE = Setting(0.005, "largest speed of the joint",
     "speed below which the direction of a joint is unknown, where the configuration names none",
     CHOSEN)
@@ -94,11 +88,6 @@ SHIFT_AGREEMENT = Setting(0.15, "control period",
 CLEAR_DEVIATIONS = Setting(3.0, "standard deviations",
     "distance that is no noise: of a shift, a lag, a changed gain, of what encoders behind the "
     "gears measure", CONVENTION)
-GAIN_RIPPLE_LEVEL = Setting(0.01, "",
-    "probability, times the waves and joints, up to which the gain ripples", CONVENTION)
-GAIN_RIPPLE_SUPPORT = Setting(6.0, "chi-square",
-    "what a ripple of the gain must take beyond the likeliest ripple of the torque: odds of 20",
-    CONVENTION)
 GAIN_RIPPLE_ALONE = Setting(3.0, "chi-square of the next likely ripple of the gain",
     "what a ripple of the gain must take, at least: structure that the model lacks correlates with "
     "many waves, a ripple with one", CHOSEN)
@@ -121,19 +110,14 @@ LEAST_NONPARAMETRIC = Setting(0.01, "torque of the joint (rms)",
     "recordings: long ones reject every model", CHOSEN)
 
 # Held-out confirmation.
-FEWEST_FOLDS = Count(4, "folds",
-    "folds where recordings are divided, at least, and folds that take turns", CHOSEN)
-MOST_FOLDS = Count(6, "folds", "the same, at most, and of a twist", CHOSEN)
-FOLD_GUARD = Setting(0.25, "s",
-    "rows on either side of a border inside a recording that belong to no fold", CHOSEN)
+FOLDS = Count(4, "folds", "parts of the time, each of which is predicted from the others", CHOSEN)
 INTERLEAVED_FOLD = Setting(3.0, "s",
     "length of the blocks that take turns where an effect changes with time", CHOSEN)
 LEAST_TIME_BLOCK = Setting(1.0, "s",
-    "blocks of the bootstrap, at least, and pieces of a residual's spectrum", CHOSEN)
+    "blocks of the bootstrap, at least", CHOSEN)
 TIME_BLOCK = Setting(5.0, "s",
-    "blocks of the bootstrap, and folds at least, where the session is long enough: torques are "
+    "blocks of the bootstrap where the session is long enough: torques are "
     "predictable over seconds", PHYSICS)
-MOST_TIME_BLOCKS = Count(20, "blocks", "blocks of the bootstrap in one recording, at most", CHOSEN)
 LEAST_ROOM = Setting(1e-3, "gap",
     "what must lie above the noise floor for a shrinkage to be said", NUMERICAL)
 

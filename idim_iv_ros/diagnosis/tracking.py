@@ -48,26 +48,21 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        energy = sum(
-            np.sum(error**2, axis=0) / rate
-            for error, rate in zip(self.errors, self.rates, strict=True)
-        )
-        square = np.asarray(energy) / self._seconds
-        return {name: float(np.sqrt(square[j])) for j, name in enumerate(self.joints)}
-
-    @property
-    def _seconds(self) -> float:
-        return sum(len(error) / rate for error, rate in zip(self.errors, self.rates, strict=True))
+        energies = [self.block_energies([joint]) for joint in range(len(self.joints))]
+        return {
+            name: float(np.sqrt(energy.sum() / seconds))
+            for name, (energy, seconds) in zip(self.joints, energies, strict=True)
+        }
 
     def block_energies(self, joints: Sequence[int]) -> tuple[FloatArray, float]:
         """Squared errors of the joints over time (b,) in blocks of time, and all seconds."""
-        sums = []
+        sums, seconds = [], 0.0
         for error, rate in zip(self.errors, self.rates, strict=True):
-            places = np.arange(len(error))
-            blocks = time_blocks(np.zeros_like(places), places, rate)
+            (blocks,) = time_blocks([len(error)], rate)
             squares = np.sum(error[:, list(joints)] ** 2, axis=1)
             sums.append(block_sums(blocks, squares) / rate)
-        return np.concatenate(sums), self._seconds
+            seconds += len(error) / rate
+        return np.concatenate(sums), seconds
 
 
 def simulated_tracking(
@@ -171,14 +166,14 @@ def tracking_series(
     return tuple(made)
 
 
-def tracked_stages(data: Baseline, found: Explained) -> list[Tracking]:
+def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
     """Tracking of the nominal model, of the refit, and of that with one effect more each time."""
     given = data.prepared.given
     tracked = [] if given is None else [simulated_tracking(data, given)]
     effects: list[SimulatedEffect] = []
-    for number, fit in enumerate(found.fits):
+    for number, fit in enumerate(explanation.fits):
         if number > 0:
-            effects.append(_simulated_effect(data, found, number - 1))
+            effects.append(_simulated_effect(data, explanation, number - 1))
         tracked.append(simulated_tracking(data, fit.values, effects))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.
@@ -190,9 +185,12 @@ def tracked_stages(data: Baseline, found: Explained) -> list[Tracking]:
     return tracked
 
 
-def _simulated_effect(data: Baseline, found: Explained, number: int) -> SimulatedEffect:
+def _simulated_effect(data: Baseline, explanation: Explained, number: int) -> SimulatedEffect:
     """One of the effects as the simulator takes it, with the coefficients beside all others."""
-    term, coefficients = found.effects[number].term, found.fit.coefficients[found.block(number)]
+    term, coefficients = (
+        explanation.effects[number].term,
+        explanation.fit.coefficients[explanation.block(number)],
+    )
     numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
     return SimulatedEffect(
         term.effect.name,
@@ -202,10 +200,12 @@ def _simulated_effect(data: Baseline, found: Explained, number: int) -> Simulate
     )
 
 
-def simulation_gaps(found: Explained, tracked: Sequence[Tracking]) -> list[SimulationGap | None]:
+def simulation_gaps(
+    explanation: Explained, tracked: Sequence[Tracking]
+) -> list[SimulationGap | None]:
     """Gap of the simulated motion at the joint of each effect, before and after it."""
-    stages = tracked[len(tracked) - len(found.fits) :]
+    stages = tracked[len(tracked) - len(explanation.fits) :]
     return [
         simulation_gap(before, after, effect.term.place.joint)
-        for effect, before, after in zip(found.effects, stages, stages[1:], strict=False)
+        for effect, before, after in zip(explanation.effects, stages, stages[1:], strict=False)
     ]

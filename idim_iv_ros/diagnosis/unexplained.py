@@ -17,29 +17,31 @@ from idim_iv_ros.statistics.residuals import excess_kurtosis
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 
 
-def unexplained(data: Baseline, found: Explained) -> Unexplained | None:
+def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
     """Describe the largest residual outside the catalogue; None where there is none.
 
     Where a joint's gap is its noise nothing is unexplained, whatever the shape of the noise.
     """
     loud = [
         joint
-        for joint, floor in enumerate(found.floors)
-        if joint not in data.left_out and above_noise(found.fit.residuals[joint], floor)
+        for joint, floor in enumerate(explanation.floors)
+        if joint not in data.left_out and above_noise(explanation.fit.residuals[joint], floor)
     ]
-    outside = [term for term in found.outside if matters(term) and term.place.joint in loud]
+    outside = [term for term in explanation.outside if matters(term) and term.place.joint in loud]
     largest = max(outside, key=lambda term: term.evidence, default=None)
     if largest is not None:
         joint = largest.place.joint
         # A function that leaves the events takes what follows from them: the law answers.
-        both = _events(data, found.whole, joint) and _events(data, found.fit, joint)
-        return both or _described(data, found, largest)
-    events = [event for joint in loud if (event := _events(data, found.whole, joint)) is not None]
+        both = _events(data, explanation.whole, joint) and _events(data, explanation.fit, joint)
+        return both or _described(data, explanation, largest)
+    events = [
+        event for joint in loud if (event := _events(data, explanation.whole, joint)) is not None
+    ]
     return max(events, key=lambda event: event.share, default=None)
 
 
 def unexplained_residual(
-    data: Baseline, found: Explained, stages: Sequence[Stage]
+    data: Baseline, explanation: Explained, stages: Sequence[Stage]
 ) -> list[tuple[int, float, float, float]]:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise).
 
@@ -48,7 +50,7 @@ def unexplained_residual(
     """
     first, last = stages[0], stages[-1]
     missed = []
-    for joint, (name, floor) in enumerate(zip(data.joints, found.floors, strict=True)):
+    for joint, (name, floor) in enumerate(zip(data.joints, explanation.floors, strict=True)):
         rest = last.torque_rms[name]
         share = rest / data.torque_sizes[joint]
         much = (
@@ -57,19 +59,19 @@ def unexplained_residual(
         )
         noise = floor.sigma
         much = much and share >= settings.LEAST_NONPARAMETRIC and joint not in data.left_out
-        left = min(rest, float(np.std(found.whole.residuals[joint])))
+        left = min(rest, float(np.std(explanation.whole.residuals[joint])))
         if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise and much:
             missed.append((joint, rest, share, noise))
     return sorted(missed, key=lambda joint: -joint[2])
 
 
-def _described(data: Baseline, found: Explained, term: Term) -> Unexplained:
+def _described(data: Baseline, explanation: Explained, term: Term) -> Unexplained:
     """A term outside the catalogue, with its share of the energy of the whitened residual."""
     joint = term.place.joint
-    noise, segments = found.whole.noise_models[joint], data.rows[joint].segments
+    noise, segments = explanation.whole.noise_models[joint], data.rows[joint].segments
     before, after = (
         float(np.sum(noise.standardized(fit.residuals[joint], segments) ** 2))
-        for fit in (found.fit, found.whole)
+        for fit in (explanation.fit, explanation.whole)
     )
     return Unexplained(
         joint=data.joints[joint],

@@ -8,12 +8,12 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
-from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
 from idim_iv_ros.types import FloatArray, IntArray
 
-_BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows
+_BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows; they end between two lines
 _LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
 _LEAST_BLOCKS = 5  # of time behind a regime's interval
 _LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
@@ -193,12 +193,12 @@ def spectral_lines(
     if length < _LEAST_PIECE or not starts:
         return []
     pieces = np.array([residual[start : start + length] for start in starts])
-    frequency = np.fft.rfftfreq(length, 1.0 / row_rate)
-    edges = np.array(_BANDS) * 0.5 * edge * row_rate
-    passed = frequency <= edges[-1]
-    power = np.abs(np.fft.rfft(pieces * np.hanning(length), axis=1)[:, passed]) ** 2
-    axis = Axis("frequency", np.tile(frequency[passed], len(pieces)), edges)
-    return [(axis, power.ravel(), np.repeat(np.arange(len(pieces)), int(passed.sum())))]
+    lines = 1 + int(0.5 * edge * length)
+    step = row_rate / length
+    edges = np.maximum((np.round(np.array(_BANDS) * lines) - 0.5) * step, 0.0)
+    power = np.abs(np.fft.rfft(pieces * np.hanning(length), axis=1)[:, :lines]) ** 2
+    axis = Axis("frequency", np.tile(np.arange(lines) * step, len(pieces)), edges)
+    return [(axis, power.ravel(), np.repeat(np.arange(len(pieces)), lines))]
 
 
 def joint_gaps(
@@ -363,13 +363,10 @@ def _regimes(
     regimes: list[Regime] = []
     findings: list[Finding] = []
     edge = data.prepared.configuration.processing.decimation_edge
+    blocks = row_blocks(data, settings.LEAST_TIME_BLOCK)  # the shortest: regimes may be events
     for joint, name in enumerate(data.joints):
         residual, runs = residuals[joint], regression.joints[joint].segments
-        # Regimes may be events: blocks of the shortest length.
-        blocks = time_blocks(
-            data.recordings[joint], data.places[joint], data.row_rate, settings.LEAST_TIME_BLOCK
-        )
-        parts = [(axis, residual**2, blocks) for axis in axes[joint]]
+        parts = [(axis, residual**2, blocks[joint]) for axis in axes[joint]]
         for axis, energy, block in parts + spectral_lines(residual, runs, data.row_rate, edge):
             bins = split(axis, energy, block)
             unlike = regimes_of(name, axis, bins, data.unit_at(joint, _UNITS[axis.name]))

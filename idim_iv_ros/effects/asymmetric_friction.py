@@ -69,5 +69,5 @@ class AsymmetricFriction(StructuralEffect[Shape]):
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction that is not dry."""
-        values = (given.value["offset"], given.value["viscous"])
+        values = given.values("offset", "viscous")
         return [TorqueTerm(_LAW, values, friction=True)]

@@ -114,6 +114,10 @@ class GivenNumbers:
     terms: Sequence[Mapping[str, float]]
     coulomb: float
 
+    def values(self, *names: str) -> tuple[float, ...]:
+        """Values by name, for a compiled law."""
+        return tuple(self.value[name] for name in names)
+
 
 class Cause(ABC):
     """One cause of the catalogue: its names, what it may be mistaken for, how it is simulated."""
@@ -165,8 +169,8 @@ class Cause(ABC):
 
     def spec(self, name: str) -> ParameterSpec | None:
         """Return the declaration of a parameter; that of wave_number_k for wave_number_2."""
-        known = {spec.name: spec for spec in self.specs}
-        return known.get(name) or known.get(re.sub(r"_[1-9]\d*$", "_k", name))
+        specs = {spec.name: spec for spec in self.specs}
+        return specs.get(name) or specs.get(re.sub(r"_[1-9]\d*$", "_k", name))
 
     def standard_kind(self, name: str) -> str:
         """Return the kind of the standard parameter that a number changes; empty if it is none."""
@@ -180,9 +184,9 @@ class Cause(ABC):
             return name.replace("_", " ")
         return f"{spec.words} {name.rsplit('_', 1)[1]}" if spec.name != name else spec.words
 
-    def numbers(self, **found: tuple[float, float | None]) -> dict[str, EffectParameter]:
+    def numbers(self, **numbers: tuple[float, float | None]) -> dict[str, EffectParameter]:
         """Return parameters with their units, from (value, std) by name."""
-        return {name: self._number(name, *each) for name, each in found.items()}
+        return {name: self._number(name, *number) for name, number in numbers.items()}
 
     def _number(self, name: str, value: float, std: float | None) -> EffectParameter:
         spec = self.spec(name)

@@ -64,8 +64,8 @@ class DriveInertia(ParametricEffect):
         return "the drives have inertia that the nominal model lacks"
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """The inertia does not become negative."""
         given = 0.0 if joint is None else float(space.model.robot.given.drive_inertia[joint])
-        return not any(each.above(-given) is False for each in found)
+        return not any(estimate.exceeds(-given) is False for estimate in estimates)

@@ -239,8 +239,8 @@ class StructuralEffect(Cause, Generic[S]):
 
     def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:
         """First number that is fitted and not zero, with its unit and the largest torque."""
-        found = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
-        return in_words(found, torque)
+        numbers = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return in_words(numbers, torque)
 
     def size_of(self, shape: S) -> float:
         """Size of an effect that has it in its shape (see `size_in`): the first number."""
@@ -278,12 +278,12 @@ def logarithmic(low: float, high: float, count: int) -> FloatArray:
     return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
 
 
-def in_words(found: dict[str, EffectParameter], torque: float) -> str:
+def in_words(numbers: dict[str, EffectParameter], torque: float) -> str:
     """First number that has a deviation and is not zero; the torque where there is none."""
-    for name, each in found.items():
-        if each.std is not None and each.value != 0.0:
-            unit = f" {each.unit}" if each.unit else ""
-            plain = each.unit == "N m" or torque <= 0.0
+    for name, number in numbers.items():
+        if number.std is not None and number.value != 0.0:
+            unit = f" {number.unit}" if number.unit else ""
+            plain = number.unit == "N m" or torque <= 0.0
             more = "" if plain else f" (up to {torque:.2g} N m)"
-            return f"{name.replace('_', ' ')} = {each.value:.2g}{unit}{more}"
+            return f"{name.replace('_', ' ')} = {number.value:.2g}{unit}{more}"
     return f"{torque:.2g} N m"

@@ -111,4 +111,4 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
 
     def contributions(self, given: GivenNumbers) -> list[EncoderError]:
         """What the encoder shows beyond the position."""
-        return [EncoderError(_LAW, tuple(given.value[name] for name in _NAMES))]
+        return [EncoderError(_LAW, given.values(*_NAMES))]

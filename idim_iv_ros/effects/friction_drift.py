@@ -114,6 +114,5 @@ class FrictionDrift(StructuralEffect[DriftShape]):
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction, its Coulomb part dry."""
-        names = ("time_constant", "coulomb", "viscous", "restarts")
-        values = tuple(given.value[name] for name in names)
+        values = given.values("time_constant", "coulomb", "viscous", "restarts")
         return [TorqueTerm(_LAW, values, friction=True, dry=True)]

@@ -3,11 +3,7 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.effects.cause import ParameterSpec
-from idim_iv_ros.effects.parametric_effect import (
-    Estimated,
-    ParameterSpace,
-    ParametricEffect,
-)
+from idim_iv_ros.effects.parametric_effect import Estimated, ParameterSpace, ParametricEffect
 
 
 class FrictionLevel(ParametricEffect):
@@ -27,10 +23,12 @@ class FrictionLevel(ParametricEffect):
     )
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """Friction does not become negative."""
         assert joint is not None
         given = space.model.robot.given
         levels = {spec.name: float(given.of_drives[spec.standard][joint]) for spec in self.specs}
-        return not any(each.above(-levels[each.change.name]) is False for each in found)
+        return not any(
+            estimate.exceeds(-levels[estimate.change.name]) is False for estimate in estimates
+        )

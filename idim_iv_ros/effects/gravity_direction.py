@@ -41,10 +41,10 @@ class GravityDirection(ParametricEffect):
         return [[Change(name, "rad", space.tilt(place)) for place, name in enumerate(names)]]
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """No large angles."""
-        return all(abs(each.value) <= _LARGEST for each in found)
+        return all(abs(estimate.value) <= _LARGEST for estimate in estimates)
 
 
 def _name(axis: np.ndarray) -> str:

@@ -115,6 +115,6 @@ class JointCoupling(StructuralEffect[CouplingShape]):
 
     def contributions(self, given: GivenNumbers) -> list[CouplingTerm]:
         """Friction between both joints, dry where it has a level or no bound at rest."""
-        values = tuple(given.value[name] for name in ("coulomb", "viscous", "power"))
+        values = given.values("coulomb", "viscous", "power")
         dry = given.value["coulomb"] > 0.0 or given.value["power"] < 1.0
         return [CouplingTerm(_LAW, values, given.value["direction"], dry)]

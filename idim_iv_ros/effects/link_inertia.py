@@ -25,6 +25,11 @@ class LinkInertia(ParametricEffect):
     excitation = "all joints, fast and in many poses"
     segments = ("repeat", "multisine")
 
+    def standard_kind(self, name: str) -> str:
+        """Letters of the inertial parameter that changes; empty of one that groups others."""
+        changed = re.fullmatch(r"change_of_([A-Z]+)\d+", name)
+        return "" if changed is None else changed[1]
+
     def parameter_words(self, name: str) -> str:
         """Which of the link's parameters, and whether those of other links are grouped into it."""
         changed = re.fullmatch(r"change_of_(base_)?([A-Z]+\d+)", name)
@@ -50,14 +55,14 @@ class LinkInertia(ParametricEffect):
         return f" (link {joint + 1})"
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """Mass and moments of inertia stay positive where the URDF gives them."""
         assert joint is not None
         given = space.model.robot.given.inertial[joint]
         for kind in _POSITIVE:
             value = float(given[REGRESSOR_ORDER[INERTIAL.index(kind)]])
-            each = estimated(found, f"change_of_{kind}{joint + 1}")
-            if each is not None and value > 0.0 and each.above(-value) is False:
+            estimate = estimated(estimates, f"change_of_{kind}{joint + 1}")
+            if estimate is not None and value > 0.0 and estimate.exceeds(-value) is False:
                 return False
         return True

@@ -156,8 +156,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Dry friction."""
-        names = ("driving", "driven", "exponent", "scale")
-        values = tuple(given.value[name] for name in names)
+        values = given.values("driving", "driven", "exponent", "scale")
         load = Load.MOTOR if given.value["motor_torque"] == 1.0 else Load.LINKS
         load = Load.STATIC if given.value["static_torque"] == 1.0 else load
         return [TorqueTerm(_LAW, values, friction=True, dry=True, load=load)]

@@ -48,7 +48,7 @@ class Estimated:
         """Distance from zero in standard deviations; 0 where it is not determined."""
         return abs(self.value) / self.std if self.std else 0.0
 
-    def above(self, least: float) -> bool | None:
+    def exceeds(self, least: float) -> bool | None:
         """Whether it may lie above `least`; None where it is not determined."""
         if self.std is None:
             return None
@@ -102,8 +102,8 @@ class ParameterSpace:
 
     def change(self, kind: str, joint: int, name: str) -> list[Change]:
         """Return the change of a standard parameter, empty where the torque does not show it."""
-        found = self.standard(kind, joint)
-        return [] if found is None else [Change(name, found[0].unit, found[1])]
+        direction = self.standard(kind, joint)
+        return [] if direction is None else [Change(name, direction[0].unit, direction[1])]
 
     def tilt(self, axis: int) -> FloatArray:
         """Direction (d,) of a rotation of gravity about one of the axes, rad."""
@@ -160,22 +160,24 @@ class ParametricEffect(Cause):
         return ""
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """Whether physics allows the estimate: by default anything."""
         return True
 
     def parameters(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> dict[str, EffectParameter]:
         """Return the numbers that the recording determines."""
         return {
-            each.change.name: EffectParameter(float(each.value), each.std, each.change.unit)
-            for each in found
-            if each.determined
+            estimate.change.name: EffectParameter(
+                float(estimate.value), estimate.std, estimate.change.unit
+            )
+            for estimate in estimates
+            if estimate.determined
         }
 
 
-def estimated(found: Sequence[Estimated], name: str) -> Estimated | None:
+def estimated(estimates: Sequence[Estimated], name: str) -> Estimated | None:
     """Return the estimate of that name, None where there is none."""
-    return next((each for each in found if each.change.name == name), None)
+    return next((estimate for estimate in estimates if estimate.change.name == name), None)

@@ -63,28 +63,28 @@ class Payload(ParametricEffect):
         assert joint is not None
         point = [change for kind in POINT for change in space.change(kind, joint, _NAMES[kind])]
         body = [change for kind in INERTIAL for change in space.change(kind, joint, _NAMES[kind])]
-        return [each for each in (point, body) if each]
+        return [directions for directions in (point, body) if directions]
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """A payload weighs something, is near the flange and has the inertia of a rigid body.
 
         A negative one is a part that the model has and the robot has not: no more than is there.
         """
         assert joint is not None
-        mass = estimated(found, "mass")
+        mass = estimated(estimates, "mass")
         there = dict.fromkeys(_CHECKED, 0.0)
         if mass is not None and mass.determined and mass.value < 0.0:
             given = space.model.robot.given.inertial[joint][list(REGRESSOR_ORDER)]
             there = dict(zip(INERTIAL, map(float, given), strict=True))
         for kind in _CHECKED:
-            change = estimated(found, _NAMES[kind])
-            if change is not None and change.above(-there[kind]) is False:
+            change = estimated(estimates, _NAMES[kind])
+            if change is not None and change.exceeds(-there[kind]) is False:
                 return False
         sign = -1.0 if mass is not None and mass.determined and mass.value < 0.0 else 1.0
         size = _size(space.model.robot, joint)
-        return _near(found, sign, size) and _rigid_body(found, sign)
+        return _near(estimates, sign, size) and _rigid_body(estimates, sign)
 
 
 _NAMES = {spec.standard: spec.name for spec in Payload.specs}
@@ -106,16 +106,16 @@ def _size(robot: RobotModel, joint: int) -> float:
     return size if size > 0.0 else np.inf
 
 
-def _ends(found: Sequence[Estimated], names: Sequence[str], sign: float) -> FloatArray:
+def _ends(estimates: Sequence[Estimated], names: Sequence[str], sign: float) -> FloatArray:
     """Least and largest value (2, k) of some numbers; infinite where they are not determined."""
     ends = []
     for name in names:
-        each = estimated(found, name)
-        if each is None or each.std is None:
+        estimate = estimated(estimates, name)
+        if estimate is None or estimate.std is None:
             ends.append((-np.inf, np.inf))
         else:
-            room = CLEARLY * each.std
-            ends.append((sign * each.value - room, sign * each.value + room))
+            room = CLEARLY * estimate.std
+            ends.append((sign * estimate.value - room, sign * estimate.value + room))
     return np.asarray(ends, dtype=float).T
 
 
@@ -124,25 +124,25 @@ def _least_size(ends: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.maximum(ends[0], -ends[1]), 0.0))
 
 
-def _near(found: Sequence[Estimated], sign: float, size: float) -> bool:
+def _near(estimates: Sequence[Estimated], sign: float, size: float) -> bool:
     """Whether the centre of mass may lie within the arm's own size of the last joint."""
-    mass = _ends(found, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(found, [_NAMES[kind] for kind in POINT[1:]], sign))
+    mass = _ends(estimates, ("mass",), sign)[1, 0]
+    moments = _least_size(_ends(estimates, [_NAMES[kind] for kind in POINT[1:]], sign))
     return not float(np.linalg.norm(moments)) > size * mass
 
 
-def _rigid_body(found: Sequence[Estimated], sign: float) -> bool:
+def _rigid_body(estimates: Sequence[Estimated], sign: float) -> bool:
     """Whether the ten numbers may be those of a body of positive density, each in its interval.
 
     Its pseudo-inertia [[Σ, h], [hᵀ, m]] (Wensing et al. 2018) then has no negative diagonal and no
     negative 2 × 2 minor about it; Σ = ½ tr(I) 1 − I.
     """
-    if not any(each.change.name.startswith("inertia_") for each in found):
+    if not any(estimate.change.name.startswith("inertia_") for estimate in estimates):
         return True
-    mass = _ends(found, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(found, [_NAMES[kind] for kind in POINT[1:]], sign))
-    least, most = _ends(found, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
-    across = _least_size(_ends(found, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
+    mass = _ends(estimates, ("mass",), sign)[1, 0]
+    moments = _least_size(_ends(estimates, [_NAMES[kind] for kind in POINT[1:]], sign))
+    least, most = _ends(estimates, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
+    across = _least_size(_ends(estimates, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
     second = np.array([most[(k + 1) % 3] + most[(k + 2) % 3] - least[k] for k in range(3)]) / 2.0
     if np.any(second < 0.0):
         return False

@@ -85,7 +85,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
 
     def branches(self, grid: Sequence[Waves | TightSpot]) -> list[Sequence[Waves | TightSpot]]:
         """Waves and spots: one wave may fit worse than a spot, and two better."""
-        return [[each for each in grid if isinstance(each, kind)] for kind in (Waves, TightSpot)]
+        return [[shape for shape in grid if isinstance(shape, kind)] for kind in (Waves, TightSpot)]
 
     def neighbours(
         self, shape: Waves | TightSpot, step: float, place: Place, covered: OperatingRange
@@ -97,7 +97,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
         moved = [TightSpot(centre + sign * step * width, width) for sign in (1.0, -1.0)]
         moved += [TightSpot(centre, width * (1 + step)), TightSpot(centre, width / (1 + step))]
         low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
-        return [each for each in moved if low - each.width < each.centre < high + each.width]
+        return [spot for spot in moved if low - spot.width < spot.centre < high + spot.width]
 
     def longer(
         self, shape: Waves | TightSpot, place: Place, covered: OperatingRange
@@ -147,7 +147,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Dry friction of the spot and of each wave."""
-        spot = tuple(given.value[name] for name in ("centre", "width", "height"))
+        spot = given.values("centre", "width", "height")
         yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
         for values in wave_values(given):
             yield TorqueTerm(_WAVES, values, friction=True, dry=True)

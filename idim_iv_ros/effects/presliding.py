@@ -144,11 +144,11 @@ class Presliding(StructuralEffect[BristleShape]):
         self, shape: BristleShape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Spans and levels."""
-        found: dict[str, tuple[float, float | None]] = {}
+        numbers: dict[str, tuple[float, float | None]] = {}
         for k, span in enumerate(shape.spans):
-            found[f"span_{k + 1}"] = (span, None)
-            found[f"level_{k + 1}"] = (coefficients[k], deviations[k])
-        return self.numbers(**found)
+            numbers[f"span_{k + 1}"] = (span, None)
+            numbers[f"level_{k + 1}"] = (coefficients[k], deviations[k])
+        return self.numbers(**numbers)
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Bristles in the place of Coulomb friction, which they cannot exceed."""

@@ -20,7 +20,7 @@ def _modules() -> tuple[ModuleType, ...]:
 
 def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
     """Every cause of the modules: parametric, then structural, in the order that they give."""
-    found = [
+    defined = [
         member()
         for module in modules
         for _, member in getmembers(module, isclass)
@@ -28,7 +28,7 @@ def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
         and issubclass(member, Cause)
         and not isabstract(member)
     ]
-    named = [cause for cause in found if hasattr(cause, "name")]
+    named = [cause for cause in defined if hasattr(cause, "name")]
     return tuple(sorted(named, key=lambda cause: (cause.kind, cause.order)))
 
 
@@ -47,9 +47,9 @@ STRUCTURAL: tuple[Effect, ...] = tuple(
 EFFECTS: tuple[str, ...] = tuple(BY_NAME)
 
 # What the simulator's kernel dispatches over, by place.
-TORQUE_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, TorqueLaw))
-DRIVE_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, DriveLaw))
-ENCODER_LAWS = tuple(law for each in CAUSES for law in each.laws if isinstance(law, EncoderLaw))
+TORQUE_LAWS = tuple(law for cause in CAUSES for law in cause.laws if isinstance(law, TorqueLaw))
+DRIVE_LAWS = tuple(law for cause in CAUSES for law in cause.laws if isinstance(law, DriveLaw))
+ENCODER_LAWS = tuple(law for cause in CAUSES for law in cause.laws if isinstance(law, EncoderLaw))
 
 
 def part_of(effect: str) -> Part:

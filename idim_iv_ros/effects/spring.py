@@ -129,15 +129,15 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         """Coefficients, and the range in which they hold."""
         cubic = isinstance(shape, CubicShape)
         names = ("linear", "quadratic", "cubic") if cubic else ("linear", "bent")
-        found: dict[str, tuple[float, float | None]] = {
+        numbers: dict[str, tuple[float, float | None]] = {
             name: (value, std)
             for name, value, std in zip(names, coefficients, deviations, strict=True)
         }
-        found |= {"lowest": (shape.lowest, None), "highest": (shape.highest, None)}
+        numbers |= {"lowest": (shape.lowest, None), "highest": (shape.highest, None)}
         if isinstance(shape, BentShape):
-            found["hardening"] = (shape.hardens, None)
-            found |= {"centre": (shape.centre, None), "width": (shape.width, None)}
-        return self.numbers(**found)
+            numbers["hardening"] = (shape.hardens, None)
+            numbers |= {"centre": (shape.centre, None), "width": (shape.width, None)}
+        return self.numbers(**numbers)
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """A polynomial stiffness, where the joint never leaves the range of the polynomial."""
@@ -153,9 +153,8 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """The polynomial, and the bent part where there is one."""
-        v = given.value
-        names = ("constant", "linear", "quadratic", "cubic", "lowest", "highest")
-        yield TorqueTerm(_POLYNOMIAL, tuple(v[name] for name in names))
-        if v["bent"] != 0.0:
-            names = ("bent", "centre", "width", "hardening", "lowest", "highest")
-            yield TorqueTerm(_BENT, tuple(v[name] for name in names))
+        powers = ("constant", "linear", "quadratic", "cubic")
+        yield TorqueTerm(_POLYNOMIAL, given.values(*powers, "lowest", "highest"))
+        if given.value["bent"] != 0.0:
+            bend = ("bent", "centre", "width", "hardening")
+            yield TorqueTerm(_BENT, given.values(*bend, "lowest", "highest"))

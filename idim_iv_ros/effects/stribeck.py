@@ -106,5 +106,5 @@ class Stribeck(StructuralEffect[StribeckShape]):
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Dry friction."""
-        values = (given.value["excess"], given.value["speed"], given.value["exponent"])
+        values = given.values("excess", "speed", "exponent")
         return [TorqueTerm(_LAW, values, friction=True, dry=True)]

@@ -46,20 +46,20 @@ class TorqueGain(ParametricEffect):
         return [[Change("recorded_more", "", space.gain(joint))]]
 
     def admissible(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
         """No change that would be a wrong sign or unit."""
-        return all(abs(each.value) <= _LARGEST for each in found)
+        return all(abs(estimate.value) <= _LARGEST for estimate in estimates)
 
     def parameters(
-        self, space: ParameterSpace, joint: int | None, found: Sequence[Estimated]
+        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> dict[str, EffectParameter]:
         """The factor, from the share that the recorded torque is larger."""
         named: dict[str, EffectParameter] = {}
-        for each in found:
-            if each.std is not None:
-                factor = 1.0 / (1.0 + each.value)
-                named |= self.numbers(factor=(factor, each.std * factor**2))
+        for estimate in estimates:
+            if estimate.std is not None:
+                factor = 1.0 / (1.0 + estimate.value)
+                named |= self.numbers(factor=(factor, estimate.std * factor**2))
         return named
 
     def contributions(self, given: GivenNumbers) -> list[DriveCurve]:

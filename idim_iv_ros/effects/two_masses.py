@@ -29,24 +29,26 @@ def transmitted(
     """
     inertia = motion.inertia[:, :, joint]
     most = float(np.max(np.abs(inertia[:, joint]))) + 1e-12
-    own = np.maximum(inertia[:, joint], _LEAST_INERTIA * most)  # of an estimate, it may be negative
-    frequency = np.sqrt(stiffness / float(np.min(own))) / (2.0 * np.pi)
+    reflected = np.maximum(
+        inertia[:, joint], _LEAST_INERTIA * most
+    )  # of an estimate, it may be negative
+    frequency = np.sqrt(stiffness / float(np.min(reflected))) / (2.0 * np.pi)
     steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
     steps += 1 - steps % 2  # odd, so that as many lie before a sample as after it
     slope = motion.slope(joint)
-    found = np.empty((3, len(own)))
+    response = np.empty((3, len(reflected)))
     _relative(
         np.ascontiguousarray(motion.load[:, joint]),
         np.ascontiguousarray(slope[:, joint]),
-        np.ascontiguousarray(own),
+        np.ascontiguousarray(reflected),
         1.0 / motion.rate,
         stiffness,
         damping,
         0.5 * gap,
         steps,
-        found,
+        response,
     )
-    torque, shift, acceleration = found
+    torque, shift, acceleration = response
     changes = {
         other: (inertia[:, other] * acceleration + slope[:, other] * shift)[:, None]
         for other in range(inertia.shape[1])
@@ -65,7 +67,7 @@ def _relative(
     damping: float,
     half_gap: float,
     steps: int,
-    found: FloatArray,
+    response: FloatArray,
 ) -> None:
     """Write torque, shift and its acceleration, (3, s); starts in static equilibrium.
 
@@ -80,11 +82,11 @@ def _relative(
     half = (steps + 1) // 2
     torque, acceleration, count = 0.0, 0.0, 0
     for k in range(last + 1):
-        found[1, k] = shift
+        response[1, k] = shift
         after = min(k + 1, last)
         for i in range(steps if k < last else 1):
             if i == half:
-                found[0, k], found[2, k] = torque / count, acceleration / count
+                response[0, k], response[2, k] = torque / count, acceleration / count
                 torque, acceleration, count = 0.0, 0.0, 0
             share = i / steps
             mass = (1.0 - share) * inertia[k] + share * inertia[after]
@@ -110,5 +112,5 @@ def _relative(
             speed = later
             shift += small * later
         if steps == 1 or k == last:
-            found[0, k], found[2, k] = torque / count, acceleration / count
+            response[0, k], response[2, k] = torque / count, acceleration / count
             torque, acceleration, count = 0.0, 0.0, 0

@@ -60,7 +60,7 @@ def wave_grid(place: Place, covered: OperatingRange, periods: float) -> list[Wav
     visible = np.pi * covered.row_rate / max(3.0 * covered.slowest[place.joint], 1e-6)
     high = min(_HIGHEST / float(covered.lever[place.joint]), max(visible, low))
     step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
-    return [Waves((float(each),)) for each in np.arange(low, high, step)]
+    return [Waves((float(number),)) for number in np.arange(low, high, step)]
 
 
 def one_wave_more(shape: Waves, grid: list[Waves]) -> list[tuple[Waves, Waves]]:
@@ -128,9 +128,9 @@ def wave_parameters(
     shape: Waves, coefficients: FloatArray, deviations: FloatArray
 ) -> dict[str, tuple[float, float | None]]:
     """Values and deviations of wave_number_k, sine_k, cosine_k, for `Cause.numbers`."""
-    found: dict[str, tuple[float, float | None]] = {}
+    numbers: dict[str, tuple[float, float | None]] = {}
     for k, wave_number in enumerate(shape.wave_numbers):
-        found[f"wave_number_{k + 1}"] = (wave_number, None)
+        numbers[f"wave_number_{k + 1}"] = (wave_number, None)
         for i, name in enumerate(("sine", "cosine"), start=2 * k):
-            found[f"{name}_{k + 1}"] = (coefficients[i], deviations[i])
-    return found
+            numbers[f"{name}_{k + 1}"] = (coefficients[i], deviations[i])
+    return numbers

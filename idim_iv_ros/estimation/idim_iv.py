@@ -146,14 +146,7 @@ class _Iteration:
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
             converged = steps[-1].change <= self.tolerance
-        return IdimIvEstimate(
-            linear,
-            self.source,
-            instruments,
-            tuple(steps),
-            converged,
-            failures,
-        )
+        return IdimIvEstimate(linear, self.source, instruments, tuple(steps), converged, failures)
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.
@@ -199,11 +192,11 @@ class _Iteration:
                 yield linear.values + pull, f"with given values taken as right within {where}"
             return
         deviation = np.sqrt(np.diag(covariance))
-        known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
-        if 0 < len(known) < len(linear.values):
+        well_known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
+        if 0 < len(well_known) < len(linear.values):
             values = np.zeros(len(linear.values))
-            values[known], _ = restrict(linear.values, covariance, known.tolist())
-            yield values, f"with the {len(known)} well-known parameters only"
+            values[well_known], _ = restrict(linear.values, covariance, well_known.tolist())
+            yield values, f"with the {len(well_known)} well-known parameters only"
 
     def _solve(self, instruments: Instruments, sigma: FloatArray) -> LinearEstimate:
         parameters = len(self.least_squares.values)
@@ -217,11 +210,11 @@ class _Iteration:
 
     def _change(self, previous: FloatArray, linear: LinearEstimate) -> IterationStep:
         deviation = np.sqrt(np.diag(self._white_covariance(linear)))
-        known = deviation <= _WELL_KNOWN * np.abs(linear.values)
-        if not known.any():
-            known[:] = True
+        well_known = deviation <= _WELL_KNOWN * np.abs(linear.values)
+        if not well_known.any():
+            well_known[:] = True
         size = np.maximum(np.abs(previous), 1e-12)
-        change = np.where(known, np.abs(linear.values - previous) / size, 0.0)
+        change = np.where(well_known, np.abs(linear.values - previous) / size, 0.0)
         worst = int(np.argmax(change))
         return IterationStep(float(change[worst]), worst)
 

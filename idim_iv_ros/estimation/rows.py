@@ -89,7 +89,7 @@ class JointRows:
         """Return the same rows with Ĉ(z⁻¹) applied to each of y, X and Z."""
         return self._of(model.whiten(self._table(slice(None)), self.segments))
 
-    def beside(self, columns: FloatArray, places: IntArray) -> "JointRows":
+    def with_columns(self, columns: FloatArray, places: IntArray) -> "JointRows":
         """Return the same rows with more columns (r, k) at these places."""
         return replace(
             self,

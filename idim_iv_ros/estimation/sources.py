@@ -60,8 +60,8 @@ class FilteredReference(InstrumentSource):
     def name(self) -> str:
         """Name with how closely it follows the recorded motion, that of the worst recording."""
         robot = self.model.robot
-        errors = np.max([found.error for found in self.filters], axis=0)
-        spreads = np.max([found.spread for found in self.filters], axis=0)
+        errors = np.max([fitted.error for fitted in self.filters], axis=0)
+        spreads = np.max([fitted.spread for fitted in self.filters], axis=0)
         joints = ", ".join(
             f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
             + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
@@ -85,8 +85,8 @@ class FilteredReference(InstrumentSource):
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Differentiate the filtered references."""
         states = tuple(
-            partial(motion.derivatives_of, found.position)
-            for found, motion in zip(self.filters, self.motions, strict=True)
+            partial(motion.derivatives_of, fitted.position)
+            for fitted, motion in zip(self.filters, self.motions, strict=True)
         )
         return Instruments(instrument_rows(self.model, self.motions, states), states)
 
@@ -148,21 +148,18 @@ class InstrumentSources:
 
 
 def instrument_sources(
-    configuration: Configuration,
-    model: InverseModel,
-    motions: Sequence[Motion],
-    cutoffs: Cutoffs,
+    configuration: Configuration, model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs
 ) -> InstrumentSources:
     """List the sources of instruments that the configuration and the recordings allow."""
     sources: list[InstrumentSource] = []
     fits: tuple[ControllerFit, ...] = ()
     sentences: list[str] = []
     if all(motion.signals.position_reference is not None for motion in motions):
-        law, fits, said = _laws(configuration, motions)
-        sentences += said
+        law, fits, of_laws = _laws(configuration, motions)
+        sentences += of_laws
         if law is not None:
-            known = configuration.controller.type != "unknown"
-            how = "configured" if known else "fitted"
+            configured = configuration.controller.type != "unknown"
+            how = "configured" if configured else "fitted"
             name = f"closed-loop simulation with the {how} control law"
             sources.append(SimulatedLoop(model, tuple(motions), law, name))
         sources.append(FilteredReference(model, tuple(motions)))

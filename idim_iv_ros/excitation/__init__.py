@@ -4,7 +4,7 @@ from idim_iv_ros.excitation.criterion import (
     condition_numbers,
     predict_parameters,
 )
-from idim_iv_ros.excitation.design import design_excitation
+from idim_iv_ros.excitation.design import DesignSettings, design_excitation
 from idim_iv_ros.excitation.diagnosis import Diagnosis, design_diagnosis
 from idim_iv_ros.excitation.excite import (
     Excitation,
@@ -21,10 +21,8 @@ from idim_iv_ros.excitation.files import (
     write_joint_trajectory,
     write_motion,
 )
-from idim_iv_ros.excitation.limit_use import LimitUse, limit_use
-from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
+from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, motion_limits
 from idim_iv_ros.excitation.passes import Passes, passes_of, plan_passes, slowed, stop
-from idim_iv_ros.excitation.search import DesignSettings
 from idim_iv_ros.excitation.trajectory import (
     Trajectory,
     read_trajectory,

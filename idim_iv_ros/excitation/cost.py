@@ -7,8 +7,8 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limit_use import MovingFrames
 from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.moving_frames import MovingFrames
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
 
@@ -146,13 +146,13 @@ class ExcitationCost:
             value = 0.5 * np.log(len(regressor)) - float(np.mean(np.log(sigma)))
             by_sigma = -1.0 / (len(sigma) * sigma)
         else:
-            above, below = (
+            large, small = (
                 (sigma / sigma[0]) ** (2 * self.power),
                 (sigma[-1] / sigma) ** (2 * self.power),
             )
             value = np.log(sigma[0] / sigma[-1])
-            value += (np.log(above.sum()) + np.log(below.sum())) / (2 * self.power)
-            by_sigma = (above / above.sum() - below / below.sum()) / sigma
+            value += (np.log(large.sum()) + np.log(small.sum())) / (2 * self.power)
+            by_sigma = (large / large.sum() - small / small.sum()) / sigma
         # U = W V / σ
         left = stacked @ right.T / sigma
         by_entry = ((left * by_sigma) @ right).reshape(rows.shape)

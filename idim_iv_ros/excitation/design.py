@@ -1,19 +1,70 @@
 """Design of a periodic motion that identifies all base parameters well."""
 
+import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.compilation import one_thread
-from idim_iv_ros.errors import DataError
-from idim_iv_ros.excitation.criterion import ConditionNumbers
-from idim_iv_ros.excitation.limit_use import LimitUse, limit_use, moving_frames
-from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.search import DesignSettings, Search, require_possible
-from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.excitation.cost import Criterion, ExcitationCost
+from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
+from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, require_inside
+from idim_iv_ros.excitation.moving_frames import MovingFrames, moving_frames, require_reachable
+from idim_iv_ros.excitation.trajectory import MOST_SAMPLES, Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
+from idim_iv_ros.types import FloatArray
+
+SAMPLES_PER_HARMONIC = 16
+_MOST_HARMONICS = 100  # the search has two coefficients for each, at every joint
+
+# p of the criterion, weight of the penalties, iterations: from smooth and lenient to sharp.
+_FIRST = (1.0, 10.0, 40)
+_LATER = ((2.0, 10.0, 60), (4.0, 30.0, 80), (16.0, 100.0, 120), (16.0, 1000.0, 60))
+_RANDOM_STARTS = 5
+_KEPT = 2
+_POINTS = 100
+# The design aims this far inside the margin, for what lies between the points of its grid.
+_INSIDE = 0.995
+_LARGEST_EXPONENT = 700.0  # a motion far outside the limits costs more than a float can show
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """What is asked of a motion for identification.
+
+    Attributes
+    ----------
+    period : float
+        s; a whole number of samples.
+    repeats : int
+        Periods, one after the other.
+    rate : float
+        Samples per second.
+    harmonics : int
+        Of 1 / period.
+    seed : int
+        Of the random starts.
+    time_limit : float
+        s, after which the best so far is taken.
+    start : (n_joints,) or None
+        Posture at rest in rad (m); None: chosen by the design.
+    criterion : "condition" or "precision"
+        Least condition number, or least standard deviations.
+    """
+
+    period: float = 10.0
+    repeats: int = 3
+    rate: float = 1000.0
+    harmonics: int = 5
+    seed: int = 1
+    time_limit: float = 120.0
+    start: FloatArray | None = None
+    criterion: Criterion = "condition"
 
 
 @dataclass(frozen=True)
@@ -72,9 +123,9 @@ def design_excitation(
     search = Search(model, limits, frames, settings, report)
     # The matrices are small: threads of the linear algebra would cost more than they bring.
     with one_thread():
-        random, found = search.run(began + settings.time_limit)
-    judged = "weighted" if settings.criterion == "condition" else "deviation"
-    best, numbers = min(found, key=lambda pair: float(getattr(pair[1], judged)))
+        random, feasible = search.run(began + settings.time_limit)
+    figure = "weighted" if settings.criterion == "condition" else "deviation"
+    best, numbers = min(feasible, key=lambda pair: float(getattr(pair[1], figure)))
     periods = np.vstack([best.position] * settings.repeats + [best.position[:1]])
     rates = np.vstack([best.velocity] * settings.repeats + [best.velocity[:1]])
     accelerations = np.vstack([best.acceleration] * settings.repeats + [best.acceleration[:1]])
@@ -91,6 +142,181 @@ def design_excitation(
         ended_early=search.ended_early,
         seconds=time.monotonic() - began,
     )
+
+
+def require_possible(
+    settings: DesignSettings, limits: MotionLimits, joints: tuple[str, ...]
+) -> None:
+    """Refuse settings outside their range.
+
+    Raises
+    ------
+    UsageError
+        One line that names the setting.
+    """
+    FourierBasis(settings.period, settings.harmonics)
+    if settings.repeats < 1:
+        raise UsageError(f"repeats {settings.repeats}: at least 1 is needed")
+    if settings.repeats > MOST_SAMPLES:
+        raise UsageError(
+            f"the motion has more than {MOST_SAMPLES} repeats: no more samples are possible"
+        )
+    if not (np.isfinite(settings.rate) and settings.rate > 0.0):
+        raise UsageError(f"rate {settings.rate:g}: samples per second above 0 are needed")
+    if settings.harmonics > _MOST_HARMONICS:
+        raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
+    require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
+    if not 0.0 < settings.time_limit < np.inf:
+        raise UsageError(f"time limit {settings.time_limit:g}: a finite number above 0 is needed")
+    samples = settings.period * settings.rate
+    if abs(samples - round(samples)) > 1e-6 * samples:
+        raise UsageError(
+            f"a period of {settings.period:g} s at {settings.rate:g} per second is no whole "
+            "number of samples; change the one or the other"
+        )
+    if samples < SAMPLES_PER_HARMONIC * settings.harmonics:
+        raise UsageError(
+            f"{settings.rate:g} samples per second: {settings.harmonics} harmonics of "
+            f"{settings.period:g} s need {SAMPLES_PER_HARMONIC * settings.harmonics} a period"
+        )
+    if settings.start is not None:
+        require_inside(settings.start, limits, joints)
+
+
+class Search:
+    """Random starts, their improvement, and the scaling to the limits."""
+
+    def __init__(
+        self,
+        model: InverseModel,
+        limits: MotionLimits,
+        frames: MovingFrames,
+        settings: DesignSettings,
+        progress: Progress,
+    ) -> None:
+        self.basis = FourierBasis(settings.period, settings.harmonics)
+        self.frames = frames
+        if limits.floor is not None:
+            inner = limits.margin * limits.half_range
+            require_reachable(
+                self.frames, limits.floor, limits.middle - inner, limits.middle + inner
+            )
+        self.model, self.limits, self.settings = model, limits, settings
+        self.progress = progress
+        self.ended_early = False
+        points = max(_POINTS, SAMPLES_PER_HARMONIC * settings.harmonics)
+        weights = 1.0 / limits.torque
+        self.cost = ExcitationCost(
+            model=model,
+            limits=replace(limits, margin=_INSIDE * limits.margin),
+            frames=self.frames,
+            basis=self.basis,
+            shapes=self.basis.shapes(np.arange(points) * settings.period / points),
+            row_weights=weights,
+            start=settings.start,
+            power=1.0,
+            weight=1.0,
+            criterion=settings.criterion,
+        )
+        self.planned = _RANDOM_STARTS * _FIRST[2] + _KEPT * sum(step[2] for step in _LATER)
+        self.done = 0
+        self.best = np.inf
+
+    def run(
+        self, deadline: float
+    ) -> tuple[list[ConditionNumbers], list[tuple[Trajectory, ConditionNumbers]]]:
+        """Condition numbers of random motions; designed motions with theirs."""
+        random = np.random.default_rng(self.settings.seed)
+        starts = [self._random(random) for _ in range(_RANDOM_STARTS)]
+        before = [self._feasible(x) for x in starts]
+        first = [self._improve(x, (_FIRST,), deadline) for x in starts]
+        first.sort(key=lambda x: replace(self.cost, power=_FIRST[0], weight=_FIRST[1])(x)[0])
+        later = [self._improve(x, _LATER, deadline) for x in first[:_KEPT]]
+        self.progress("checking every sample", 1.0)
+        # An unfinished search may have left the limits: those of earlier stages are taken.
+        feasible = [self._feasible(x) for x in later]
+        if not any(feasible):
+            feasible = [self._feasible(x) for x in (*first, *starts)]
+        kept = [pair for pair in feasible if pair is not None]
+        if not kept:
+            raise DataError(
+                "no motion within the limits was found: try another --seed, a larger --margin, "
+                "a longer --period or a lower --floor"
+            )
+        return [pair[1] for pair in before if pair is not None] or [kept[0][1]], kept
+
+    def _random(self, random: np.random.Generator) -> FloatArray:
+        """Gaussian coefficients, scaled joint by joint to the position and velocity limits."""
+        joints = len(self.limits.lower)
+        start = random.uniform(-0.3, 0.3, joints) * self.limits.margin
+        coefficients = random.normal(size=(self.basis.size, joints))
+        x = np.concatenate([start, coefficients.ravel()])
+        posture, coefficients = self.cost.unpack(x)
+        position, velocity, _ = (shape @ coefficients for shape in self.cost.shapes)
+        room = self.limits.margin * self.limits.half_range - np.abs(posture - self.limits.middle)
+        scale = np.minimum(
+            room / np.abs(position).max(axis=0),
+            self.limits.margin * self.limits.velocity / np.abs(velocity).max(axis=0),
+        )
+        x[joints:] = (coefficients * scale / self.limits.half_range).ravel()
+        return x
+
+    def _improve(
+        self, x: FloatArray, steps: tuple[tuple[float, float, int], ...], deadline: float
+    ) -> FloatArray:
+        for power, weight, iterations in steps:
+            if time.monotonic() > deadline:
+                self.ended_early = True
+                return x
+            cost = replace(self.cost, power=power, weight=weight)
+            before = self.done
+
+            def watch(intermediate_result: object) -> None:
+                self.done += 1
+                exponent = min(intermediate_result.fun, _LARGEST_EXPONENT)  # type: ignore[attr-defined]
+                self._show(math.exp(exponent))
+                if time.monotonic() > deadline:
+                    self.ended_early = True
+                    raise StopIteration
+
+            options = {"maxiter": iterations, "maxcor": 30}
+            x = scipy.optimize.minimize(
+                cost, x, jac=True, method="L-BFGS-B", callback=watch, options=options
+            ).x
+            self.done = before + iterations
+        return np.asarray(x)
+
+    def _show(self, bound: float) -> None:
+        self.best = min(self.best, bound)
+        condition = self.settings.criterion == "condition"
+        what = "condition number <" if condition else "mean deviation"
+        self.progress(f"{what} {self.best:.4g}", min(self.done / self.planned, 1.0))
+
+    def _feasible(self, x: FloatArray) -> tuple[Trajectory, ConditionNumbers] | None:
+        """Scale a motion about its start posture until every sample keeps every limit."""
+        low, high, motion = 0.0, 1.0, None
+        trial = 1.0
+        for _ in range(12):
+            candidate = self._sampled(x, trial)
+            use = limit_use(self.model.robot, self.limits, self.frames, candidate)
+            if use.within(self.limits):
+                low, motion = trial, candidate
+                if trial == 1.0:
+                    break
+            else:
+                high = trial
+            trial = 0.5 * (low + high) if low > 0.0 or high < 0.9 else high - 0.01
+        if motion is None:
+            return None
+        return motion, condition_numbers(self.model, motion, self.limits.torque)
+
+    def _sampled(self, x: FloatArray, scale: float) -> Trajectory:
+        start, coefficients = self.cost.unpack(x)
+        samples = round(self.settings.period * self.settings.rate)
+        shapes = self.basis.shapes(np.arange(samples) / self.settings.rate)
+        position, velocity, acceleration = (scale * (shape @ coefficients) for shape in shapes)
+        joints = self.model.robot.joints
+        return Trajectory(joints, self.settings.rate, start + position, velocity, acceleration)
 
 
 def _median(numbers: list[ConditionNumbers]) -> ConditionNumbers:

@@ -1,21 +1,15 @@
 """A motion whose labelled segments separate the causes of a gap."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
-from idim_iv_ros.excitation.limit_use import (
-    LimitUse,
-    MovingFrames,
-    limit_use,
-    moving_frames,
-    require_reachable,
-)
-from idim_iv_ros.excitation.limits import MotionLimits, require_inside
-from idim_iv_ros.excitation.segments import Segment, SegmentPlan, Shape, effects_of, rest_to_rest
+from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, require_inside
+from idim_iv_ros.excitation.moving_frames import MovingFrames, moving_frames, require_reachable
+from idim_iv_ros.excitation.segments import Segment, Shape, rest_to_rest
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
@@ -54,7 +48,7 @@ class Diagnosis:
     @property
     def highest_frequency(self) -> float:
         """Of the multisine and the reversals, Hz."""
-        return max(s.plan.frequency[1] for s in self.segments if s.plan.frequency is not None)
+        return max(s.frequency[1] for s in self.segments if s.frequency is not None)
 
 
 def design_diagnosis(
@@ -99,15 +93,15 @@ def design_diagnosis(
     if limits.torque_known:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
         inertia = np.diagonal(mass[0])
-    bandwidth, known = loop_bandwidth(configuration.controller, inertia)
-    known = known and (limits.torque_known or configuration.controller.type == "cascade")
+    bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
+    configured = configured and (limits.torque_known or configuration.controller.type == "cascade")
     planner = DiagnosisPlanner(model, limits, frames, posture, bandwidth, rate, seed)
     trajectory, segments = _fill(planner, duration, report)
     report("checking every sample", 1.0)
     use = limit_use(model.robot, limits, frames, trajectory)
     if not use.within(limits):
         raise DataError("no motion within the limits was found: a limit broke at full rate")
-    return Diagnosis(trajectory, segments, use, bandwidth, known)
+    return Diagnosis(trajectory, segments, use, bandwidth, configured)
 
 
 def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[FloatArray, bool]:
@@ -130,10 +124,10 @@ def _fill(
     seconds, best = 0.7 * duration, None
     for trial in range(_TRIALS):
         report("composing segments", trial / _TRIALS)
-        found = _Composer(planner).compose(planner.plans(seconds))
-        total = found[0].duration
+        composed = _compose(planner, planner.plans(seconds))
+        total = composed[0].duration
         if total <= duration and (best is None or total > best[0].duration):
-            best = found
+            best = composed
         if 0.97 * duration <= total <= duration:
             break
         seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
@@ -161,58 +155,46 @@ def _posture(
     return np.asarray(postures[np.argmax(frames.heights(postures).min(axis=1))])
 
 
-class _Composer:
-    """Joins segments by moves at rest and notes where each of them is."""
+def _compose(
+    planner: DiagnosisPlanner, plans: list[Segment]
+) -> tuple[Trajectory, tuple[Segment, ...]]:
+    """Join segments by moves, at rest before and after each, and note where they are."""
+    rate, joints = planner.rate, planner.model.robot.joints
+    place = np.zeros(len(joints))
+    still = np.zeros((round(_REST * rate), len(joints)))
+    parts: list[Shape] = []
+    segments, samples = [], 0
 
-    def __init__(self, planner: DiagnosisPlanner) -> None:
-        self.planner = planner
-        self.parts: list[Shape] = []
-        self.samples = 0
-        self.place = np.zeros(len(planner.posture))
+    def go(target: FloatArray) -> int:
+        """Move from where the last part ended, and rest; return the samples that it takes."""
+        way = [] if np.all(np.abs(target - place) < 1e-12) else [_move(planner, place, target)]
+        way.append((still + target, still, still))
+        parts.extend(way)
+        return sum(len(part[0]) for part in way)
 
-    def compose(self, plans: list[SegmentPlan]) -> tuple[Trajectory, tuple[Segment, ...]]:
-        rate, joints = self.planner.rate, self.planner.model.robot.joints
-        segments = []
-        for plan in plans:
-            self._move(plan.offset)
-            self._hold()
-            start = self.samples
-            position, velocity, acceleration = plan.shape
-            self._add((plan.offset + position, velocity, acceleration))
-            end = self.samples
-            effects = effects_of(plan.kind, len(joints))
-            segments.append(Segment(plan, start / rate, end / rate, effects))
-            self._hold()
-        self._move(np.zeros(len(joints)))
-        self._hold()
-        position, velocity, acceleration = (
-            np.vstack(part) for part in zip(*self.parts, strict=True)
-        )
-        posture = self.planner.posture
-        trajectory = Trajectory(joints, rate, posture + position, velocity, acceleration)
-        return trajectory, tuple(segments)
+    for plan in plans:
+        start = samples + go(plan.offset)
+        position, velocity, acceleration = plan.shape
+        parts.append((plan.offset + position, velocity, acceleration))
+        place = plan.offset
+        end = start + len(position)
+        segments.append(replace(plan, start=start / rate, end=end / rate))
+        samples = end + go(place)
+    go(np.zeros(len(joints)))
+    position, velocity, acceleration = (np.vstack(part) for part in zip(*parts, strict=True))
+    trajectory = Trajectory(joints, rate, planner.posture + position, velocity, acceleration)
+    return trajectory, tuple(segments)
 
-    def _add(self, part: Shape) -> None:
-        self.parts.append(part)
-        self.samples += len(part[0])
 
-    def _hold(self) -> None:
-        still = np.zeros((round(_REST * self.planner.rate), len(self.place)))
-        self._add((still + self.place, still, still))
-
-    def _move(self, target: FloatArray) -> None:
-        way = target - self.place
-        if np.all(np.abs(way) < 1e-12):
-            return
-        limits = self.planner.limits
-        slow = 1.875 * np.abs(way) / (0.6 * limits.margin * limits.velocity)
-        gentle = np.sqrt(5.774 * np.abs(way) / (0.3 * limits.margin * limits.acceleration))
-        seconds = max(_SHORTEST_MOVE, float(np.max([slow, gentle])))
-        for _ in range(8):
-            shape = rest_to_rest(way, seconds, self.planner.rate)
-            if self.planner.keeps(self.place, shape):
-                self._add((self.place + shape[0], shape[1], shape[2]))
-                self.place = target
-                return
-            seconds *= 1.4
-        raise DataError("a move between two segments breaks a limit: give another --start")
+def _move(planner: DiagnosisPlanner, start: FloatArray, target: FloatArray) -> Shape:
+    """From rest to rest between two offsets from the posture, as slowly as the limits ask."""
+    way, limits = target - start, planner.limits
+    slow = 1.875 * np.abs(way) / (0.6 * limits.margin * limits.velocity)
+    gentle = np.sqrt(5.774 * np.abs(way) / (0.3 * limits.margin * limits.acceleration))
+    seconds = max(_SHORTEST_MOVE, float(np.max([slow, gentle])))
+    for _ in range(8):
+        position, velocity, acceleration = rest_to_rest(way, seconds, planner.rate)
+        if planner.keeps(start, (position, velocity, acceleration)):
+            return start + position, velocity, acceleration
+        seconds *= 1.4
+    raise DataError("a move between two segments breaks a limit: give another --start")

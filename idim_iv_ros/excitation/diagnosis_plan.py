@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.excitation.limit_use import MovingFrames, limit_use
-from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.limits import MotionLimits, limit_use
+from idim_iv_ros.excitation.moving_frames import MovingFrames
 from idim_iv_ros.excitation.segments import (
-    SegmentPlan,
+    Segment,
     Shape,
     multisine,
     rest_to_rest,
@@ -63,7 +63,7 @@ class DiagnosisPlanner:
     rate: float
     seed: int
 
-    def plans(self, seconds: float) -> list[SegmentPlan]:
+    def plans(self, seconds: float) -> list[Segment]:
         """All segments in order; together about `seconds` long, without the moves between."""
         time = {kind: share * seconds for kind, share in _SHARES.items()}
         repeat = self._repeat(time["repeat"] / 3.0)
@@ -91,7 +91,7 @@ class DiagnosisPlanner:
         limits = replace(self.limits, margin=_INSIDE * self.limits.margin)
         return limit_use(self.model.robot, limits, self.frames, motion).within(limits)
 
-    def _fit(self, make: Callable[[float], SegmentPlan]) -> SegmentPlan:
+    def _fit(self, make: Callable[[float], Segment]) -> Segment:
         """Largest size from 1 downwards at which a segment keeps all limits."""
         size = 1.0
         for _ in range(40):
@@ -114,60 +114,56 @@ class DiagnosisPlanner:
         joints = len(self.posture)
         return np.where(np.arange(joints) % 2 == 1, -1.0, 1.0) if alternate else np.ones(joints)
 
-    def _repeat(self, seconds: float) -> SegmentPlan:
-        def make(size: float) -> SegmentPlan:
+    def _repeat(self, seconds: float) -> Segment:
+        def make(size: float) -> Segment:
             # Half of the room, and no faster than half of the velocity limit.
             half = seconds / 2.0
             slow = 0.5 * self.limits.margin * self.limits.velocity * half / 1.875
             way = size * np.minimum(0.5 * self._room(self.posture), slow)
-            there = rest_to_rest(way, half, self.rate)
-            back = rest_to_rest(-way, half, self.rate)
-            shape = (
-                np.vstack([there[0], way + back[0]]),
-                np.vstack([there[1], back[1]]),
-                np.vstack([there[2], back[2]]),
-            )
-            return SegmentPlan("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
+            there, back = (rest_to_rest(sign * way, half, self.rate) for sign in (1.0, -1.0))
+            whole = zip(there, (way + back[0], *back[1:]), strict=True)
+            position, velocity, acceleration = (np.vstack(pair) for pair in whole)
+            shape = (position, velocity, acceleration)
+            return Segment("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
 
         return self._fit(make)
 
-    def _sweeps(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _sweeps(self, seconds: float) -> Iterator[Segment]:
+        """The whole range, all joints in the same direction and in opposite ones."""
+        inner = _INSIDE * self.limits.margin * self.limits.half_range
+        ramp = self._ramp(self.limits.velocity)
+        plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
         for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
             if alternate and len(self.posture) == 1:
                 return
+            reach = self._pattern(alternate) * inner
 
-            def make(size: float, name: str = name, alternate: bool = alternate) -> SegmentPlan:
-                return self._sweep(f"range_sweep_{name}", self._pattern(alternate), size, seconds)
+            def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
+                speed = 2.0 * size * reach / (plateau + ramp)
+                low = size * (self.limits.middle - self.posture - reach)
+                name = f"range_sweep_{name}"
+                return self._constant(name, "range_sweep", low, speed, plateau, ramp)
 
             yield self._fit(make)
 
-    def _sweep(self, name: str, pattern: FloatArray, size: float, seconds: float) -> SegmentPlan:
-        inner = _INSIDE * self.limits.margin * self.limits.half_range
-        low = size * (self.limits.middle - pattern * inner - self.posture)
-        high = size * (self.limits.middle + pattern * inner - self.posture)
-        ramp = self._ramp(self.limits.velocity)
-        plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
-        speed = (high - low) / (plateau + ramp)
-        return self._constant(name, "range_sweep", low, speed, plateau, ramp)
-
-    def _creeps(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _creeps(self, seconds: float) -> Iterator[Segment]:
         slot = seconds / len(CREEP_SHARES) / 2.0
         room = self._room(self.posture)
         for number, share in enumerate(CREEP_SHARES, start=1):
             speed = share * self.limits.velocity
             yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
 
-    def _plateaus(self, seconds: float) -> Iterator[SegmentPlan]:
+    def _plateaus(self, seconds: float) -> Iterator[Segment]:
         """At each posture the fastest first: the slower ones stay on its way."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
         shift = 0.4 * self._room(self.posture) * self._pattern(True)
+        fastest = _INSIDE * self.limits.margin * self.limits.velocity
+        shortest = _SHORTEST_PLATEAU + self._ramp(fastest)
         for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
-            centre = self.posture + (shift if place == 2 else 0.0)
+            centre = self.posture + (place - 1) * shift
             room = self._room(centre)
-            speed = _INSIDE * self.limits.margin * self.limits.velocity
-            shortest = _SHORTEST_PLATEAU + self._ramp(speed)
             # Where the range is too short for a plateau at full speed, slower.
-            speed = pattern * np.minimum(speed, 2.0 * room / shortest)
+            speed = pattern * np.minimum(fastest, 2.0 * room / shortest)
             for number, share in enumerate(PLATEAU_SHARES, start=1):
                 name = f"plateau_{number}_posture_{place}"
                 plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
@@ -183,8 +179,8 @@ class DiagnosisPlanner:
         room: FloatArray,
         fastest: FloatArray,
         slot: float,
-    ) -> SegmentPlan:
-        def make(size: float) -> SegmentPlan:
+    ) -> Segment:
+        def make(size: float) -> Segment:
             speed = size * fastest
             ramp = self._ramp(speed)
             # The joint with the least room sets how long all of them keep their speed.
@@ -203,30 +199,26 @@ class DiagnosisPlanner:
         speed: FloatArray,
         plateau: float,
         ramp: float,
-    ) -> SegmentPlan:
+    ) -> Segment:
         shape = there_and_back(speed, plateau, ramp, self.rate)
-        return SegmentPlan(name, kind, offset, shape, speed=speed)
+        return Segment(name, kind, offset, shape, speed=speed)
 
-    def _reversals(self, seconds: float) -> Iterator[SegmentPlan]:
-        joints = len(self.posture)
+    def _reversals(self, seconds: float) -> Iterator[Segment]:
         for amplitude, frequency in REVERSALS:
             slot = max(seconds / len(REVERSALS), 4.0 / frequency)
+            yield self._sized(reversals(len(self.posture), amplitude, frequency, slot, self.rate))
 
-            def make(
-                size: float, a: float = amplitude, f: float = frequency, slot: float = slot
-            ) -> SegmentPlan:
-                return reversals(joints, a, f, size, slot, self.rate)
-
-            yield self._fit(make)
-
-    def _multisine(self, seconds: float) -> SegmentPlan:
+    def _multisine(self, seconds: float) -> Segment:
         highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
-        whole = multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed)
-        amplitude = np.full(len(highest), MULTISINE_AMPLITUDE)
+        return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
 
-        def make(size: float) -> SegmentPlan:
-            position, velocity, acceleration = whole.shape
-            shape = (size * position, size * velocity, size * acceleration)
-            return replace(whole, shape=shape, amplitude=size * amplitude)
+    def _sized(self, plan: Segment) -> Segment:
+        """A segment about the posture, as large as the limits let it be, at most as it is."""
+
+        def make(size: float) -> Segment:
+            position, velocity, acceleration = (size * part for part in plan.shape)
+            assert plan.amplitude is not None
+            shape = (position, velocity, acceleration)
+            return replace(plan, shape=shape, amplitude=size * plan.amplitude)
 
         return self._fit(make)

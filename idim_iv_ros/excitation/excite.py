@@ -8,12 +8,11 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.criterion import PredictedParameter, predict_parameters
-from idim_iv_ros.excitation.design import Design, design_excitation
-from idim_iv_ros.excitation.files import FORMAT, limits_document, use_document
+from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitation
+from idim_iv_ros.excitation.files import motion_document
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limit_use import limit_use, moving_frames
-from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
-from idim_iv_ros.excitation.search import DesignSettings
+from idim_iv_ros.excitation.limits import MotionLimits, limit_use, motion_limits
+from idim_iv_ros.excitation.moving_frames import moving_frames
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress
@@ -98,29 +97,25 @@ def excite(
     parameters = predict_parameters(
         model, design.period, settings.repeats, limits.torque, torque_noise
     )
-    document: dict[str, object] = {
-        "format": FORMAT,
-        "purpose": "identification",
-        "robot": model.robot.name,
-        "joints": list(model.robot.joints),
-        "settings": {
-            **{name: value for name, value in settings.__dict__.items() if name != "start"},
-            "start": None if settings.start is None else [float(q) for q in settings.start],
+    document = motion_document(
+        "identification",
+        model.robot.name,
+        design.trajectory,
+        limits,
+        design.use,
+        {
+            **vars(settings),
+            "start": None if settings.start is None else list(map(float, settings.start)),
             "torque_noise": torque_noise,
         },
-        "ended_early": design.ended_early,
-        "seconds": round(design.seconds, 2),
-        "duration": design.trajectory.duration,
-        "condition_number": {
-            "random_median": design.before.__dict__,
-            "designed": design.after.__dict__,
-        },
-        "limits": limits_document(limits),
-        "use": use_document(design.use),
-        "parameters": [
-            {**p.__dict__, "relative_std": p.relative_std, "bad": p.bad} for p in parameters
+        ended_early=design.ended_early,
+        seconds=round(design.seconds, 2),
+        condition_number={"random_median": vars(design.before), "designed": vars(design.after)},
+        parameters=[
+            {**vars(parameter), "relative_std": parameter.relative_std, "bad": parameter.bad}
+            for parameter in parameters
         ],
-    }
+    )
     return Excitation(design, parameters, torque_noise, settings.criterion, document)
 
 
@@ -207,14 +202,6 @@ def servo_motion(
     )
     robot = load_model(configuration).robot
     use = limit_use(robot, limits, moving_frames(robot), trajectory)
-    document: dict[str, object] = {
-        "format": FORMAT,
-        "purpose": "servo",
-        "robot": robot.name,
-        "joints": list(trajectory.joints),
-        "settings": {"rate": rate, "seed": seed},
-        "duration": trajectory.duration,
-        "limits": limits_document(limits),
-        "use": use_document(use),
-    }
+    settings = {"rate": rate, "seed": seed}
+    document = motion_document("servo", robot.name, trajectory, limits, use, settings)
     return trajectory, _HIGHEST_FREQUENCY, document

@@ -7,8 +7,7 @@
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -17,8 +16,7 @@ import numpy as np
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.diagnosis import Diagnosis
-from idim_iv_ros.excitation.limit_use import LimitUse
-from idim_iv_ros.excitation.limits import MotionLimits
+from idim_iv_ros.excitation.limits import LimitUse, MotionLimits
 from idim_iv_ros.excitation.segments import NOT_REVEALED, Segment
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
 from idim_iv_ros.files import (
@@ -26,7 +24,7 @@ from idim_iv_ros.files import (
     FilePath,
     as_file,
     digests,
-    probe_place,
+    require_file_place,
     require_replaceable,
     write_together,
 )
@@ -36,22 +34,7 @@ ENDINGS = ("csv", "yaml", "json")
 FORMAT = "idim_iv_ros/excitation/1"
 
 
-def motion_stem(out: FilePath) -> Path:
-    """Path without ending that the files of a motion share: of ``run.csv`` and of ``run``.
-
-    Raises
-    ------
-    UsageError
-        `out` has no name.
-    """
-    out = as_file(out)
-    return out.with_suffix("") if out.suffix in (".csv", ".yaml", ".json") else out
-
-
-@contextmanager
-def require_place(
-    out: FilePath, endings: Sequence[str] = ENDINGS, *, force: bool = False
-) -> Iterator[None]:
+def require_place(out: FilePath, endings: Iterable[str] = ENDINGS, *, force: bool = False) -> None:
     """Make sure, before long work, that the files of a motion can be written afterwards.
 
     Parameters
@@ -66,19 +49,11 @@ def require_place(
     Raises
     ------
     UsageError
-        The folder of `out` is missing or cannot be written, `out` is a folder, or as
-        `require_replaceable`.
+        `out` is a folder or has no name, or as `require_file_place`.
     """
-    out = Path(out)
-    stem = motion_stem(out)
-    require_replaceable(_files(stem, endings).values(), force=force)
-    try:
-        if not stem.name or stem.is_dir():
-            raise IsADirectoryError(f"{out} is a folder")
-        probe_place(stem)
-    except OSError as error:
-        raise _refusal(out, error) from error
-    yield
+    if Path(out).is_dir():
+        raise UsageError(f"{out} is a folder; give another --out")
+    require_file_place(_files(out, endings).values(), force=force)
 
 
 def write_motion(
@@ -91,8 +66,6 @@ def write_motion(
     force: bool = False,
 ) -> tuple[Path, ...]:
     """Write ``STEM.csv``, ``STEM.yaml``, ``STEM.json`` and further tables ``STEM.<key>``.
-
-    All are written beside their place and moved there when they are complete.
 
     Parameters
     ----------
@@ -117,21 +90,19 @@ def write_motion(
     UsageError
         A file cannot be written, or must not be replaced; none is then left behind.
     """
-    out = Path(out)
-    stem = motion_stem(out)
     table, message = io.StringIO(), io.StringIO()
     write_csv(trajectory, table)
     write_joint_trajectory(trajectory, message, rate=message_rate)
     texts = {"csv": table.getvalue(), "yaml": message.getvalue(), **(tables or {})}
-    signed = {path.name: texts[ending] for ending, path in _files(stem, texts).items()}
+    signed = {path.name: texts[ending] for ending, path in _files(out, texts).items()}
     texts["json"] = json_text({**document, FILES: digests(signed)})
-    endings = dict.fromkeys((*ENDINGS, *texts))
-    paths = {path: texts[ending] for ending, path in _files(stem, endings).items()}
+    places = _files(out, dict.fromkeys((*ENDINGS, *texts)))
+    paths = {path: texts[ending] for ending, path in places.items()}
     require_replaceable(paths, force=force)
     try:
         write_together(paths)
     except OSError as error:
-        raise _refusal(out, error) from error
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return tuple(paths)
 
 
@@ -185,27 +156,53 @@ def require_message_rate(points: float, samples: float) -> None:
         )
 
 
+def motion_document(
+    purpose: str,
+    robot: str,
+    trajectory: Trajectory,
+    limits: MotionLimits,
+    use: LimitUse,
+    settings: Mapping[str, object],
+    **figures: object,
+) -> dict[str, object]:
+    """Figures of a motion for JSON: what was asked for, limits and what is used of them.
+
+    Limits in rad, rad/s, rad/s², N m and m; `figures`: what motions of this purpose have beyond.
+    """
+    allowed = _plain(limits)
+    checked = allowed.pop("torque_known")
+    return {
+        "format": FORMAT,
+        "purpose": purpose,
+        "robot": robot,
+        "joints": list(trajectory.joints),
+        "settings": dict(settings),
+        "duration": trajectory.duration,
+        **figures,
+        "limits": {**allowed, "torque_checked": checked},
+        "use": _plain(use),
+    }
+
+
 def diagnosis_document(
     robot: str, limits: MotionLimits, diagnosis: Diagnosis, seed: int
 ) -> dict[str, object]:
-    """Figures of a motion for diagnosis: segments, effects, limits and what is used of them."""
-    return {
-        "format": FORMAT,
-        "purpose": "diagnosis",
-        "robot": robot,
-        "joints": list(diagnosis.trajectory.joints),
-        "settings": {"rate": diagnosis.trajectory.rate, "seed": seed},
-        "duration": diagnosis.trajectory.duration,
-        "loop_bandwidth": [float(f) for f in diagnosis.bandwidth],
-        "loop_bandwidth_known": diagnosis.bandwidth_known,
-        "segments": [segment.document() for segment in diagnosis.segments],
-        "not_revealed": [
+    """Figures of a motion for diagnosis: segments and effects among them."""
+    return motion_document(
+        "diagnosis",
+        robot,
+        diagnosis.trajectory,
+        limits,
+        diagnosis.use,
+        {"rate": diagnosis.trajectory.rate, "seed": seed},
+        loop_bandwidth=diagnosis.bandwidth.tolist(),
+        loop_bandwidth_known=diagnosis.bandwidth_known,
+        segments=[segment.document() for segment in diagnosis.segments],
+        not_revealed=[
             {"effect": effect, "excitation_needed": needed}
             for effect, needed in NOT_REVEALED.items()
         ],
-        "limits": limits_document(limits),
-        "use": use_document(diagnosis.use),
-    }
+    )
 
 
 def segment_table(segments: Sequence[Segment]) -> str:
@@ -214,22 +211,9 @@ def segment_table(segments: Sequence[Segment]) -> str:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["name", "kind", "start", "end", "effects"])
     for segment in segments:
-        plan = segment.plan
         ends = (f"{segment.start:.9g}", f"{segment.end:.9g}")
-        table.writerow([plan.name, plan.kind, *ends, " ".join(segment.effects)])
+        table.writerow([segment.name, segment.kind, *ends, " ".join(segment.effects)])
     return text.getvalue()
-
-
-def limits_document(limits: MotionLimits) -> dict[str, object]:
-    """Limits for JSON, in rad, rad/s, rad/s², N m and m."""
-    document = _plain(limits)
-    checked = document.pop("torque_known")
-    return {**document, "torque_checked": checked}
-
-
-def use_document(use: LimitUse) -> dict[str, object]:
-    """Shares of the limits for JSON."""
-    return _plain(use)
 
 
 def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:
@@ -239,13 +223,11 @@ def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:
     }
 
 
-def _files(stem: Path, endings: Iterable[str]) -> dict[str, Path]:
-    return {ending: stem.with_name(f"{stem.name}.{ending}") for ending in endings}
-
-
-def _refusal(out: Path, error: OSError) -> UsageError:
-    reason = error.strerror or str(error)
-    return UsageError(f"{out}: cannot write the trajectory there: {reason}; give another --out")
+def _files(out: FilePath, endings: Iterable[str]) -> dict[str, Path]:
+    """Files by their ending, of ``run.csv`` and of ``run`` the same."""
+    out = as_file(out)
+    stem = out.stem if out.suffix in (".csv", ".yaml", ".json") else out.name
+    return {ending: out.with_name(f"{stem}.{ending}") for ending in endings}
 
 
 def _numbers(values: Iterable[float]) -> str:

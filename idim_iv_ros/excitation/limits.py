@@ -1,4 +1,4 @@
-"""What a motion may use of the robot: limits of joints, drives and space."""
+"""What a motion may use of the robot, and what it uses, sample by sample."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,8 +7,10 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model import InverseModel
-from idim_iv_ros.simulation import mass_matrix
+from idim_iv_ros.excitation.moving_frames import MovingFrames
+from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.model import InverseModel, RobotModel
+from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 
 # Where nothing limits the acceleration: half of the torque limit moves the joint's own inertia,
@@ -18,6 +20,7 @@ SECONDS_TO_FULL_SPEED = 0.1
 _SLOWEST, _FASTEST = 1e-6, 1e6  # rad/s² (m/s²): accelerations that may be asked for
 _POSTURES = 200
 _SEED = 11
+_BLOCK = 4000  # samples
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,60 @@ class MotionLimits:
     def half_range(self) -> FloatArray:
         """Half of each position range (n_joints,), without margin."""
         return 0.5 * (self.upper - self.lower)
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """Largest share of each limit that a motion uses, (n_joints,) each; 1 is the limit itself.
+
+    Attributes
+    ----------
+    position
+        Distance from the middle of the range over half of the range.
+    velocity, acceleration
+    torque : or None
+        Of the nominal model: gravity, inertia, drives, friction. None without inertials.
+    lowest_frame : str
+    lowest_height : float
+        Of all frames that move, over the whole motion, m.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray | None
+    lowest_frame: str
+    lowest_height: float
+
+    def within(self, limits: MotionLimits) -> bool:
+        """Whether no share exceeds the margin and every frame stays above the floor."""
+        shares = [self.position, self.velocity, self.acceleration]
+        shares += [] if self.torque is None else [self.torque]
+        over_floor = limits.floor is None or self.lowest_height > limits.floor
+        return over_floor and bool(np.max(shares) <= limits.margin * (1.0 + 1e-9))
+
+
+def limit_use(
+    robot: RobotModel, limits: MotionLimits, frames: MovingFrames, motion: Trajectory
+) -> LimitUse:
+    """Look at every sample of a motion."""
+    blocks = [slice(s, s + _BLOCK) for s in range(0, len(motion.position), _BLOCK)]
+    lowest = np.min([frames.heights(motion.position[b]).min(axis=0) for b in blocks], axis=0)
+    frame = int(np.argmin(lowest))
+    torque = None
+    if limits.torque_known:
+        predicted = inverse_dynamics(
+            robot, robot.given, motion.position, motion.velocity, motion.acceleration
+        )
+        torque = np.abs(predicted).max(axis=0) / limits.torque
+    return LimitUse(
+        position=np.abs(motion.position - limits.middle).max(axis=0) / limits.half_range,
+        velocity=np.abs(motion.velocity).max(axis=0) / limits.velocity,
+        acceleration=np.abs(motion.acceleration).max(axis=0) / limits.acceleration,
+        torque=torque,
+        lowest_frame=frames.names[frame],
+        lowest_height=float(lowest[frame]),
+    )
 
 
 def motion_limits(

@@ -7,11 +7,10 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.design import design_excitation
+from idim_iv_ros.excitation.design import DesignSettings, design_excitation
 from idim_iv_ros.excitation.excite import load_model, random_motion
-from idim_iv_ros.excitation.limit_use import limit_use, moving_frames
-from idim_iv_ros.excitation.limits import MotionLimits, motion_limits
-from idim_iv_ros.excitation.search import DesignSettings
+from idim_iv_ros.excitation.limits import MotionLimits, limit_use, motion_limits
+from idim_iv_ros.excitation.moving_frames import moving_frames
 from idim_iv_ros.excitation.trajectory import Trajectory, quintic
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress

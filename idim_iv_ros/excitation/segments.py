@@ -37,8 +37,8 @@ _NO_MOTION = {
 
 
 @dataclass(frozen=True)
-class SegmentPlan:
-    """A segment before it has its place in time.
+class Segment:
+    """A labelled stretch of the motion.
 
     Attributes
     ----------
@@ -51,6 +51,8 @@ class SegmentPlan:
     amplitude : (n_joints,) or None
         Largest deviation, rad (m).
     frequency : (lowest, highest) Hz or None
+    start, end : float
+        s; its place in the motion, once it has one.
     """
 
     name: str
@@ -60,43 +62,27 @@ class SegmentPlan:
     speed: FloatArray | None = None
     amplitude: FloatArray | None = None
     frequency: tuple[float, float] | None = None
+    start: float = 0.0
+    end: float = 0.0
 
-
-@dataclass(frozen=True)
-class Segment:
-    """A segment with its place in the motion.
-
-    Attributes
-    ----------
-    plan : SegmentPlan
-    start, end : float
-        s
-    effects : tuple of str
-    """
-
-    plan: SegmentPlan
-    start: float
-    end: float
-    effects: tuple[str, ...]
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that it reveals on a robot with so many joints."""
+        joints = len(self.offset)
+        return tuple(name for name in EFFECTS[self.kind] if joints >= BY_NAME[name].joints_needed)
 
     def document(self) -> dict[str, object]:
         """Row of the side table, for JSON: s, rad/s (m/s), rad (m), Hz."""
-        plan = self.plan
         return {
-            "name": plan.name,
-            "kind": plan.kind,
+            "name": self.name,
+            "kind": self.kind,
             "start": round(self.start, 9),
             "end": round(self.end, 9),
             "effects": list(self.effects),
-            "speed": None if plan.speed is None else [float(v) for v in plan.speed],
-            "amplitude": None if plan.amplitude is None else [float(a) for a in plan.amplitude],
-            "frequency": None if plan.frequency is None else list(plan.frequency),
+            "speed": None if self.speed is None else self.speed.tolist(),
+            "amplitude": None if self.amplitude is None else self.amplitude.tolist(),
+            "frequency": None if self.frequency is None else list(self.frequency),
         }
-
-
-def effects_of(kind: str, joints: int) -> tuple[str, ...]:
-    """Effects that a kind of segment reveals on a robot with so many joints."""
-    return tuple(name for name in EFFECTS[kind] if joints >= BY_NAME[name].joints_needed)
 
 
 def separating_motion(first: str, second: str) -> str:
@@ -180,19 +166,12 @@ def waves(
 
 
 def reversals(
-    joints: int, amplitude: float, frequency: float, size: float, seconds: float, rate: float
-) -> SegmentPlan:
-    """The same sine at all joints, faded in and out over one of its periods.
-
-    Parameters
-    ----------
-    amplitude : rad (m)
-    frequency : Hz
-    size : factor of the amplitude
-    """
-    level, line = np.full((1, joints), size * amplitude), np.full((1, joints), frequency)
+    joints: int, amplitude: float, frequency: float, seconds: float, rate: float
+) -> Segment:
+    """The same sine, rad (m) and Hz, at all joints, faded in and out over one of its periods."""
+    level, line = np.full((1, joints), amplitude), np.full((1, joints), frequency)
     shape = waves(level, line, np.zeros((1, joints)), seconds, 1.0 / frequency, rate)
-    return SegmentPlan(
+    return Segment(
         f"reversals_{1000 * amplitude:g}_mrad_{frequency:g}_Hz",
         "reversals",
         np.zeros(joints),
@@ -204,7 +183,7 @@ def reversals(
 
 def multisine(
     highest: FloatArray, amplitude: float, seconds: float, rate: float, seed: int
-) -> SegmentPlan:
+) -> Segment:
     """Sum of sines of random phase from 0.5 Hz up to `highest`, faded in and out over 1 s.
 
     Every joint has lines of its own, k/T with k ≡ joint modulo the number of joints, so that what
@@ -221,8 +200,8 @@ def multisine(
     highest = np.maximum(highest, LOWEST_LINE + 2.0 * joints / flat)
     numbers = np.arange(1, int(highest.max() * flat) + 1)[:, None]
     lines = numbers / flat
-    own = numbers % joints == np.arange(joints)
-    used = own & (lines >= LOWEST_LINE) & (lines <= highest)
+    of_joint = numbers % joints == np.arange(joints)
+    used = of_joint & (lines >= LOWEST_LINE) & (lines <= highest)
     phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, used.shape)
     frequency = np.broadcast_to(lines, used.shape)
     level = np.where(used, 1.0 / frequency, 0.0)
@@ -230,7 +209,7 @@ def multisine(
     position, velocity, acceleration = waves(level, frequency, phase, total, _FADE, rate)
     scale = amplitude / np.abs(position).max(axis=0)
     shape = (scale * position, scale * velocity, scale * acceleration)
-    return SegmentPlan(
+    return Segment(
         "multisine",
         "multisine",
         np.zeros(joints),

@@ -38,7 +38,7 @@ class DriverPreset:
 
         A robot in a namespace has the same topics below it: ``/left/joint_states``.
         """
-        found, reasons = {}, {}
+        sources, reasons = {}, {}
         for key in SOURCES:
             source = self.keys.get("signals", {}).get(key)
             if source is None:
@@ -48,8 +48,8 @@ class DriverPreset:
                 reasons[key] = f"{topic_of(source)} of the driver {self.name} is not in the bag"
                 continue
             field = field_of(source)
-            found[key] = topic if field is None else with_field(topic, field)
-        return found, reasons
+            sources[key] = topic if field is None else with_field(topic, field)
+        return sources, reasons
 
 
 def _in_bags(topic: str, bags: Sequence[BagContents]) -> str | None:
@@ -82,11 +82,11 @@ def read_driver(name: str) -> DriverPreset:
     UsageError
         There is none, or it holds what no configuration has.
     """
-    known = driver_files()
-    path = known.get(name)
+    shipped = driver_files()
+    path = shipped.get(name)
     if path is None:
         if not name.endswith((".yaml", ".yml")):
-            listed = ", ".join(known) or "none is installed"
+            listed = ", ".join(shipped) or "none is installed"
             raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
         path = Path(name)
     data = read_mapping(path)

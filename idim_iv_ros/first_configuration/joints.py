@@ -54,9 +54,9 @@ def choose_joints(
     DataError
         No joint is left.
     """
-    known = read_urdf_text(urdf, source)
+    robot = read_urdf_text(urdf, source)
     chosen, left_out, warnings = [], {}, []
-    for _, joint in known.outward():
+    for _, joint in robot.outward():
         if joint is None or joint.type == "fixed":
             continue
         name = joint.name
@@ -82,7 +82,7 @@ def choose_joints(
         if topic.name == states and not topic.asked
         for name in topic.joints
     ]
-    left_out.update({name: "not in the URDF" for name in recorded if name not in known.joints})
+    left_out.update({name: "not in the URDF" for name in recorded if name not in robot.joints})
     if not chosen:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise DataError(

@@ -119,7 +119,8 @@ def propose_configuration(
             "robot": {"joints": list(joints.joints)},
             "signals": dict(sources),
         }
-        warnings, limits = joints.warnings, ()
+        warnings = joints.warnings
+        limits: tuple[float, ...] = ()
         if servo:
             values["signals"]["effort"] = NO_EFFORT
             reasons["signals", "effort"] = "no bag has any: `idim-iv servo` identifies the servos"

@@ -42,12 +42,12 @@ def guess_effort_unit(prepared: PreparedRegression) -> EffortUnit:
     names = prepared.configuration.robot.joints
     statistics = effort_statistics(prepared.model, prepared.motions, prepared.cutoffs)
     ratios = {
-        name: found.torque.value
-        for name, found in zip(names, statistics, strict=True)
-        if found is not None
-        and found.torque is not None
-        and found.torque.of_rest > _LEAST_SHARE
-        and abs(found.torque.certainty) > _LEAST_RATIO
+        name: statistic.torque.value
+        for name, statistic in zip(names, statistics, strict=True)
+        if statistic is not None
+        and statistic.torque is not None
+        and statistic.torque.of_rest > _LEAST_SHARE
+        and abs(statistic.torque.certainty) > _LEAST_RATIO
     }
     if not ratios:
         return _from_limits(statistics, prepared.model.robot.limits, names)
@@ -63,12 +63,12 @@ def _from_limits(
 ) -> EffortUnit:
     """Compare the size of what friction leaves: a simulator's damping knows no limit."""
     peaks = np.array([0.0 if statistic is None else statistic.peak for statistic in statistics])
-    known = np.isfinite(limits.effort) & (limits.effort > 0.0)
-    if not known.any():
+    limited = np.isfinite(limits.effort) & (limits.effort > 0.0)
+    if not limited.any():
         return EffortUnit(
             "N m", "not known: the URDF has neither masses nor effort limits to compare with"
         )
-    shares = np.where(known, peaks / np.where(known, limits.effort, 1.0), 0.0)
+    shares = np.where(limited, peaks / np.where(limited, limits.effort, 1.0), 0.0)
     most = int(np.argmax(shares))
     text = f"largest effort of {names[most]} is {100 * shares[most]:.2g} % of the URDF's limit"
     if shares[most] > _OVER_LIMIT:

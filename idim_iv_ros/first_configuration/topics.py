@@ -236,10 +236,10 @@ def choose_states(
     first = bags[0]
     states = [topic for topic in first.topics if topic.with_position() and not topic.asked]
     if not states:
-        held = ", ".join(f"{name} ({kind})" for name, kind in first.unreadable.items())
+        listed = ", ".join(f"{name} ({kind})" for name, kind in first.unreadable.items())
         raise DataError(
             f"{first.path}: no sensor_msgs/msg/JointState with positions; "
-            f"it holds {held or 'nothing else'}; record /joint_states"
+            f"it holds {listed or 'nothing else'}; record /joint_states"
         )
     chosen = max([state for state in states if state.name == wanted] or states, key=_likeness)
     if chosen.with_effort():
@@ -300,10 +300,10 @@ def choose_topics(
         reasons["reference"] = "none in the bag: record it, it makes the instruments testable"
         for topic in bags[0].topics:
             if topic.asked:
-                held = ", ".join(sorted(topic.with_position())) or "none"
+                positioned = ", ".join(sorted(topic.with_position())) or "none"
                 reasons["reference"] = (
-                    f"{topic.name} has what was asked of these joints only: {held}; the reference "
-                    "is read from one topic"
+                    f"{topic.name} has what was asked of these joints only: {positioned}; the "
+                    "reference is read from one topic"
                 )
     return TopicChoice(states, effort, reference, reasons)
 

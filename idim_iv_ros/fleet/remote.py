@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from idim_iv_ros.errors import UsageError, one_line
-from idim_iv_ros.recording.bags.byte_source import ByteSource
+from idim_iv_ros.recording.bags.bag_file import ByteSource
 from idim_iv_ros.recording.bags.folder import Bag, is_bag_file
 
 # Classes of the clients of stores, by their names: which of them is installed nobody knows.

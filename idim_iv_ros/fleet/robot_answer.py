@@ -7,18 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idim_iv_ros.fleet.bag_result import BagResult
 from idim_iv_ros.fleet.result import (
     AgreementTest,
     Attention,
+    BagResult,
     FleetRobot,
     ParameterChange,
     RobotQuantity,
     TypeQuantity,
 )
-from idim_iv_ros.fleet.statistics.quantities import stamp_of
+from idim_iv_ros.fleet.statistics.quantities import agreement, stamp_of
 from idim_iv_ros.fleet.statistics.robots import ComparedType
-from idim_iv_ros.fleet.statistics.stacking import agreement
 
 # Share of a robot's bags that cannot be used from which on its recordings need attention.
 _MANY_UNUSED = 0.2

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.fleet.bag_result import BagResult
 from idim_iv_ros.fleet.content import configuration_digest
+from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.source import BagEntry
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.model import build_inverse_model, read_urdf_file

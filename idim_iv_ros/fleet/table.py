@@ -28,7 +28,7 @@ from typing import Any
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import complete_files
-from idim_iv_ros.fleet.bag_result import BagResult
+from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.source import time_of
 
 FILE = "fleet.parquet"

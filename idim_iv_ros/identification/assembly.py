@@ -86,10 +86,7 @@ def assemble_result(
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
     essential = essential_parameters(
-        refined.values,
-        refined.covariance,
-        total,
-        alpha=configuration.identification.significance,
+        refined.values, refined.covariance, total, alpha=configuration.identification.significance
     )
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(identified, covariance, essential)
@@ -172,9 +169,7 @@ def assemble_result(
 
 
 def _parameters(
-    identified: Identified,
-    covariance: AutocorrelatedCovariance,
-    essential: EssentialParameters,
+    identified: Identified, covariance: AutocorrelatedCovariance, essential: EssentialParameters
 ) -> tuple[ParameterEstimate, ...]:
     """Every base parameter with its standard deviations, alone and among the essential ones."""
     base, given = identified.prepared.model.base, identified.prepared.given
@@ -343,13 +338,15 @@ def _series(
 ) -> tuple[JointSeries, ...]:
     """Measured and predicted torque of the rows that count, over the time of the session."""
     series = []
-    for joint, (own, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
+    for joint, (of_joint, residual) in enumerate(zip(rows, linear.residuals, strict=True)):
         time = [
             part.start + motion.time[motion.kept[:, joint]]
             for part, motion in zip(prepared.session.parts, prepared.motions, strict=True)
         ]
         series.append(
-            JointSeries(own.name, np.concatenate(time), own.torque, own.torque - residual)
+            JointSeries(
+                of_joint.name, np.concatenate(time), of_joint.torque, of_joint.torque - residual
+            )
         )
     return tuple(series)
 

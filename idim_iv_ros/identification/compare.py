@@ -1,17 +1,12 @@
 """Two identifications of one robot side by side: which parameters differ beyond chance."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-
-import numpy as np
-from scipy import stats
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, read_text
+from idim_iv_ros.files import FilePath
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.statistics.drift import in_deviations, largest_by_chance
 
-_LARGEST_FILE = 50.0  # MB
 _LEVEL = 0.05  # probability that any parameter of two equal robots is called different
 
 
@@ -24,7 +19,7 @@ class ParameterPair:
     name, unit, expression : str
     first, first_std, second, second_std : float
     deviations : float
-        Second less first, in standard deviations of the difference; NaN where there is none.
+        Second less first, in standard deviations of the difference (`in_deviations`).
     differs : bool
         Whether that is beyond what chance does among all parameters.
     """
@@ -94,12 +89,7 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
     UsageError
         A file is no result, or they are of robots with other base parameters.
     """
-    results = [
-        IdentificationResult.from_json(
-            read_text(Path(path), "a result", megabytes=_LARGEST_FILE), str(path)
-        )
-        for path in (first, second)
-    ]
+    results = [IdentificationResult.read(path) for path in (first, second)]
     by_name = [{parameter.name: parameter for parameter in result.parameters} for result in results]
     shared = [name for name in by_name[0] if name in by_name[1]]
     other = [name for name in shared if by_name[0][name].unit != by_name[1][name].unit]
@@ -108,15 +98,13 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    limit = float(stats.norm.isf(0.5 * _LEVEL / len(shared)))
+    limit = largest_by_chance(_LEVEL, len(shared))
     pairs = []
-    for name in shared:
-        one, two = by_name[0][name], by_name[1][name]
-        spread = float(np.hypot(one.std, two.std))
-        deviations = (two.value - one.value) / spread if spread > 0.0 else float("nan")
+    for one, two in ((by_name[0][name], by_name[1][name]) for name in shared):
+        deviations = in_deviations(one.value, one.std, two.value, two.std)
         pairs.append(
             ParameterPair(
-                name=name,
+                name=one.name,
                 unit=one.unit,
                 expression=one.expression,
                 first=one.value,
@@ -124,17 +112,13 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
                 second=two.value,
                 second_std=two.std,
                 deviations=deviations,
-                differs=bool(abs(deviations) > limit),
+                differs=abs(deviations) > limit,
             )
         )
     return ParameterComparison(
         names=(str(first), str(second)),
         robot=results[0].robot,
-        pairs=tuple(_most_first(pairs)),
+        pairs=tuple(sorted(pairs, key=lambda pair: -abs(pair.deviations))),
         limit=limit,
         alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),
     )
-
-
-def _most_first(pairs: Sequence[ParameterPair]) -> list[ParameterPair]:
-    return sorted(pairs, key=lambda pair: -np.nan_to_num(abs(pair.deviations)))

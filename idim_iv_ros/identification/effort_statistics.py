@@ -124,10 +124,10 @@ def effort_statistics(
     standard = model.regressor.layout.parameters
     friction = np.array([standard[column].kind in _FRICTION for column in model.base.columns])
     given = model.given
-    found: list[EffortStatistics | None] = []
+    statistics: list[EffortStatistics | None] = []
     for joint, columns in enumerate(active):
         if not enough[joint]:
-            found.append(None)
+            statistics.append(None)
             continue
         drive = np.array(
             [parameter.kind == "Ia" and parameter.joint == joint for parameter in standard]
@@ -143,8 +143,8 @@ def effort_statistics(
             effort=effort[kept, joint],
             noise=noise[kept, joint],
         )
-        found.append(rows.statistics())
-    return tuple(found)
+        statistics.append(rows.statistics())
+    return tuple(statistics)
 
 
 def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
@@ -154,13 +154,13 @@ def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
     position filter removed, taken as white. One joint after the other, for the sake of memory.
     """
     signals, span, places = motion.signals, motion.span, motion.decimation.kept[::stride]
-    above = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
+    share_above = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
     random = np.random.default_rng(0)
     filtered = partial(zero_phase_butterworth, rate=signals.rate, cutoff=cutoff, order=motion.order)
     made = np.empty((7, len(places), signals.position.shape[1]))
     for joint in range(made.shape[2]):
         position, torque = signals.position[:, [joint]], signals.torque[:, [joint]]
-        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(above)
+        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(share_above)
         again = position + size * random.standard_normal(position.shape)
         for first, values in ((0, position), (3, again)):
             states = motion.derivatives_of(filtered(values), 0, span.stop - span.start)

@@ -84,13 +84,13 @@ def _identify(
     estimator: Estimator,
     watch: Stopwatch,
 ) -> IdentificationResult:
-    found = identified(recordings, configuration, estimator, watch)
+    everything = identified(recordings, configuration, estimator, watch)
     watch.stage("physical parameters", 0.97)
-    refined, rows = found.refined, found.rows
+    refined, rows = everything.refined, everything.rows
     physical = consistent_parameters(
-        found.prepared, refined.values, refined.covariance, rows, found.linear.sigma
+        everything.prepared, refined.values, refined.covariance, rows, everything.linear.sigma
     )
-    return assemble_result(found, physical)
+    return assemble_result(everything, physical)
 
 
 def identified(
@@ -171,9 +171,9 @@ def consistent_parameters(
     model = prepared.model
     try:
         judge = Judge(rows, len(values), sigma)
-        found = nearest_physical(model.robot, model.base, values, covariance, judge, shared)
+        nearest = nearest_physical(model.robot, model.base, values, covariance, judge, shared)
     except ImportError:
         return None, TO_INSTALL
     except DataError as error:
         return None, str(error)
-    return found, ""
+    return nearest, ""

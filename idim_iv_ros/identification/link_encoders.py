@@ -58,7 +58,7 @@ def link_encoders(
     motions: Sequence[Motion], joints: Sequence[str], joint_types: Sequence[str]
 ) -> tuple[LinkEncoder, ...]:
     """Describe every joint that has an encoder behind its gear in all recordings."""
-    found = []
+    encoders = []
     for joint, name in enumerate(joints):
         pairs = []
         for motion in motions:
@@ -73,11 +73,11 @@ def link_encoders(
             pairs.append((motor - motor.mean(), link - link.mean()))
         if len(pairs) < len(motions):
             continue
-        motor, link = (np.concatenate(each) for each in zip(*pairs, strict=True))
+        motor, link = (np.concatenate(signals_of) for signals_of in zip(*pairs, strict=True))
         energy = float(motor @ motor)
         if energy <= 0.0:
             continue
-        found.append(
+        encoders.append(
             LinkEncoder(
                 joint=name,
                 ratio=float(motor @ link) / energy,
@@ -85,4 +85,4 @@ def link_encoders(
                 unit=unit_at("rad", joint_types[joint]),
             )
         )
-    return tuple(found)
+    return tuple(encoders)

@@ -12,14 +12,9 @@ from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.sanity import JointFinding, joint_findings
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording import (
-    Recording,
-    Session,
-    read_recordings,
-    session_of,
-)
+from idim_iv_ros.recording import Recording, Session, session_of
+from idim_iv_ros.recording.read import read_requested
 from idim_iv_ros.recording.request import Request
-from idim_iv_ros.signal_source import NO_EFFORT
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.types import FloatArray
 
@@ -182,18 +177,7 @@ def read_configured(
     bags: FilePaths, configuration: Configuration, progress: Progress | None = None
 ) -> tuple[Recording, ...]:
     """Read the topics and joints of a configuration; see `read_recordings`."""
-    request = configured_request(configuration)
-    return read_recordings(
-        bags,
-        joints=request.joints,
-        joint_states=request.joint_states,
-        effort=request.effort or NO_EFFORT,
-        reference=request.reference,
-        prismatic=request.prismatic,
-        link_states=request.link_states,
-        own_topics=request.own_topics,
-        progress=progress,
-    )
+    return read_requested(bags, configured_request(configuration), progress)
 
 
 def configured_request(configuration: Configuration) -> Request:
@@ -226,8 +210,8 @@ def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) 
     """
     names = prepared.model.base.names
     where = ", ".join(recording.path.name for recording in prepared.recordings)
-    for joint, own in enumerate(rows):
-        if len(own) == 0:
+    for joint, of_joint in enumerate(rows):
+        if len(of_joint) == 0:
             name = prepared.configuration.robot.joints[joint]
             raise DataError(
                 f"{where}: {name} has no usable sample (it never exceeds "

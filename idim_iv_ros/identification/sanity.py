@@ -70,18 +70,18 @@ def joint_findings(
         ``N m``, ``A`` or ``V``: only torques are compared with those of the nominal model.
     """
     statistics = effort_statistics(model, motions, cutoffs)
-    found: list[JointFinding] = []
+    findings: list[JointFinding] = []
     for joint, of_effort in enumerate(statistics):
         signals = _Signals(model, motions, joint, effort_unit)
         of_positions = list(signals.positions())
-        found += of_positions
-        if any(each.left_out for each in of_positions):
+        findings += of_positions
+        if any(finding.left_out for finding in of_positions):
             continue
-        found += _too_few_rows(model, motions, cutoffs, joint)
-        found += signals.outliers()
+        findings += _too_few_rows(model, motions, cutoffs, joint)
+        findings += signals.outliers()
         if of_effort is not None:
-            found += signals.efforts(of_effort)
-    return tuple(found)
+            findings += signals.efforts(of_effort)
+    return tuple(findings)
 
 
 def _too_few_rows(
@@ -169,63 +169,64 @@ class _Signals:
                 f"{size.max():.3g}, usual up to {usual:.3g}): look at the driver",
             )
 
-    def efforts(self, found: EffortStatistics) -> Iterator[JointFinding]:
+    def efforts(self, effort: EffortStatistics) -> Iterator[JointFinding]:
         """Efforts that cannot be the torque of this joint."""
-        sentence = self._unsigned(found) or self._opposite(found) or self._static(found)
+        sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
         if sentence:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
-        elif self._in_newton_metres and found.given_friction > _FRICTION * found.size:
+        elif self._in_newton_metres and effort.given_friction > _FRICTION * effort.size:
             given = self.model.robot.given
             sentence = (
                 f"damping {given.viscous[self.joint]:.3g} and friction "
                 f"{given.coulomb[self.joint]:.3g} of the nominal model would take "
-                f"{found.given_friction:.3g} {self._torque} (rms) of a measured {found.size:.3g}: "
-                "are they the gains of a simulated servo? Correct them in the robot's file"
+                f"{effort.given_friction:.3g} {self._torque} (rms) of a measured "
+                f"{effort.size:.3g}: are they the gains of a simulated servo? Correct them in the "
+                "robot's file"
             )
             yield JointFinding(self.joint, "limited", sentence)
 
-    def _unsigned(self, found: EffortStatistics) -> str:
+    def _unsigned(self, effort: EffortStatistics) -> str:
         low, high = np.quantile(self._effort, [TAIL, 1.0 - TAIL])
         turning = np.mean(self._speed > 0.0)
         if low < 0.0 < high or not _BOTH_WAYS < turning < 1.0 - _BOTH_WAYS:
             return ""
-        if found.unsigned > _BETTER_WITH_SIGNS * found.signed:
+        if effort.unsigned > _BETTER_WITH_SIGNS * effort.signed:
             return ""
         return (
             "the effort never changes its sign, and a torque that does explains it better "
-            f"(residual {found.unsigned:.3g} instead of {found.signed:.3g}): the driver publishes "
-            "its size alone; record one with a sign"
+            f"(residual {effort.unsigned:.3g} instead of {effort.signed:.3g}): the driver "
+            "publishes its size alone; record one with a sign"
         )
 
-    def _opposite(self, found: EffortStatistics) -> str:
+    def _opposite(self, effort: EffortStatistics) -> str:
         """Say that the sign is opposite; friction that takes energy out excludes it."""
-        against = found.torque is not None and found.torque.certainty < -_SIGNIFICANT
-        friction = found.friction
+        against = effort.torque is not None and effort.torque.certainty < -_SIGNIFICANT
+        friction = effort.friction
         if friction is None or friction.certainty > _POSITIVE:
             return ""
         driven = friction.certainty < -_SIGNIFICANT and friction.of_variance > _MOSTLY_FRICTION
         if not (against or driven):
             return ""
         reasons = [f"friction gives energy ({friction.value:.3g} along the speed)"] * driven
-        if found.torque is not None and against:
-            reasons.append(f"it is {found.torque.value:.2g} times the nominal masses' torque")
+        if effort.torque is not None and against:
+            reasons.append(f"it is {effort.torque.value:.2g} times the nominal masses' torque")
         return (
             f"the effort has the opposite sign: {' and '.join(reasons)}; give it a negative "
             "signals.effort_scale"
         )
 
-    def _static(self, found: EffortStatistics) -> str:
-        if not self._in_newton_metres or found.static_share < _STATIC:
+    def _static(self, effort: EffortStatistics) -> str:
+        if not self._in_newton_metres or effort.static_share < _STATIC:
             return ""
-        expected, torque = found.expected, found.torque
+        expected, torque = effort.expected, effort.torque
         if torque is not None and torque.certainty > _SIGNIFICANT:  # another unit than N m
             expected *= min(torque.value, 1.0)
-        if expected <= found.residual or found.shown > _ABSENT * expected:
+        if expected <= effort.residual or effort.shown > _ABSENT * expected:
             return ""
         return (
-            f"{100.0 * found.static_share:.4g} % of the effort is a function of position and "
+            f"{100.0 * effort.static_share:.4g} % of the effort is a function of position and "
             f"direction, and of {expected:.2g} {self._torque} (rms) that the nominal masses "
-            f"need to accelerate it holds {found.shown:.2g}: a friction or gravity compensation, "
+            f"need to accelerate it holds {effort.shown:.2g}: a friction or gravity compensation, "
             "not the whole torque; record that"
         )
 

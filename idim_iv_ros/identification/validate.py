@@ -28,12 +28,7 @@ from idim_iv_ros.statistics import (
     specification_tests,
     wald_test_of_instruments,
 )
-from idim_iv_ros.statistics.specification import (
-    FAMILIES,
-    SPEED,
-    shared_functions,
-    speed_functions,
-)
+from idim_iv_ros.statistics.specification import FAMILIES, SPEED, shared_functions, speed_functions
 from idim_iv_ros.types import FloatArray
 
 # A residual of up to this many times the measurement noise passes for noise when the uncertainty

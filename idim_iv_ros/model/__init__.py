@@ -1,11 +1,7 @@
 """The inverse dynamic model: regressor, standard and base parameters."""
 
 from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
-from idim_iv_ros.model.inverse_model import (
-    InverseModel,
-    build_inverse_model,
-    configured_robot,
-)
+from idim_iv_ros.model.inverse_model import InverseModel, build_inverse_model, configured_robot
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
     ParameterLayout,

@@ -92,31 +92,22 @@ class BaseParameters:
         )
 
 
-def find_base_parameters(
-    regressor: StandardRegressor, tolerance: float = TOLERANCE
-) -> BaseParameters:
+def find_base_parameters(regressor: StandardRegressor) -> BaseParameters:
     """Find the base set by QR elimination with the order of the columns kept.
 
     The regressor is evaluated at states drawn within the joint limits with a fixed seed. A column
     that depends on the columns before it is eliminated and grouped into them, so that the set
     and its expressions do not depend on pivoting and are the same on every machine.
-
-    Raises
-    ------
-    ValueError
-        `tolerance` is not between 0 and 1.
     """
-    if not 0.0 < tolerance < 1.0:
-        raise ValueError("tolerance must lie between 0 and 1")
     layout = regressor.layout
     rows, squares, largest = _random_rows(regressor)
     norms = np.sqrt(squares)
-    shown = np.flatnonzero(norms > tolerance * norms.max())
+    shown = np.flatnonzero(norms > TOLERANCE * norms.max())
     scale = np.linalg.norm(rows[:, shown], axis=0)
-    independent, basis = independent_columns(rows[:, shown] / scale, tolerance)
+    independent, basis = independent_columns(rows[:, shown] / scale, TOLERANCE)
     columns = shown[independent]
     grouping = _grouping(rows, norms, columns, basis)
-    active = largest[:, columns] > tolerance * norms[columns] / len(rows)
+    active = largest[:, columns] > TOLERANCE * norms[columns] / len(rows)
     return BaseParameters(layout, columns, grouping, active)
 
 

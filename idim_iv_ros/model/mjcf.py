@@ -269,9 +269,9 @@ def _joint_names(model: Any) -> dict[int, str]:
     names: dict[int, str] = {}
     for index in range(model.njnt):
         body = int(model.jnt_bodyid[index])
-        own = model.joint(index).name
+        given_name = model.joint(index).name
         place = index - int(model.body_jntadr[body]) + 1
-        names[index] = own or f"{model.body(body).name or f'body_{body}'}_joint_{place}"
+        names[index] = given_name or f"{model.body(body).name or f'body_{body}'}_joint_{place}"
     return names
 
 

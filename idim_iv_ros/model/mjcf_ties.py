@@ -12,7 +12,7 @@ DAMPING, SPRING, COUPLING = "nonlinear_viscous", "spring", "joint_coupling"
 
 def native_elements(mujoco: Any, model: Any) -> dict[str, list[int]]:
     """Joints (for a coupling: tendons) whose elements are effects of an export, by effect."""
-    found: dict[str, list[int]] = {}
+    elements: dict[str, list[int]] = {}
     for effect, kind in (
         (DAMPING, mujoco.mjtObj.mjOBJ_JOINT),
         (SPRING, mujoco.mjtObj.mjOBJ_JOINT),
@@ -23,10 +23,10 @@ def native_elements(mujoco: Any, model: Any) -> dict[str, list[int]]:
             continue
         first = int(model.tuple_adr[index])
         places = range(first, first + int(model.tuple_size[index]))
-        found[effect] = [
+        elements[effect] = [
             int(model.tuple_objid[place]) for place in places if model.tuple_objtype[place] == kind
         ]
-    return found
+    return elements
 
 
 def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
@@ -119,7 +119,7 @@ def _carriers(model: Any, body: int) -> set[int]:
 
 def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
     """Say of joints what acts on them that the nominal model has no term for."""
-    found: dict[int, list[str]] = {}
+    forces: dict[int, list[str]] = {}
     effects = native_elements(mujoco, model)
     for joint in range(model.njnt):
         dof, words = int(model.jnt_dofadr[joint]), []
@@ -130,15 +130,15 @@ def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
         if curved and joint not in effects.get(DAMPING, []):
             words.append("nonlinear damping")
         if words:
-            found[joint] = words
+            forces[joint] = words
     special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", None)
     for actuator in range(model.nu):
         if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
         joint = int(model.actuator_trnid[actuator, 0])
         if special is not None and model.actuator_gaintype[actuator] == special:
-            found.setdefault(joint, []).append("a dcmotor")
-    return {joint: " and ".join(words) for joint, words in found.items()}
+            forces.setdefault(joint, []).append("a dcmotor")
+    return {joint: " and ".join(words) for joint, words in forces.items()}
 
 
 def _poly(model: Any, name: str, index: int) -> Any:
@@ -149,18 +149,20 @@ def _poly(model: Any, name: str, index: int) -> Any:
 
 def notes(mujoco: Any, model: Any) -> list[str]:
     """What holds for the whole file and is no part of the nominal model, a sentence each."""
-    said = []
+    sentences = []
     for effect, elements in native_elements(mujoco, model).items():
         one = model.tendon if effect == COUPLING else model.joint
         listed = ", ".join(one(index).name for index in elements)
-        said.append(
+        sentences.append(
             f"{effect} of {listed}, which an export put there, is an effect and no part of the "
             "nominal model"
         )
     compensated = [model.body(b).name for b in range(model.nbody) if model.body_gravcomp[b] != 0.0]
     if compensated:
         listed = ", ".join(name or "an unnamed body" for name in compensated)
-        said.append(f"gravcomp of {listed} is passed over: the nominal model feels all gravity")
+        sentences.append(
+            f"gravcomp of {listed} is passed over: the nominal model feels all gravity"
+        )
     if model.opt.density > 0.0 or model.opt.viscosity > 0.0:
-        said.append("density and viscosity of the medium are passed over")
-    return said
+        sentences.append("density and viscosity of the medium are passed over")
+    return sentences

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from idim_iv_ros.errors import UsageError
 
 # What MuJoCo says of a model, and what is meant; any other sentence of it is kept.
@@ -41,6 +43,12 @@ def load_mujoco(needed_for: str) -> Any:
         raise UsageError(
             f"{needed_for} needs MuJoCo: pip install 'idim-iv-ros[mujoco]' ({error})"
         ) from error
+
+
+def set_first(element: Any, name: str, value: float) -> None:
+    """Set a number of an element that newer versions of MuJoCo hold as that of a polynomial."""
+    more = len(np.atleast_1d(getattr(element, name))) - 1
+    setattr(element, name, [value, *[0.0] * more] if more else value)
 
 
 @contextmanager

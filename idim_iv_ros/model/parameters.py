@@ -165,15 +165,18 @@ class ParameterLayout:
 
     def vector(self, values: DynamicParameters) -> FloatArray:
         """Write values into a vector (n_standard,) of this layout; other terms are left out."""
-        found = [values.value_of(parameter) for parameter in self.parameters]
-        return np.array([0.0 if value is None else float(value) for value in found])
+        given = [values.value_of(parameter) for parameter in self.parameters]
+        return np.array([0.0 if value is None else float(value) for value in given])
 
     def dynamic_parameters(self, vector: FloatArray) -> DynamicParameters:
         """Shape a vector (n_standard,) for dynamics; terms outside the layout are zero."""
         pairs = np.array(self.coupling_joints, dtype=np.int64).reshape(-1, 2)
         values = DynamicParameters(
-            np.zeros((self.joints, 10)),
-            *np.zeros((4, self.joints)),
+            inertial=np.zeros((self.joints, 10)),
+            drive_inertia=np.zeros(self.joints),
+            viscous=np.zeros(self.joints),
+            coulomb=np.zeros(self.joints),
+            offset=np.zeros(self.joints),
             coupling_joints=pairs,
             coupling_inertia=np.zeros(len(pairs)),
             coupling_viscous=np.zeros(len(pairs)),

@@ -129,8 +129,10 @@ def load_robot(
 def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
     if joint not in urdf.joints:
         movable = [quoted(name) for name, joint in urdf.joints.items() if joint.type in MOVABLE]
-        known = f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
-        raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {known}")
+        movable_words = (
+            f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
+        )
+        raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {movable_words}")
     tied, beyond = urdf.joints[joint].tied, urdf.joints[joint].beyond
     if tied:
         raise UsageError(
@@ -158,15 +160,15 @@ def _locked_doubts(urdf: Urdf, joints: Sequence[str]) -> list[str]:
 
     Joints of a URDF that follow others are parts of grippers, and say nothing.
     """
-    said = []
+    sentences = []
     for name, joint in urdf.joints.items():
         if name in joints or not (joint.rest or (joint.tied and urdf.from_mjcf)):
             continue
         unit = "m" if joint.type == "prismatic" else "rad"
         place = "at its reference" if joint.type == "floating" else f"at {joint.rest:.4g} {unit}"
         why = f" ({joint.tied})" if joint.tied else ""
-        said.append(f"joint {quoted(name)}{why} is locked {place}")
-    return said
+        sentences.append(f"joint {quoted(name)}{why} is locked {place}")
+    return sentences
 
 
 def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[str]]:
@@ -234,8 +236,8 @@ def _given(
     inertial = np.zeros((n, 10))
     for tree, joint in enumerate(order):
         inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
-    own = [joint.armature for joint in elements]
-    drive_inertia = np.asarray(own if armature is None else armature, dtype=float)
+    of_file = [joint.armature for joint in elements]
+    drive_inertia = np.asarray(of_file if armature is None else armature, dtype=float)
     return DynamicParameters(
         inertial=inertial,
         drive_inertia=drive_inertia,

@@ -127,18 +127,18 @@ class _Reader:
             joints[name] = self._joint(element, name)
         return joints
 
-    def _name(self, element: ElementTree.Element, known: Mapping[str, object]) -> str:
+    def _name(self, element: ElementTree.Element, taken: Mapping[str, object]) -> str:
         name = element.get("name", "")
         if not name:
             self.problems.append(f"a <{element.tag}> has no name")
-        elif name in known:
+        elif name in taken:
             self.problems.append(f"two {element.tag}s are named {quoted(name)}")
         return name
 
     def _inertial(self, element: ElementTree.Element, where: str) -> Inertial | None:
         mass, inertia = (self._only(element, tag, where) for tag in ("mass", "inertia"))
-        for tag, found in (("mass", mass), ("inertia", inertia)):
-            if found is None:
+        for tag, child in (("mass", mass), ("inertia", inertia)):
+            if child is None:
                 self.problems.append(f"{where}: <inertial> has no <{tag}>")
         if mass is None or inertia is None:
             return None
@@ -187,10 +187,10 @@ class _Reader:
         self, element: ElementTree.Element, tag: str, where: str
     ) -> ElementTree.Element | None:
         """The one child of a tag; others would be passed over, and nobody knows which is meant."""
-        found = element.findall(tag)
-        if len(found) > 1:
-            self.problems.append(f"{where} has {len(found)} <{tag}>: leave one")
-        return found[0] if found else None
+        children = element.findall(tag)
+        if len(children) > 1:
+            self.problems.append(f"{where} has {len(children)} <{tag}>: leave one")
+        return children[0] if children else None
 
     def _beyond(self, element: ElementTree.Element, where: str) -> dict[str, Any]:
         """What ties a joint, and what an MJCF says of it and a URDF does not."""

@@ -1,27 +1,32 @@
-"""Joint quantities as they arrive, many messages at once."""
+"""Joint quantities as they arrive, many messages at once, and where that says the robot is."""
 
+import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from rclpy.node import Node
 
 from idim_iv_ros.errors import IdimError
+from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
-from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
+from idim_iv_ros.nodes.recorder.topics import WatchedTopic, joint_types
 from idim_iv_ros.prediction import JointSamples
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import (
-    FLOAT_ARRAY,
-    JOINT_STATE,
-    ROS2_CONTROL,
     SchemaText,
 )
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
+from idim_iv_ros.signal_source import field_of, topic_of
+from idim_iv_ros.types import FloatArray
 
 _DEPTH = 5_000  # messages that wait: 0.5 s at 10 kHz
 _NEWEST = 32  # the same where the newest are enough: joints may have messages of their own
 _LARGEST = 1_000_000  # bytes
+_LOOK = 0.01  # s; a callback for each message of a fast robot would take half a core
+_SEARCH = 0.1  # s between two looks for publishers
+_OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 
 
 class JointTopic:
@@ -60,10 +65,7 @@ class JointTopic:
         newest: bool = False,
     ) -> None:
         self.name = node.resolve_topic_name(name)
-        # A field that is named may belong to any type.
-        types = None if any(fields.values()) else [JOINT_STATE, *ROS2_CONTROL]
-        if types is not None and list(fields) == ["effort"]:
-            types.append(FLOAT_ARRAY)
+        types = joint_types(list(fields), named_field=any(fields.values()))
         depth = _NEWEST if newest else _DEPTH
         self._topic = WatchedTopic(
             node, self.name, types, joints, list(fields), depth, best_effort=newest
@@ -103,7 +105,7 @@ class JointTopic:
         schema = SchemaText("ros2msg", channel.definition.text)
         samples: dict[str, JointSamples] = {}
         for field in dict.fromkeys(self._fields.values()):
-            quantities = [name for name, own in self._fields.items() if own == field]
+            quantities = [name for name, source in self._fields.items() if source == field]
             kind = JointMessageType(channel.message_type, schema, field, self._reference)
             samples.update(self._read(batch, kind, quantities))
         return samples
@@ -139,3 +141,89 @@ class JointTopic:
         if messages.names and absent:
             return f"it does not hold joint {', '.join(absent)}"
         return f"it holds no {' and no '.join(messages.values)}"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a robot is, by one message.
+
+    Attributes
+    ----------
+    position : (n_joints,)
+        rad (m), in the order of the configuration.
+    heard, measured : float
+        Monotonic time of receipt, and of its stamp (of receipt where the stamp is of another
+        clock), s.
+    """
+
+    position: FloatArray
+    heard: float
+    measured: float
+
+
+class JointPositions:
+    """Positions of all joints from one topic; messages of other joints are passed over.
+
+    `source` is a topic of any type that recordings are read from, or ``topic#field``; `reference`
+    as in `JointTopic`. `last` is None before all positions have come.
+
+    Joints may come in several messages; what counts is the oldest of their newest stamps. A message
+    with the stamp of the one before is no news: some drivers repeat the last one when the robot is
+    gone.
+    """
+
+    def __init__(
+        self, node: Node, source: str, joints: Sequence[str], *, reference: bool = False
+    ) -> None:
+        self._node = node
+        fields = {"position": field_of(source)}
+        self._topic = JointTopic(
+            node, topic_of(source), joints, fields, reference=reference, newest=True
+        )
+        self.topic = self._topic.name
+        self._joints, self._absent = tuple(joints), ""
+        self._position = np.full(len(self._joints), np.nan)
+        self._stamps = np.zeros(len(self._joints), dtype=np.int64)
+        self._stamp: int | None = None
+        self.last: Place | None = None
+        self._topic.look()
+        self._timers = (
+            steady_timer(node, _LOOK, self._look),
+            steady_timer(node, _SEARCH, self._topic.look),
+        )
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can come from here; empty where there is no reason."""
+        absent = f"{self.topic}: no position of {self._absent}" if self._absent else ""
+        return self._topic.problem or absent
+
+    def age(self) -> float:
+        """Seconds since the last message; infinite before the first."""
+        return np.inf if self.last is None else time.monotonic() - self.last.heard
+
+    def close(self) -> None:
+        """Hear no more."""
+        for timer in self._timers:
+            self._node.destroy_timer(timer)
+        self._topic.close()
+
+    def _look(self) -> None:
+        """Take the newest number of each joint."""
+        taken = self._topic.take()["position"]
+        if not len(taken):
+            return
+        about = taken.about
+        new = np.flatnonzero(about.any(axis=0))
+        rows = len(taken) - 1 - np.argmax(about[::-1, new], axis=0)
+        self._position[new], self._stamps[new] = taken.values[rows, new], taken.time[rows]
+        behind = (self._stamps.max() - self._stamps) * 1e-9 > _OLDEST
+        missing = behind | ~np.isfinite(self._position)
+        self._absent = ", ".join(np.array(self._joints)[missing])
+        stamp = int(self._stamps.min())
+        if stamp != self._stamp and not missing.any():
+            self._stamp = stamp
+            now = time.monotonic()
+            ago = 1e-9 * (self._node.get_clock().now().nanoseconds - stamp)
+            measured = now - ago if 0.0 <= ago < _OLDEST else now
+            self.last = Place(self._position.copy(), now, measured)

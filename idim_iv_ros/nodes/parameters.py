@@ -2,7 +2,7 @@
 
 from ast import literal_eval
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, replace
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
@@ -42,20 +42,19 @@ class Settings:
     """Base of a node's parameters; every field of a child is made with `parameter`."""
 
     def check(self) -> None:
-        """Check what a range cannot express.
-
-        Raises
-        ------
-        UsageError
-            One line that names the parameter.
-        """
+        """Check what range and choices cannot express; a UsageError names the parameter."""
 
 
 Kind = TypeVar("Kind", bound=Settings)
 
 
 def parameter(
-    default: Value, about: str, span: tuple[float, float] | None = None, *, read_only: bool = False
+    default: Value,
+    about: str,
+    span: tuple[float, float] | None = None,
+    *,
+    choices: tuple[str, ...] = (),
+    read_only: bool = False,
 ) -> Value:
     """Return the field of one parameter.
 
@@ -66,18 +65,14 @@ def parameter(
         Its meaning, with the unit.
     span
         Smallest and largest value of a number.
+    choices
+        Texts that are possible; empty: any.
     read_only
         Whether it can be given at the start only.
     """
-    metadata = {"about": about, "span": span, "read_only": read_only}
+    metadata = {"about": about, "span": span, "choices": choices, "read_only": read_only}
     made: Value = field(default=default, metadata=metadata)
     return made
-
-
-def period_of_status(topics: str = "/diagnostics") -> float:
-    """Return the field of the parameter ``status_period``."""
-    about = f"time between two messages on {topics}, s"
-    return parameter(1.0, about, (0.1, 60.0), read_only=True)
 
 
 def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind:
@@ -95,13 +90,13 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
     UsageError
         A value given at the start is not allowed, or is that of an unknown parameter.
     """
-    described = {each.name: each for each in fields(kind)}
+    described = {item.name: item for item in fields(kind)}
     refuse_unknown_parameters(node, list(described), arguments)
-    given = node._parameter_overrides  # as rcl puts files and command line together
+    given = _given(node)
     try:
-        for name, each in described.items():
-            value = _accepted(each, given[name]) if name in given else _default(each)
-            node.declare_parameter(name, value, _descriptor(each), ignore_override=True)
+        for name, item in described.items():
+            value = _accepted(item, given[name]) if name in given else _default(item)
+            node.declare_parameter(name, value, _descriptor(item), ignore_override=True)
         settings = kind(**{name: node.get_parameter(name).value for name in described})
         settings.check()
     except IdimError as error:
@@ -109,12 +104,17 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
 
     def accepted(parameters: list[Parameter]) -> list[Parameter]:
         try:
-            return [_known(node, described, each) for each in parameters]
+            return [_as_declared(node, described, item) for item in parameters]
         except UsageError as error:
             raise _RefusedError(str(error)) from error
 
     node.add_pre_set_parameters_callback(accepted)
     return settings
+
+
+def _given(node: Node) -> dict[str, Parameter]:
+    """Return what rcl makes of files and command line; rclpy has no public name for it."""
+    return dict(node._parameter_overrides)
 
 
 class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
@@ -124,11 +124,11 @@ class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
         Exception.__init__(self, reason)
 
 
-def _known(node: Node, described: "Mapping[str, Field[Any]]", given: Parameter) -> Parameter:
+def _as_declared(node: Node, described: "Mapping[str, Field[Any]]", given: Parameter) -> Parameter:
     if given.name in described:
         return Parameter(given.name, value=_accepted(described[given.name], given))
     if not node.has_parameter(given.name):
-        raise UsageError(f"unknown parameter {named([given.name], described)}")
+        raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
     return given
 
 
@@ -141,6 +141,7 @@ def _default(described: "Field[Any]") -> Any:
 def _accepted(described: "Field[Any]", given: Parameter) -> Any:
     """Value of a parameter that is given, in the type of its default."""
     default, span = _default(described), described.metadata["span"]
+    choices = described.metadata["choices"]
     needed, kind = Parameter.Type.from_parameter_value(default), given.type_
     value = given.value
     if isinstance(default, list) and value in (None, []):
@@ -153,6 +154,8 @@ def _accepted(described: "Field[Any]", given: Parameter) -> Any:
     if wrong:
         words = _NEEDED[needed] + (f" from {span[0]:.10g} to {span[1]:.10g}" if span else "")
         raise UsageError(f"{described.name}: {value!r} is {wrong}; {words} is needed")
+    if choices and value not in choices:
+        raise UsageError(f"{described.name}: {value!r} is neither {' nor '.join(choices)}")
     return value
 
 
@@ -164,18 +167,16 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     UsageError
         A value is not allowed.
     """
-    values = {each.name: getattr(settings, each.name) for each in fields(settings)}
-    given = {each.name: each.value for each in parameters if each.name in values}
+    names = {item.name for item in fields(settings)}
+    given = {item.name: item.value for item in parameters if item.name in names}
     if not given:
         return settings
-    values.update(given)
-    new = type(settings)(**values)
+    new = replace(settings, **given)
     try:
         new.check()
     except IdimError as error:
-        names = ", ".join(given)
-        text = str(error)
-        raise UsageError(text if text.startswith(names) else f"{names}: {text}") from error
+        prefix, text = ", ".join(given), str(error)
+        raise UsageError(text if text.startswith(prefix) else f"{prefix}: {text}") from error
     return new
 
 
@@ -207,7 +208,7 @@ def follow_changes(
             if not reason and given.get("configuration"):
                 read_configuration(node, given["configuration"])
         except IdimError as error:
-            reason = str(error)
+            reason = str(error).removeprefix("parameter ")
         return SetParametersResult(successful=not reason, reason=reason)
 
     def follow(parameters: list[Parameter]) -> None:
@@ -234,21 +235,21 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
     return descriptor
 
 
-def check_configuration(file: str) -> None:
-    """Check the file of the parameter ``configuration``.
+def read_configuration(node: Node, file: str) -> Configuration:
+    """Return the configuration of the parameter ``configuration``, as the node sees its topics.
 
     Raises
     ------
     UsageError
-        One line that names parameter and file.
+        It cannot be read, or names what is no topic; one line that names the parameter.
     """
     try:
-        load_configuration(Path(file))
+        return with_topics_of_node(node, load_configuration(Path(file)))
     except IdimError as error:
-        raise UsageError(f"configuration: {error}") from error
+        raise UsageError(f"parameter configuration: {error}") from error
 
 
-def resolved_topics(node: Node, configuration: Configuration) -> Configuration:
+def with_topics_of_node(node: Node, configuration: Configuration) -> Configuration:
     """Return the configuration for bags that a node asks for.
 
     Its relative topics are looked for first where the node would subscribe them itself: in its
@@ -271,20 +272,6 @@ def resolved_topics(node: Node, configuration: Configuration) -> Configuration:
     return configuration.with_own_topics(names)
 
 
-def read_configuration(node: Node, file: str) -> Configuration:
-    """Return the configuration of the parameter ``configuration``, as the node sees its topics.
-
-    Raises
-    ------
-    UsageError
-        It cannot be read, or names what is no topic; one line that names the parameter.
-    """
-    try:
-        return resolved_topics(node, load_configuration(Path(file)))
-    except IdimError as error:
-        raise UsageError(f"configuration: {error}") from error
-
-
 def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
     """Refuse arguments that are neither the node's nor ROS's; the first is the program.
 
@@ -301,42 +288,36 @@ def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
         others = literal_eval(str(error))
     if others:
         raise UsageError(
-            f"unknown argument {named(others, _OPTIONS)}; a parameter is given by "
+            f"unknown argument {with_nearest(others, _OPTIONS)}; a parameter is given by "
             "--ros-args -p NAME:=VALUE"
         )
 
 
 def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Sequence[str]) -> None:
-    """Refuse parameters that only this node can be meant to have; warn of all others.
+    """Refuse parameters besides `names` that only this node can be meant to have; warn of others.
 
     What a file holds for nodes of any name (``/**``) may be meant for its neighbours.
-
-    Parameters
-    ----------
-    node
-    names
-        Of the parameters that will be declared.
-    arguments
-        Command line of the node.
 
     Raises
     ------
     UsageError
         One line that names them.
     """
-    given = node._parameter_overrides  # as rcl puts files and command line together
-    unknown = [each for each in given if each not in names and not node.has_parameter(each)]
+    given = _given(node)
+    unknown = [name for name in given if name not in names and not node.has_parameter(name)]
     if not unknown:
         return
     others = _for_any_node(node, arguments)
     wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
-        raise UsageError(f"unknown parameter {named(wrong, names)}")
-    node.get_logger().warning(f"parameters that this node does not have: {named(unknown, names)}")
+        raise UsageError(f"unknown parameter {with_nearest(wrong, names)}")
+    node.get_logger().warning(
+        f"parameters that this node does not have: {with_nearest(unknown, names)}"
+    )
 
 
-def named(unknown: Sequence[str], names: Collection[str]) -> str:
-    """Return unknown names, each with the nearest of `names` where there is one."""
+def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:
+    """Return unknown names, followed by the nearest of `names` where there is one."""
     words = []
     for name in unknown:
         nearest = get_close_matches(name, names, 1, _LIKENESS)
@@ -344,9 +325,9 @@ def named(unknown: Sequence[str], names: Collection[str]) -> str:
     return ", ".join(words)
 
 
-def _for_any_node(node: Node, arguments: Sequence[str]) -> set[str]:
+def _for_any_node(node: Node, arguments: Sequence[str]) -> Collection[str]:
     """Names of the parameters that a node of another name is given by the same files."""
-    files = [each for pair in pairwise(arguments) if pair[0] == _FILE for each in pair]
+    files = [text for pair in pairwise(arguments) if pair[0] == _FILE for text in pair]
     silent = Parameter("start_type_description_service", value=False)  # no policy allows it
     other = Node(
         "_of_no_name",
@@ -359,6 +340,6 @@ def _for_any_node(node: Node, arguments: Sequence[str]) -> set[str]:
         parameter_overrides=[silent],
     )
     try:
-        return set(other._parameter_overrides)
+        return _given(other)
     finally:
         other.destroy_node()

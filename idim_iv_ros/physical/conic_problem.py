@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.physical.pseudo_inertia import TRIANGLE
 from idim_iv_ros.types import FloatArray
 
-TRIANGLE = tuple((row, column) for row in range(4) for column in range(row + 1))  # of x
 _SIZE = len(TRIANGLE)
 _TOLERANCE = 1e-10  # of the solver; a solution that misses it is taken if it is within 1e-5
 _ROOT = float(np.sqrt(2.0))
@@ -72,13 +72,13 @@ class ConicProblem:
         import clarabel
 
         rows = _Rows(self._variables)
-        shown, known = self.matrix.shape
+        shown, unknowns = self.matrix.shape
         rows.equal(np.hstack([self.matrix, -np.eye(shown)]), self.right)
         for k in np.flatnonzero(self.bounded):
             rows.not_negative(_SIZE * self.links + int(k))
         for link in range(self.links):
             self._link(rows, link)
-        quadratic, linear = self._objective(known, shown)
+        quadratic, linear = self._objective(unknowns, shown)
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
@@ -93,39 +93,39 @@ class ConicProblem:
                 "no masses and inertias of real bodies come near the estimates "
                 f"(clarabel: {solution.status})"
             )
-        return np.asarray(solution.x)[:known]
+        return np.asarray(solution.x)[:unknowns]
 
     @property
     def _variables(self) -> int:
-        shown, known = self.matrix.shape
-        return int(known + shown + self.links * (_SIZE + 4))
+        shown, unknowns = self.matrix.shape
+        return int(unknowns + shown + self.links * (_SIZE + 4))
 
-    def _objective(self, known: int, shown: int) -> tuple[sparse.csc_matrix, FloatArray]:
+    def _objective(self, unknowns: int, shown: int) -> tuple[sparse.csc_matrix, FloatArray]:
         """P and q of ½ xᵀ P x + qᵀ x."""
         diagonal, linear = np.zeros(self._variables), np.zeros(self._variables)
-        diagonal[known : known + shown] = 2.0
+        diagonal[unknowns : unknowns + shown] = 2.0
         start = _SIZE * self.links
         weight = 2.0 / self.scale**2
-        diagonal[start:known] = weight
-        linear[start:known] = -weight * self.nominal
+        diagonal[start:unknowns] = weight
+        linear[start:unknowns] = -weight * self.nominal
         for link, divergence in enumerate(self.weights):
             for place, (row, column) in enumerate(TRIANGLE):
                 if row == column:
                     linear[_SIZE * link + place] = divergence
-            logarithms = known + shown + link * (_SIZE + 4) + _SIZE
+            logarithms = unknowns + shown + link * (_SIZE + 4) + _SIZE
             linear[logarithms : logarithms + 4] = -divergence
         return sparse.diags(diagonal, format="csc"), linear
 
     def _link(self, rows: "_Rows", link: int) -> None:
         """J̃ ≽ ε 1, and its log det."""
-        shown, known = self.matrix.shape
-        own, roots = _SIZE * link, known + shown + link * (_SIZE + 4)
+        shown, unknowns = self.matrix.shape
+        first, roots = _SIZE * link, unknowns + shown + link * (_SIZE + 4)
         place = {pair: k for k, pair in enumerate(TRIANGLE)}
 
         def entry(row: int, column: int) -> int | None:
             """Variable at an entry of the large matrix, row ≤ column; None where it is zero."""
             if column < 4:
-                return own + place[column, row]
+                return first + place[column, row]
             if row < 4:  # Z, lower triangular
                 return roots + place[row, column - 4] if row >= column - 4 else None
             return roots + place[row - 4, row - 4] if row == column else None

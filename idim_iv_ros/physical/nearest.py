@@ -22,9 +22,13 @@ from scipy.special import chdtrc
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
-from idim_iv_ros.physical.coordinates import Coordinates, root_of_information
-from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
+from idim_iv_ros.physical.conic_problem import ConicProblem
+from idim_iv_ros.physical.pseudo_inertia import (
+    TRIANGLE,
+    Coordinates,
+    ReferenceLink,
+    root_of_information,
+)
 from idim_iv_ros.physical.result import (
     BaseChange,
     LinkInertia,
@@ -119,8 +123,17 @@ def nearest_physical(
     links = _links(robot, base, coordinates, group[shown], values[shown], x)
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
     sources = _sources(base, shown)
-    zero = _at_zero(base, coordinates, standard, bounded)
-    active = (*(link.joint for link in links if link.active), *zero)
+    active = (
+        *(link.joint for link in links if link.active),
+        # What a bound holds at zero, of what the recording shows.
+        *(
+            base.layout.names[k]
+            for k in coordinates.drives[bounded]
+            if np.any(base.grouping[:, k]) and standard[k] == 0.0
+        ),
+    )
+    named = zip(base.layout.names, standard, strict=True)
+    below = [name for name, value in named if name in shared and value < 0.0]
     distance = float(np.sum((root @ (consistent - values)[shown]) ** 2))
     test = HypothesisTest(
         null="a rigid robot with friction that only takes energy has made the recording",
@@ -137,7 +150,7 @@ def nearest_physical(
         error = judge(lambda other: onto_base @ solve(other), values, consistent)
     return PhysicalParameters(
         test=test,
-        sentence=_sentence(test, active, _below_zero(base, standard, shared)),
+        sentence=_sentence(test, active, below),
         parameters=tuple(
             StandardValue(
                 parameter.name,
@@ -203,9 +216,9 @@ def nearest_body(
     ImportError
         clarabel is not installed.
     """
-    known, none = link.to_parameters[list(places)], np.zeros(0)
+    rows, none = link.to_parameters[list(places)], np.zeros(0)
     problem = ConicProblem(
-        matrix=known / std[:, None],
+        matrix=rows / std[:, None],
         right=values / std,
         links=1,
         nominal=none,
@@ -250,12 +263,12 @@ def _links(
     start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
     change, *_ = np.linalg.lstsq(group, values - group @ start, rcond=None)
     before, after = coordinates.to_standard @ (start + change), coordinates.to_standard @ x
-    found = []
+    listed = []
     for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
         smallest = [
             float(np.linalg.eigvalsh(link.relative(values[place]))[0]) for values in (before, after)
         ]
-        found.append(
+        listed.append(
             LinkInertia(
                 joint,
                 smallest[0],
@@ -265,7 +278,7 @@ def _links(
                 smallest[1] < _ACTIVE * LEAST_OF_NOMINAL,
             )
         )
-    return tuple(found)
+    return tuple(listed)
 
 
 def _standard_deviations(
@@ -279,7 +292,7 @@ def _standard_deviations(
     links = len(coordinates.links)
     hessian = 2.0 * matrix.T @ matrix
     for link in range(links):
-        own = slice(10 * link, 10 * link + 10)
+        places = slice(10 * link, 10 * link + 10)
         units = np.zeros((10, 4, 4))
         matrix_of_link = np.zeros((4, 4))
         for place, (row, column) in enumerate(TRIANGLE):
@@ -287,7 +300,7 @@ def _standard_deviations(
             matrix_of_link += x[10 * link + place] * units[place]
         inverse = np.linalg.inv(matrix_of_link)
         turned = inverse @ units
-        hessian[own, own] += TIE_BREAKER * np.einsum("aij,bji->ab", turned, turned)
+        hessian[places, places] += TIE_BREAKER * np.einsum("aij,bji->ab", turned, turned)
     drives = np.arange(len(scale)) + 10 * links
     hessian[drives, drives] += 2.0 * TIE_BREAKER / scale**2
     free = np.ones(len(x), dtype=bool)
@@ -301,14 +314,14 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
     """Whether the recording shows each standard parameter alone, in a sum, or not at all."""
     rows = base.grouping[shown]
     vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
-    found: list[Source] = []
+    listed: list[Source] = []
     for k in range(rows.shape[1]):
         if not np.any(rows[:, k]):
-            found.append("nominal model")
+            listed.append("nominal model")
             continue
         alone = 1.0 - float(np.sum(vectors[:, k] ** 2)) < _INDEPENDENT
-        found.append("recording" if alone else "recording and nominal model")
-    return found
+        listed.append("recording" if alone else "recording and nominal model")
+    return listed
 
 
 def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
@@ -318,42 +331,20 @@ def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> Flo
     return np.where(np.isfinite(shown), shown, 0.0)
 
 
-def _at_zero(
-    base: BaseParameters,
-    coordinates: Coordinates,
-    standard: FloatArray,
-    bounded: NDArray[np.bool_],
-) -> tuple[str, ...]:
-    """Drive and friction parameters that a bound holds at zero."""
-    return tuple(
-        base.layout.names[k]
-        for k, bound in zip(coordinates.drives, bounded, strict=True)
-        if bound and np.any(base.grouping[:, k]) and standard[k] == 0.0
-    )
-
-
-def _below_zero(
-    base: BaseParameters, standard: FloatArray, shared: Collection[str]
-) -> tuple[str, ...]:
-    """Friction parameters below zero that an effect makes up for."""
-    values = zip(base.layout.names, standard, strict=True)
-    return tuple(name for name, value in values if name in shared and value < 0.0)
-
-
-def _sentence(test: HypothesisTest, active: tuple[str, ...], below: tuple[str, ...]) -> str:
-    held = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
+def _sentence(test: HypothesisTest, active: Sequence[str], below: Sequence[str]) -> str:
+    bounds = f"bounds hold back {', '.join(active)}" if active else "no bound is touched"
     if below:
-        held += (
+        bounds += (
             f"; {', '.join(below)} below zero, which an effect of friction at the same joint makes "
             "up for"
         )
     if test.accepted:
         return (
             "A physical robot explains this recording as well as the estimate does, within noise; "
-            f"{held}."
+            f"{bounds}."
         )
     return (
         "No rigid robot with friction that only takes energy could have made this recording "
         f"(p = {test.p_value:.2g}, and the test is conservative): the model lacks an effect, or "
-        f"the transmission or the effort scale is wrong; {held}."
+        f"the transmission or the effort scale is wrong; {bounds}."
     )

@@ -5,17 +5,21 @@ fills space, and for no other numbers (Wensing, Kim, Slotine 2018; Traversaro et
 the origin of the joint frame; h = m c.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.parameters import INERTIAL
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Of the nominal pseudo-inertia a direction is at least this share of the largest of its kind: a
 # nominal link that is a point, a rod or a sheet, or has no mass, leaves the others free.
 _LEAST_SHARE = 1e-4
+_LEAST_VARIANCE = 1e-12  # of a correlation matrix
+TRIANGLE = tuple((row, column) for row in range(4) for column in range(row + 1))
 
 
 def _basis() -> FloatArray:
@@ -38,7 +42,6 @@ def _basis() -> FloatArray:
 
 
 BASIS = _basis()
-_ROWS, _COLUMNS = np.tril_indices(4)
 
 
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:
@@ -87,25 +90,25 @@ class ReferenceLink:
             Of a link of this robot, kg and m, where the link itself does not say.
         """
         matrix = pseudo_inertia(given)
-        own = matrix[3, 3] if matrix[3, 3] > 0.0 else mass
-        centre = matrix[:3, 3] / own
-        about_centre = matrix[:3, :3] - own * np.outer(centre, centre)
+        own_mass = matrix[3, 3] if matrix[3, 3] > 0.0 else mass
+        centre = matrix[:3, 3] / own_mass
+        about_centre = matrix[:3, :3] - own_mass * np.outer(centre, centre)
         values, vectors = np.linalg.eigh(0.5 * (about_centre + about_centre.T))
         # A point mass has the size of a tenth of a link.
-        largest = max(float(values[-1]), own * (0.1 * length) ** 2)
+        largest = max(float(values[-1]), own_mass * (0.1 * length) ** 2)
         values = np.maximum(values, _LEAST_SHARE * largest)
         shape = upper_root(vectors @ np.diag(values) @ vectors.T)
         factor = np.zeros((4, 4))
         factor[:3, :3] = shape
-        factor[:3, 3] = centre * np.sqrt(own)
-        factor[3, 3] = np.sqrt(own)
+        factor[:3, 3] = centre * np.sqrt(own_mass)
+        factor[3, 3] = np.sqrt(own_mass)
         return cls(factor)
 
     @cached_property
     def to_parameters(self) -> FloatArray:
         """(10, 10): XX … M of the lower triangle of J̃, row by row."""
         columns = []
-        for row, column in zip(_ROWS, _COLUMNS, strict=True):
+        for row, column in TRIANGLE:
             unit = np.zeros((4, 4))
             unit[row, column] = unit[column, row] = 1.0
             columns.append(inertial_parameters(self.factor @ unit @ self.factor.T))
@@ -136,3 +139,76 @@ def upper_root(matrix: FloatArray) -> FloatArray:
     """
     flipped = np.linalg.cholesky(matrix[::-1, ::-1])
     return np.asarray(flipped[::-1, ::-1])
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Standard parameters π = T x, x the triangles of all J̃, then drives and friction.
+
+    Attributes
+    ----------
+    links : tuple of ReferenceLink
+        One for each joint, then one for each load.
+    places : tuple of (10,)
+        Which standard parameters each of them is part of.
+    drives : (k,)
+        Standard parameters of drives and friction.
+    to_standard : (p, 10 n + k)
+        T.
+    """
+
+    links: tuple[ReferenceLink, ...]
+    places: tuple[IntArray, ...]
+    drives: IntArray
+    to_standard: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        robot: RobotModel,
+        base: BaseParameters,
+        standard: FloatArray,
+        loads: Sequence[tuple[int, FloatArray]] = (),
+    ) -> "Coordinates":
+        """Take links (p,), and loads by the place of their joint, XX … M (10,), as references."""
+        layout, joints = base.layout, len(robot.joints)
+        names = {name: k for k, name in enumerate(layout.names)}
+        of_joints = [
+            np.array([names[f"{kind}{joint + 1}"] for kind in INERTIAL]) for joint in range(joints)
+        ]
+        masses = robot.given.inertial[:, 0]
+        mass = float(np.mean(masses[masses > 0.0])) if np.any(masses > 0.0) else 1.0
+        distances = [
+            float(np.linalg.norm(placement.translation))
+            for placement in robot.pinocchio.jointPlacements[1:]
+        ]
+        length = max(float(np.mean(distances)), 0.05)
+        bodies = [standard[place] for place in of_joints] + [body for _, body in loads]
+        places = (*of_joints, *(of_joints[joint] for joint, _ in loads))
+        links = tuple(ReferenceLink.of(body, mass, length) for body in bodies)
+        inertial = set(np.concatenate(of_joints).tolist())
+        drives = np.array([k for k in range(len(names)) if k not in inertial], dtype=np.int64)
+        matrix = np.zeros((len(names), 10 * len(links) + len(drives)))
+        for number, (place, link) in enumerate(zip(places, links, strict=True)):
+            matrix[place, 10 * number : 10 * number + 10] = link.to_parameters
+        matrix[drives, 10 * len(links) + np.arange(len(drives))] = 1.0
+        return cls(links, places, drives, matrix)
+
+    @property
+    def reference(self) -> FloatArray:
+        """X of the reference bodies; drives at zero."""
+        x = np.zeros(self.to_standard.shape[1])
+        diagonal = [float(row == column) for row, column in TRIANGLE]
+        x[: 10 * len(self.links)] = np.tile(diagonal, len(self.links))
+        return x
+
+
+def root_of_information(covariance: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Which parameters are shown, and R with RᵀR the inverse of their covariance (b, b)."""
+    variance = np.diag(covariance)
+    shown = np.flatnonzero(variance > 0.0)
+    std = np.sqrt(variance[shown])
+    correlation = covariance[np.ix_(shown, shown)] / np.outer(std, std)
+    sizes, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    sizes = np.maximum(sizes, _LEAST_VARIANCE * sizes[-1])
+    return shown, (vectors / np.sqrt(sizes)).T / std

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import TRIANGLE, ConicProblem
-from idim_iv_ros.physical.coordinates import Coordinates, root_of_information
+from idim_iv_ros.physical.conic_problem import ConicProblem
 from idim_iv_ros.physical.nearest import AT_ZERO, LEAST_OF_NOMINAL, smallest_std
+from idim_iv_ros.physical.pseudo_inertia import TRIANGLE, Coordinates, root_of_information
 from idim_iv_ros.types import FloatArray, IntArray
 
 # What the numbers of a nominal link are usually off by, and the most that evidence may ask for.
@@ -169,7 +169,7 @@ def spread_remainder(
     change = x - start
     change[10 * joints : bodies] = 0.0  # loads are bodies of their own
     most_likely = standard + coordinates.to_standard @ change
-    found = tuple(
+    estimated = tuple(
         np.asarray(link.to_parameters @ triangle)
         for link, triangle in zip(
             coordinates.links[joints:], x[10 * joints : bodies].reshape(-1, 10), strict=True
@@ -179,11 +179,11 @@ def spread_remainder(
         robot,
         base,
         most_likely,
-        [(joint, body) for (joint, _), body in zip(loads, found, strict=True)],
+        [(joint, body) for (joint, _), body in zip(loads, estimated, strict=True)],
     )
     return Remainder(
         standard=most_likely,
-        loads=found,
+        loads=estimated,
         links=sizes[:joints],
         drives=sizes[joints:],
         uncertainty=_uncertainty(matrix, missing, prior, joints, coordinates, at_most_likely),
@@ -242,8 +242,8 @@ def _prior(
             size[kinds == kind] = np.maximum(values, np.median(values[values > 0.0]))
     # A constant torque by the dry friction; what the nominal model lacks by what is found.
     size[kinds == "off"] = np.median(size[kinds == "Fc"]) if np.any(kinds == "Fc") else 0.0
-    found = np.abs(np.linalg.pinv(base.grouping) @ estimate)[coordinates.drives]
-    size = np.where(size > 0.0, size, np.maximum(found, np.finfo(float).tiny))
+    estimated = np.abs(np.linalg.pinv(base.grouping) @ estimate)[coordinates.drives]
+    size = np.where(size > 0.0, size, np.maximum(estimated, np.finfo(float).tiny))
     return _Prior(
         groups=np.concatenate(
             [
@@ -260,8 +260,8 @@ def _sizes(matrix: FloatArray, missing: FloatArray, prior: _Prior, groups: int) 
     """Relative sizes (groups,) of maximum evidence; `missing`: R(β̂ − Kπ) of the model."""
     sizes = np.full(groups, USUAL_ERROR)
     most = np.where(np.arange(groups) < groups // 2, USUAL_ERROR, 1.0)
-    judged = np.bincount(prior.groups[~prior.free], minlength=groups) > 0
-    sizes[~judged] = 0.0
+    has_prior = np.bincount(prior.groups[~prior.free], minlength=groups) > 0
+    sizes[~has_prior] = 0.0
     for _ in range(_MOST_STEPS):
         variances = prior.variances(sizes)
         spread = np.linalg.inv(np.eye(len(missing)) + (matrix * variances) @ matrix.T)

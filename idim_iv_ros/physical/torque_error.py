@@ -74,13 +74,13 @@ class Judge:
 def _part(rows: JointRows, number: int) -> JointRows:
     """R factor of one quarter of the rows."""
     bounds = np.linspace(0, len(rows.torque), _PARTS + 1).astype(int)
-    own = slice(bounds[number], bounds[number + 1])
+    quarter = slice(bounds[number], bounds[number + 1])
     z = rows.instrument_matrix
     part = replace(
         rows,
-        matrix=rows.matrix[own],
-        torque=rows.torque[own],
-        instrument_matrix=None if z is None else z[own],
+        matrix=rows.matrix[quarter],
+        torque=rows.torque[quarter],
+        instrument_matrix=None if z is None else z[quarter],
         segments=(),
         position=None,
     )

@@ -21,6 +21,8 @@ _SET_BACK = 20.0
 _PAUSE, _PAUSE_INTERVALS = 10.0, 100.0
 # In a pause the time of arrival advances by this share of it; longer ones are a clock that was set.
 _ARRIVES, _LONGEST_PAUSE = 0.5, 86_400.0
+# Stretches before one, after which it may go on.
+_STRETCHES = 50
 
 
 @dataclass(frozen=True)
@@ -74,9 +76,8 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
             f"{where}: time goes backward in {backward} of {len(steps)} steps on {topic}; the "
             "recording cannot be put in order"
         )
-    one_clock = on_one_clock(topic, time, arrival, interval)
-    notes += one_clock.notes
-    kept = one_clock.kept
+    kept, left_out = on_one_clock(topic, time, arrival, interval)
+    notes += left_out
     order = kept[np.argsort(time[kept], kind="stable")]
     late = int(np.count_nonzero(np.diff(order) < 0))
     if late:
@@ -137,24 +138,12 @@ def _one_of_each_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[Joint
     return whole, int(np.count_nonzero(~adds))
 
 
-@dataclass(frozen=True)
-class OneClock:
-    """Messages that one clock stamped.
+def on_one_clock(
+    topic: str, time: IntArray, arrival: IntArray, interval: float
+) -> tuple[IntArray, list[Note]]:
+    """Leave out what another clock stamped: stray stamps, and all before or after it was set.
 
-    Attributes
-    ----------
-    kept : (k,) int
-        Their places, in the order in which they were found.
-    notes : tuple of Note
-        What was left out, and why.
-    """
-
-    kept: IntArray
-    notes: tuple[Note, ...]
-
-
-def on_one_clock(topic: str, time: IntArray, arrival: IntArray, interval: float) -> OneClock:
-    """Leave out what another clock stamped: stray stamps, then all but the longest stretch.
+    Stretches in which time goes on are put together to the longest recording in which it does.
 
     Parameters
     ----------
@@ -163,68 +152,62 @@ def on_one_clock(topic: str, time: IntArray, arrival: IntArray, interval: float)
         (n,) ns: stamps, and when the messages arrived.
     interval
         Sampling interval, ns.
+
+    Returns
+    -------
+    kept : (k,) int
+        Places of the messages that one clock stamped.
+    notes : list of Note
+        What was left out, and why.
     """
-    kept, size = np.arange(len(time)), 1
-    while 2 * size < len(kept):
-        stray = _stray(time[kept], arrival[kept], interval, size)
-        if stray is None:
-            break
-        kept = kept[~stray]
-        size *= 2
-    left_out = np.ones(len(time), dtype=bool)
-    left_out[kept] = False
-    notes = _stray_notes(topic, time, np.flatnonzero(left_out))
-    stretch, jump = _longest_stretch(kept, time, arrival, interval)
-    if jump is not None:
-        lost = len(kept) - len(stretch)
+    follows = _follows(np.diff(time), np.diff(arrival), interval)
+    starts = np.flatnonzero(np.concatenate([[True], ~follows]))
+    stops = np.append(starts[1:], len(time))
+    if len(starts) == 1:
+        return np.arange(len(time)), []
+    chain = _longest_chain(starts, stops, time, arrival, interval)
+    number = np.arange(len(starts))
+    chained = np.isin(number, chain)
+    between = (number > chain[0]) & (number < chain[-1])
+    stray = ~chained & (between | (stops - starts == 1))
+    lengths = stops - starts
+    stray_messages = np.flatnonzero(np.repeat(stray, lengths))
+    notes = _stray_notes(topic, time, stray_messages)
+    lost = int(lengths[~chained & ~stray].sum())
+    if lost:
+        clocks = np.flatnonzero(~stray)
+        jumps = clocks[1:][~(chained[clocks[1:]] & chained[clocks[:-1]])]
+        before = clocks[np.searchsorted(clocks, jumps[0]) - 1]
+        where = _jump_sentence(time, int(stops[before]) - 1, int(starts[jumps[0]]), len(jumps))
         left = "1 message is left out" if lost == 1 else f"{lost} messages are left out"
-        what = f"{jump}: only the longest stretch in order is used, {left}"
+        what = f"{where}: only the longest stretch in order is used, {left}"
         notes.append(Note(topic, what, 1, limits=True))
-    return OneClock(stretch, tuple(notes))
+    return np.flatnonzero(np.repeat(chained, lengths)), notes
 
 
 def _follows(steps: IntArray, arrived: IntArray, interval: float) -> BoolArray:
     """Whether time went on by `steps`, as usual or after a pause in which `arrived` went on too."""
-    usual = steps <= _longest_gap(interval)
+    usual = steps <= max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
     pause = (arrived >= _ARRIVES * steps) & (steps <= _LONGEST_PAUSE * 1e9)
     return np.asarray((steps >= -_SET_BACK * interval) & (usual | pause))
 
 
-def _longest_gap(interval: float) -> float:
-    """Longest step, ns, that needs no explanation."""
-    return max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
-
-
-def _stray(time: IntArray, arrival: IntArray, interval: float, size: int) -> BoolArray | None:
-    """Mark stretches of up to `size` messages without which time goes on; None for no jump at all.
-
-    A lone message at either end is stray if its delay from stamp to arrival is another than that
-    of its neighbours.
-    """
-    steps = np.diff(time)
-    cuts = np.flatnonzero((steps < -_SET_BACK * interval) | (steps > _longest_gap(interval)))
-    if len(cuts) == 0:
-        return None
-    strange = ~_follows(steps[cuts], np.diff(arrival)[cuts], interval)
-    starts = np.concatenate([[0], cuts + 1])
-    stops = np.concatenate([cuts + 1, [len(time)]])
-    length = stops - starts
-    edges = np.diff(np.concatenate([[False], length <= size, [False]]).astype(int))
-    stray = np.zeros(len(time), dtype=bool)
-    for first, after in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        before = first - 1
-        if before >= 0 and after < len(starts):
-            a, b = stops[before] - 1, starts[after]
-            joins = _follows(time[[b]] - time[[a]], arrival[[b]] - arrival[[a]], interval)[0]
-            shorter = b - a - 1 < min(length[before], length[after])
-            if joins and shorter and strange[before:after].any():
-                stray[a + 1 : b] = True
-        elif size == 1 and (before >= 0 or after < len(starts)):
-            neighbour = starts[after] if before < 0 else stops[before] - 1
-            places = starts[first:after]
-            delay = np.abs(arrival[places] - time[places] - (arrival - time)[neighbour])
-            stray[places[delay > _longest_gap(interval)]] = True
-    return stray
+def _longest_chain(
+    starts: IntArray, stops: IntArray, time: IntArray, arrival: IntArray, interval: float
+) -> IntArray:
+    """Stretches (k,) of most messages in all of which each one follows the one before."""
+    messages, before = stops - starts, np.full(len(starts), -1)
+    for stretch in range(1, len(starts)):
+        first = max(0, stretch - _STRETCHES)
+        start, ends = starts[stretch], stops[first:stretch] - 1
+        follows = _follows(time[start] - time[ends], arrival[start] - arrival[ends], interval)
+        if follows.any():
+            before[stretch] = first + int(np.argmax(np.where(follows, messages[first:stretch], 0)))
+            messages[stretch] += messages[before[stretch]]
+    chain = [int(np.argmax(messages))]
+    while before[chain[-1]] >= 0:
+        chain.append(int(before[chain[-1]]))
+    return np.array(chain[::-1])
 
 
 def _stray_notes(topic: str, time: IntArray, places: IntArray) -> list[Note]:
@@ -238,27 +221,14 @@ def _stray_notes(topic: str, time: IntArray, places: IntArray) -> list[Note]:
     return [Note(topic, what, 1, limits=True)]
 
 
-def _longest_stretch(
-    kept: IntArray, time: IntArray, arrival: IntArray, interval: float
-) -> tuple[IntArray, str | None]:
-    """Longest stretch during which the clock was not set, and where it was."""
-    stamps = time[kept]
-    steps = np.diff(stamps)
-    cuts = np.flatnonzero(~_follows(steps, np.diff(arrival[kept]), interval)) + 1
-    if len(cuts) == 0:
-        return kept, None
-    starts = np.concatenate([[0], cuts])
-    stops = np.concatenate([cuts, [len(kept)]])
-    longest = int(np.argmax(stops - starts))
-    first = cuts[0]
+def _jump_sentence(time: IntArray, last: int, first: int, jumps: int) -> str:
+    """Say where the clock was set between the messages `last` and `first`."""
+    how = "was set back" if time[first] < time[last] else "jumps forward"
     where = (
-        f"at message {kept[first] + 1} the clock "
-        f"{'was set back' if steps[first - 1] < 0 else 'jumps forward'} from "
-        f"{_seconds(stamps[first - 1])} to {_seconds(stamps[first])}"
+        f"at message {first + 1} the clock {how} from {_seconds(time[last])} to "
+        f"{_seconds(time[first])}"
     )
-    if len(cuts) > 1:
-        where += f" (the first of {len(cuts)} jumps)"
-    return kept[starts[longest] : stops[longest]], where
+    return f"{where} (the first of {jumps} jumps)" if jumps > 1 else where
 
 
 def _seconds(stamp: int) -> str:

@@ -58,7 +58,7 @@ def without_frozen(
     """
     states, efforts = stamped[joint_states], stamped[effort]
     positions, torques = states.messages.values["position"], efforts.messages.values["effort"]
-    found: list[FrozenStretches] = []
+    frozen_stretches: list[FrozenStretches] = []
     lost = np.zeros(positions.shape, dtype=bool), np.zeros(torques.shape, dtype=bool)
     for column, joint in enumerate(joints):
         position = positions[:, column]
@@ -72,22 +72,22 @@ def without_frozen(
             channel = f"{name} of {joint} on {topic.messages.topic}"
             seconds: FloatArray = (topic.time - start).astype(np.float64) * 1e-9
             stretches = described(channel, frozen, seconds)
-            found += [] if stretches is None else [stretches]
-    if not found:
+            frozen_stretches += [] if stretches is None else [stretches]
+    if not frozen_stretches:
         return stamped, ()
     cleaned = dict(stamped)
     cleaned[joint_states] = _without(cleaned[joint_states], "position", lost[0])
     cleaned[effort] = _without(cleaned[effort], "effort", lost[1])
-    return cleaned, tuple(found)
+    return cleaned, tuple(frozen_stretches)
 
 
 def _at(wanted: IntArray, time: IntArray, position: FloatArray) -> FloatArray:
     """Positions at the times of the efforts, linearly where these are others."""
     if wanted is time or np.array_equal(wanted, time):
         return position
-    known = np.isfinite(position)
+    finite = np.isfinite(position)
     begin = time[0]
-    return np.asarray(np.interp(wanted - begin, time[known] - begin, position[known]))
+    return np.asarray(np.interp(wanted - begin, time[finite] - begin, position[finite]))
 
 
 def _without(stamped: StampedMessages, field: str, lost: BoolArray) -> StampedMessages:
@@ -113,7 +113,7 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
         return np.zeros(len(effort), dtype=bool)
     # At its limits a driver clips; zero is what it shows without torque.
     inside = (effort > finite.min()) & (effort < finite.max()) & (effort != 0.0)
-    return inside & _frozen(effort, position, speed, needs_jump=not _is_noisy(effort))
+    return np.asarray(inside & _frozen(effort, position, speed, needs_jump=not _is_noisy(effort)))
 
 
 def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
@@ -153,11 +153,11 @@ def _is_noisy(values: FloatArray) -> bool:
 
 def moving_speed(position: FloatArray) -> float:
     """Speed from which a joint moves, per sample; infinite where it never does."""
-    known = position[np.isfinite(position)]
-    span = max(2, min(20, len(known) // 10))
-    if len(known) <= span:
+    measured = position[np.isfinite(position)]
+    span = max(2, min(20, len(measured) // 10))
+    if len(measured) <= span:
         return np.inf
-    speeds = np.abs(known[span:] - known[:-span]) / span
+    speeds = np.abs(measured[span:] - measured[:-span]) / span
     peak = float(np.quantile(speeds, 0.99))
     return _MOVES * peak if peak > 0.0 else np.inf
 

@@ -115,13 +115,13 @@ def on_grid(
     together = finite.all() and values.size <= _AT_ONCE
     for joints in [columns] if together else np.split(columns, len(columns)):
         measured = finite[:, joints[0]]
-        known = seconds[measured]
-        if len(known) == 0:
+        stamps = seconds[measured]
+        if len(stamps) == 0:
             out[:, joints], invented[:, joints] = 0.0, True
             continue
         gap = GAP * max(median, 1.0 / grid.rate)
-        out[:, joints] = _between(target, known, values[measured][:, joints], gap)
-        invented[:, joints] = _unsupported(target, known, gap)[:, None]
+        out[:, joints] = _between(target, stamps, values[measured][:, joints], gap)
+        invented[:, joints] = _unsupported(target, stamps, gap)[:, None]
         for joint in joints if smooth else ():
             bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(read_only(out), read_only(invented), origin)
@@ -140,22 +140,22 @@ def _held(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: s
     return Signal(read_only(out), read_only(invented), origin)
 
 
-def _between(target: FloatArray, known: FloatArray, values: FloatArray, gap: float) -> FloatArray:
-    """Values (m, k) at `target` s from those (n, k) at `known` s: cubic splines, linear in gaps.
+def _between(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: float) -> FloatArray:
+    """Values (m, k) at `target` s from those (n, k) at `stamps` s: cubic splines, linear in gaps.
 
     Halfway between samples a line keeps cos(π f / rate) of a signal at f: 3 % are lost at 20 Hz of
     an effort at 250 Hz, 12 % at 125 Hz, and a spline loses 0.1 and 1 %.
     """
     from scipy.interpolate import make_interp_spline  # here, because it takes half a second
 
-    out = np.stack([np.interp(target, known, column) for column in values.T], axis=1)
-    cuts = np.flatnonzero(np.diff(known) > gap) + 1
-    for part in np.split(np.arange(len(known)), cuts):
+    out = np.stack([np.interp(target, stamps, column) for column in values.T], axis=1)
+    cuts = np.flatnonzero(np.diff(stamps) > gap) + 1
+    for part in np.split(np.arange(len(stamps)), cuts):
         if len(part) < _SPLINE_SAMPLES:
             continue
-        first, last = np.searchsorted(target, known[part[[0, -1]]], side="left")
+        first, last = np.searchsorted(target, stamps[part[[0, -1]]], side="left")
         inside = slice(int(first), int(last))
-        spline = make_interp_spline(known[part], values[part], k=3)
+        spline = make_interp_spline(stamps[part], values[part], k=3)
         out[inside] = spline(target[inside])
     return np.asarray(out)
 
@@ -167,13 +167,13 @@ def _lies_on(grid: Grid, seconds: FloatArray) -> bool:
     return bool(np.all(np.abs(place - first - np.arange(len(place))) < _ON_GRID))
 
 
-def _unsupported(target: FloatArray, known: FloatArray, gap: float) -> NDArray[np.bool_]:
-    after = np.searchsorted(known, target, side="left")
-    before = np.clip(after - 1, 0, len(known) - 1)
-    after = np.clip(after, 0, len(known) - 1)
-    nearest = np.minimum(np.abs(target - known[before]), np.abs(known[after] - target))
-    wide = (known[after] - known[before]) > gap
-    outside = (target < known[0]) | (target > known[-1])
+def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
+    after = np.searchsorted(stamps, target, side="left")
+    before = np.clip(after - 1, 0, len(stamps) - 1)
+    after = np.clip(after, 0, len(stamps) - 1)
+    nearest = np.minimum(np.abs(target - stamps[before]), np.abs(stamps[after] - target))
+    wide = (stamps[after] - stamps[before]) > gap
+    outside = (target < stamps[0]) | (target > stamps[-1])
     exact = nearest < 1e-3 * gap
     return np.asarray((wide & ~exact) | (outside & (nearest > gap)))
 

@@ -123,8 +123,8 @@ def _files(
     folder: Path, information: dict[str, Any], episode: int
 ) -> tuple[list[Path], list[tuple[str, str, int]]]:
     """Files that may hold an episode, and what its rows have in common."""
-    own = sorted((folder / "data").glob(f"*/episode_{episode:06d}.parquet"))
-    files = own or sorted((folder / "data").glob("*/file-*.parquet"))
+    episodes = sorted((folder / "data").glob(f"*/episode_{episode:06d}.parquet"))
+    files = episodes or sorted((folder / "data").glob("*/file-*.parquet"))
     if not files:
         raise UsageError(
             f"{folder}: no data of episode {episode}; there are "

@@ -57,14 +57,14 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
         for name, kind in bag.topics.items()
         if kind == CONTROLLER_STATE or (kind == JOINT_STATE and name not in measured)
     }
-    found: set[str] = set()
+    references: set[str] = set()
     waiting = set(kinds)
     for topic, batch in bag.unread().batches(set(kinds)) if kinds else ():
         if topic in waiting and len(batch):
             reader = JointMessageReader(topic, kinds[topic], joints, ["position"])
             reader.add(batch)
             if np.isfinite(reader.finish().values["position"]).any(axis=0).all():
-                found.add(topic)
+                references.add(topic)
                 waiting.discard(topic)
             elif kinds[topic].name == JOINT_STATE:  # a controller may not be active yet
                 waiting.discard(topic)
@@ -75,14 +75,15 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
         of_controller = kinds[topic].name == CONTROLLER_STATE
         return not of_controller, not sounds_like_reference(topic), topic
 
-    return tuple(sorted(found, key=likely))
+    return tuple(sorted(references, key=likely))
 
 
 def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
     """Say what to write where the reference is not on the topic that was named."""
-    found = unused_references(bag, used, joints)
-    if found:
-        return f"; if the reference is on {found[0]}, write `reference: {found[0]}` under signals"
+    references = unused_references(bag, used, joints)
+    if references:
+        first = references[0]
+        return f"; if the reference is on {first}, write `reference: {first}` under signals"
     return "; name that of the reference in signals.reference, or leave it out"
 
 

@@ -43,7 +43,7 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
     """
     labels = np.array([_together(messages.named) for messages in sources.values()])
     _, label = np.unique(labels, axis=1, return_inverse=True)
-    columns = [np.flatnonzero(label == each) for each in dict.fromkeys(label.ravel().tolist())]
+    columns = [np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())]
     return tuple(
         Part(
             joints,

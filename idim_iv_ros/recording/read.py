@@ -86,6 +86,13 @@ def read_recordings(
         link_states,
         own_topics or {},
     )
+    return read_requested(bags, request, progress)
+
+
+def read_requested(
+    bags: FilePaths, request: Request, progress: Progress | None = None
+) -> tuple[Recording, ...]:
+    """Read one recording from each bag; see `read_recordings`."""
     recordings: list[Recording] = []
     opened = bags_of(bags)
     for number, bag in enumerate(opened):
@@ -383,10 +390,10 @@ def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[in
     """
     if not reference.messages.origins:
         return first, last
-    known = reference.time[np.isfinite(reference.messages.values["position"]).all(axis=1)]
-    if len(known) == 0:
+    active = reference.time[np.isfinite(reference.messages.values["position"]).all(axis=1)]
+    if len(active) == 0:
         return first, last
-    return max(first, int(known[0])), min(last, int(known[-1]))
+    return max(first, int(active[0])), min(last, int(active[-1]))
 
 
 def _optional(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Signal | None:

@@ -90,10 +90,10 @@ def in_bag(bag: Bag, request: Request) -> Request:
     kinds = bag.unread().known_topics().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
     named = {key: topic_of(name) for key, name in request.named.items()}
-    found = topics_in_bag(bag.path, named, topics, request.own_topics)
+    full_names = topics_in_bag(bag.path, named, topics, request.own_topics)
 
     def full(source: str) -> str:
-        field_, topic = field_of(source), found[topic_of(source)]
+        field_, topic = field_of(source), full_names[topic_of(source)]
         return topic if field_ is None else with_field(topic, field_)
 
     effort, reference, link_states = request.effort, request.reference, request.link_states

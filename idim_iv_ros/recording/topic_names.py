@@ -51,15 +51,15 @@ def topics_in_bag(
     DataError
         Several topics end with a relative name.
     """
-    found = {name: name for name in named.values() if name.startswith("/")}
+    full_names = {name: name for name in named.values() if name.startswith("/")}
     relative = {key: name for key, name in named.items() if not name.startswith("/")}
     if not relative:
-        return found
+        return full_names
     key, first = next(iter(relative.items()))
     mine = {name: own.get(name, in_root(name)) for name in relative.values()}
     candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
     if mine[first] in topics or not candidates:
-        return {**found, **mine}
+        return {**full_names, **mine}
     if len(candidates) > 1:
         rest = ", ".join(other for other, name in relative.items() if name != first)
         others = f", and the same for {rest}" if rest else ""
@@ -68,7 +68,7 @@ def topics_in_bag(
             f"of your robot's, as `{key}: {candidates[0]}`, under signals{others}"
         )
     namespace = candidates[0].removesuffix(first)
-    return {**found, **{name: namespace + name for name in relative.values()}}
+    return {**full_names, **{name: namespace + name for name in relative.values()}}
 
 
 def descriptions_of(joint_states: str, own: Mapping[str, str]) -> list[str]:

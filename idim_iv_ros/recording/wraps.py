@@ -88,16 +88,20 @@ def _joint_without_wraps(
     recorded = topic.messages.values["position"][:, column]
     if not np.isfinite(recorded).any() or not np.isfinite(measured).any():
         return new
-    own = unwrapped(topic.time, recorded)
-    known = Unwrapped(measured, 0, np.zeros(0, np.int64)) if position is None else position
-    wanted = Unwrapped(recorded, 0, np.zeros(0, np.int64)) if own is None else own
-    turns = _turns_between(states.time, known, topic.time, wanted)
-    if own is None and not turns.any():
+    unwrapped_reference = unwrapped(topic.time, recorded)
+    position_turns = Unwrapped(measured, 0, np.zeros(0, np.int64)) if position is None else position
+    wanted = (
+        Unwrapped(recorded, 0, np.zeros(0, np.int64))
+        if unwrapped_reference is None
+        else unwrapped_reference
+    )
+    turns = _turns_between(states.time, position_turns, topic.time, wanted)
+    if unwrapped_reference is None and not turns.any():
         return new
     sentence = (
         f"the reference of {joint} is put into the same turn as its position"
-        if own is None
-        else _sentence(joint, own)
+        if unwrapped_reference is None
+        else _sentence(joint, unwrapped_reference)
     )
     new[reference] = _with(topic, column, wanted.position + TURN * turns, sentence)
     return new
@@ -106,11 +110,11 @@ def _joint_without_wraps(
 def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped | None:
     """Undo the wraps of a position (n,) rad at stamps `time` (n,) ns; None if there are none."""
     finite = np.flatnonzero(np.isfinite(position))
-    known = position[finite]
+    measured = position[finite]
     # Without a copy, so that the many joints that never wrap cost nothing.
-    if len(known) < 2 or not TURN - _LARGEST <= known.max() - known.min() <= _ONE_TURN:
+    if len(measured) < 2 or not TURN - _LARGEST <= measured.max() - measured.min() <= _ONE_TURN:
         return None
-    steps = np.diff(known)
+    steps = np.diff(measured)
     turns = np.round(steps / TURN)
     if not turns.any():
         return None
@@ -152,9 +156,9 @@ def _turns_between(
     there = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
     ahead = there - reference.position
     stretch = np.searchsorted(time[position.breaks], reference_time, side="right")
-    own = np.zeros(len(reference_time), dtype=np.int64)
-    own[reference.breaks] = 1
-    stretch = stretch + np.cumsum(own)
+    reference_breaks = np.zeros(len(reference_time), dtype=np.int64)
+    reference_breaks[reference.breaks] = 1
+    stretch = stretch + np.cumsum(reference_breaks)
     turns = np.zeros(len(reference_time))
     begins = np.flatnonzero(np.diff(stretch, prepend=-1))
     for begin, end in zip(begins, [*begins[1:], len(stretch)], strict=True):

@@ -59,11 +59,12 @@ def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
     if worst is None:
-        return f"The gap of the {model} could not be judged at any joint.", _cause_words(result, "")
+        words = f"The gap of the {model} could not be judged at any joint."
+        return words, _cause_words(result, None)
     size = (
         f"The {model} misses {percent(worst.relative_percent, 3)} of the torque at {worst.joint}."
     )
-    return size, _cause_words(result, _corrected(result, worst.joint))
+    return size, _cause_words(result, worst.joint)
 
 
 def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
@@ -78,19 +79,26 @@ def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
     )
 
 
-def _cause_words(result: GapResult, corrected: str) -> str:
+def _cause_words(result: GapResult, worst: str | None) -> str:
+    """What causes the gap, and how much of it at the worst joint the corrections remove."""
+    corrected = "" if worst is None else _corrected(result, worst)
     if result.causes:
         first = result.causes[0]
         more = len(result.causes) - 1
         others = f", with {more} more" if more else ""
-        return f"Main cause: {effect_at(first.effect, first.joint)}{others}{corrected}."
+        name = effect_at(first.effect, first.joint)
+        if worst is not None and not any(_acts_at(cause, worst) for cause in result.causes):
+            if any(error.joint == worst for error in result.parameter_errors):
+                return f"Wrong parameter values there{corrected}; besides them, {name}{others}."
+            return f"Cause elsewhere: {name}{others}{corrected}."
+        return f"Main cause: {name}{others}{corrected}."
     if result.unexplained is not None:
         what = FAMILIES[result.unexplained.family]
         return f"No effect of the catalogue explains it: the residual {what}."
     if result.verdict == "none":
         return "No cause was found: what remains is noise, or too small for this recording."
     if result.verdict == "parametric":
-        return f"Its parameters are in error; which of them is inconclusive{corrected}."
+        return f"Parameter values are wrong; this recording does not show which{corrected}."
     return "Its cause is inconclusive on this recording."
 
 
@@ -101,7 +109,13 @@ def _corrected(result: GapResult, joint: str) -> str:
     first, last = (result.stages[k].torque_rms.get(joint) for k in (0, -1))
     if first is None or last is None or not (known(first) and known(last)) or last >= first:
         return ""
-    return f"; the extended model removes {percent(100.0 * (1.0 - last / first))} of it"
+    return f" ({percent(100.0 * (1.0 - last / first))} of it corrected)"
+
+
+def _acts_at(cause: Cause, joint: str) -> bool:
+    """Whether a cause takes part of the gap at a joint."""
+    places = {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
+    return cause.joint is None or joint in places
 
 
 def identification_headline(result: IdentificationResult) -> tuple[str, str]:
@@ -171,8 +185,14 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
     recording = _recording_step(result, config)
     if len(laws) < len(result.causes):
-        command = _command("export", "gap.json", "--config", config, "--out", "simulator")
-        steps = [Step("Put the causes into your simulator, or into ours:", command)]
+        rest, words = [], "Put the causes into your simulator, or into ours:"
+        # Beside a torque scale or gravity the export cannot spread what no cause names.
+        parts = {part_of(cause.effect) for cause in result.causes}
+        if result.parameter_errors and not parts & {"torque scale", "gravity"}:
+            rest = ["--remainder"]
+            words = "Put the causes and the other values into your simulator:"
+        command = _command("export", "gap.json", "--config", config, *rest, "--out", "simulator")
+        steps = [Step(words, command)]
     elif laws:
         steps = []
     elif result.verdict == "parametric":

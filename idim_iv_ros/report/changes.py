@@ -9,19 +9,20 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
 from idim_iv_ros.report.gap_words import effect_at
-from idim_iv_ros.report.nominal import Nominal
 from idim_iv_ros.report.numerals import INTERVAL
+from idim_iv_ros.report.section import Nominal, Report, Section
 
 RECORDING, SUM = "the recording alone", "only the sum is known"
 _CONFIGURATION, _URDF = "configuration", "URDF"
 _DRIVES = {"Ia": "drive inertia", "Fv": "viscous friction", "Fc": "Coulomb friction"}
-_MOMENTS = {"moment_x": "x", "moment_y": "y", "moment_z": "z"}
 
 
 @dataclass(frozen=True)
@@ -165,57 +166,99 @@ def _link(joint: int, nominal: Nominal) -> str:
 
 def _of_cause(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
     """Values that a cause attributes to an element or a key."""
-    place = cause.joint
-    joint = None if place is None else result.joints.index(place)
-    source = f"cause: {effect_at(cause.effect, place)}"
-    rows: Iterator[ChangedValue] = iter(())
-    part = part_of(cause.effect)
-    if part in ("drive", "friction"):
-        rows = _drives(result, cause, nominal)
-    elif part == "gravity":
-        rows = _gravity(cause)
-    elif joint is None or place is None:
-        return
-    elif part == "load":
+    joint = None if cause.joint is None else result.joints.index(cause.joint)
+    if part_of(cause.effect) == "load" and joint is not None:
         rows = _payload(cause.parameters, joint, nominal)
-    elif part == "link":
-        rows = _link_inertia(cause.parameters, joint, nominal)
-    elif part == "torque scale":
-        rows = _scale(cause, joint, place, nominal)
-    elif part == "gains":
-        rows = _gains(cause, joint, place, nominal)
-    for row in rows:
-        yield replace(row, source=source)
+    else:
+        rows = (
+            row
+            for name, parameter in cause.parameters.items()
+            for row in _of_number(result.joints, cause, name, parameter, nominal)
+        )
+    source = f"cause: {effect_at(cause.effect, cause.joint)}"
+    return (replace(row, source=source) for row in rows)
 
 
-def _changed(
-    key: str, file: str, words: str, given: float | None, by: EffectParameter
-) -> ChangedValue:
-    """A given value with the change that a cause found."""
-    new = by.value + (given or 0.0)
-    return ChangedValue("", key, file, words, given, new, by.std, by.unit, "")
+def _of_number(
+    joints: tuple[str, ...], cause: Cause, name: str, by: EffectParameter, nominal: Nominal
+) -> Iterator[ChangedValue]:
+    """The value that one number of a cause changes; none where no file has it.
+
+    A number changes a standard parameter of its joint (of all drives at once it has the name of a
+    joint), or a setting of the configuration.
+    """
+    place = name if name in joints else cause.joint
+    kind = "Ia" if name in joints else BY_NAME[cause.effect].standard_kind(name)
+    standard = None
+    if place is not None and kind:
+        standard = _standard(kind, joints.index(place), place, nominal)
+    if standard is not None:
+        given, key, file, words = standard
+        new = by.value + (given or 0.0)
+        yield ChangedValue("", key, file, words, given, new, by.std, by.unit, "")
+    else:
+        yield from _setting(joints, cause, name, by, nominal.configuration)
 
 
-def _drives(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
-    """Friction and drive inertia of a joint, or of all joints by their names."""
-    given = None if nominal.model is None else nominal.model.robot.given.of_drives
-    for name, parameter in cause.parameters.items():
-        place = cause.joint or name
-        kind = BY_NAME[cause.effect].standard_kind(name) if cause.joint else "Ia"
-        if not kind or place not in result.joints:
-            continue
-        joint = result.joints.index(place)
+def _standard(
+    kind: str, joint: int, place: str, nominal: Nominal
+) -> tuple[float | None, str, str, str] | None:
+    """Given value, key, file and words of a standard parameter; None of one without an element."""
+    robot = None if nominal.model is None else nominal.model.robot.given
+    if kind in _DRIVES:
         key, file = _key(kind, joint, place, nominal)
-        was = None if given is None else float(given[kind][joint])
-        yield _changed(key, file, f"{_DRIVES[kind]} of {place}", was, parameter)
+        given = None if robot is None else float(robot.of_drives[kind][joint])
+        return given, key, file, f"{_DRIVES[kind]} of {place}"
+    if kind not in INERTIAL:
+        return None
+    given = (
+        None
+        if robot is None
+        else float(robot.inertial[joint, REGRESSOR_ORDER[INERTIAL.index(kind)]])
+    )
+    link = f"{_link(joint, nominal)}/inertial"
+    key = f"{link}/mass" if kind == "M" else f"{link} ({kind})"
+    return given, key, _URDF, f"{kind}{joint + 1} about the joint's frame"
+
+
+def _setting(
+    joints: tuple[str, ...],
+    cause: Cause,
+    name: str,
+    by: EffectParameter,
+    configuration: Configuration | None,
+) -> Iterator[ChangedValue]:
+    """The key of the configuration that a number changes, where it is one."""
+    part, place = part_of(cause.effect), cause.joint
+    words = f"{BY_NAME[cause.effect].parameter_words(name)}{f', {place}' if place else ''}"
+    given: float | None = 0.0
+    scale = 1.0
+    if part == "gravity":
+        key = f"robot.gravity ({name[-1]})"
+    elif place is None or configuration is None:
+        return
+    elif part == "torque scale":
+        key, scales = "signals.effort_scale", configuration.signals.effort_scale
+        given = scale = 1.0 if scales is None else scales[joints.index(place)]
+    else:
+        law = configuration.controller
+        if part != "gains" or law is None or law.type != "pd" or name not in ("kp", "kd", "ki"):
+            return
+        key, gains = f"controller.{name}", getattr(law, name)
+        given = None if gains is None else float(gains[joints.index(place)])
+    if part != "gravity":
+        key += f"[{joints.index(place)}]"
+    std = None if by.std is None else by.std * abs(scale)
+    new = by.value * scale
+    yield ChangedValue("", key, _CONFIGURATION, words, given, new, std, by.unit, "")
 
 
 def _payload(
     parameters: Mapping[str, EffectParameter], joint: int, nominal: Nominal
 ) -> Iterator[ChangedValue]:
-    """A link to fix to the last one: its mass, and its centre where both are known.
+    """A link to fix to the last one: its mass, and its centre where both are determined.
 
-    The ± of the centre holds whatever the correlation of mass and moment is.
+    The ± of the centre covers any correlation of mass and moment.
     """
     link = _link(joint, nominal)
     mass = parameters.get("mass")
@@ -223,65 +266,29 @@ def _payload(
         return
     key, words = "payload/inertial/mass", f"mass of a link to fix to {link}"
     yield ChangedValue("", key, _URDF, words, 0.0, mass.value, mass.std, mass.unit, "")
-    for name, letter in _MOMENTS.items():
-        moment = parameters.get(name)
-        if moment is None or mass.value == 0.0:
+    for axis in "xyz" if mass.value else "":
+        moment = parameters.get(f"moment_{axis}")
+        if moment is None:
             continue
         centre = moment.value / mass.value
         std = None
         if moment.std is not None and mass.std is not None:
             std = (moment.std + abs(centre) * mass.std) / abs(mass.value)
-        key, words = "payload/inertial/origin@xyz", f"{letter} of its centre in the frame of {link}"
-        yield ChangedValue("", f"{key} ({letter})", _URDF, words, None, centre, std, "m", "")
+        key, words = f"payload/inertial/origin@xyz ({axis})", f"{axis} of its centre in {link}"
+        yield ChangedValue("", key, _URDF, words, None, centre, std, "m", "")
 
 
-def _link_inertia(
-    parameters: Mapping[str, EffectParameter], joint: int, nominal: Nominal
-) -> Iterator[ChangedValue]:
-    link = _link(joint, nominal)
-    for name, parameter in parameters.items():
-        parts = re.fullmatch(r"change_of_([A-Z]+)(\d+)", name)
-        if parts is None or parts[1] not in INERTIAL:
-            continue
-        given = None
-        if nominal.model is not None:
-            column = REGRESSOR_ORDER[INERTIAL.index(parts[1])]
-            given = float(nominal.model.robot.given.inertial[joint, column])
-        key = f"{link}/inertial/mass" if parts[1] == "M" else f"{link}/inertial"
-        words = f"{parts[1]}{parts[2]} about the joint's frame"
-        yield _changed(
-            key if parts[1] == "M" else f"{key} ({parts[1]})", _URDF, words, given, parameter
-        )
+def _context(report: Report[Any]) -> dict[str, Any] | None:
+    rows = changed_values(report.result, report.nominal)
+    if not rows:
+        return None
+    return {
+        "single": [row for row in rows if row.source != SUM and row.significant is not False],
+        "kept": [row for row in rows if row.source != SUM and row.significant is False],
+        "sums": [row for row in rows if row.source == SUM],
+        "config": report.config,
+        "given_known": any(row.given is not None for row in rows),
+    }
 
 
-def _gravity(cause: Cause) -> Iterator[ChangedValue]:
-    for name, parameter in cause.parameters.items():
-        words = f"{name.replace('_', ' ')} of the base"
-        yield _changed(f"robot.gravity ({name[-1]})", _CONFIGURATION, words, 0.0, parameter)
-
-
-def _scale(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterator[ChangedValue]:
-    factor = cause.parameters.get("factor")
-    if factor is None or nominal.configuration is None:
-        return
-    scales = nominal.configuration.signals.effort_scale
-    given = 1.0 if scales is None else scales[joint]
-    std = None if factor.std is None else factor.std * abs(given)
-    key, words = f"signals.effort_scale[{joint}]", f"torque per recorded effort of {place}"
-    yield ChangedValue(
-        "", key, _CONFIGURATION, words, given, given * factor.value, std, factor.unit, ""
-    )
-
-
-def _gains(cause: Cause, joint: int, place: str, nominal: Nominal) -> Iterator[ChangedValue]:
-    for name in ("kp", "kd", "ki"):
-        each = cause.parameters.get(name)
-        law = None if nominal.configuration is None else nominal.configuration.controller
-        if each is None or law is None or law.type != "pd":
-            continue
-        gains = getattr(law, name)
-        given = None if gains is None else float(gains[joint])
-        key, words = f"controller.{name}[{joint}]", f"{name} of {place}"
-        yield ChangedValue(
-            "", key, _CONFIGURATION, words, given, each.value, each.std, each.unit, ""
-        )
+CHANGES: Section[Any] = Section("Given → new", "changes", "changes.html.j2", _context)

@@ -1,33 +1,25 @@
 """The page of two identifications side by side: every parameter with both intervals."""
 
-from markupsafe import Markup
-
-from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.compare import ParameterComparison, ParameterPair
 from idim_iv_ros.report.numerals import INTERVAL, measured, number
-from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.page import one_section, page_html
 
 
 def compare_html(comparison: ParameterComparison) -> str:
     """Return the comparison as one self-contained HTML document."""
-    section = environment().get_template("compare.html.j2").render(
-        anchor="compare",
-        badge=("bad", "≠", "differences") if any(pair.differs for pair in comparison.pairs)
-        else ("good", "✓", "no difference beyond chance"),
+    differ = any(pair.differs for pair in comparison.pairs)
+    section = one_section(
+        "compare.html.j2",
+        "compare",
+        "Parameters",
+        badge=("bad", "≠", "differences") if differ else ("good", "✓", "no difference"),
         sentence=comparison.sentence,
         names=comparison.names,
         alone=", ".join(comparison.alone),
         rows=[_row(pair) for pair in comparison.pairs],
-    )  # fmt: skip
-    return environment().get_template("page.html.j2").render(
-        generator=Markup(GENERATOR),
-        robot=comparison.robot,
-        subject="two identifications",
-        subtitle=" and ".join(comparison.names),
-        links=[("compare", "Parameters")],
-        sections=[Markup(section)],
-        **page_parts(),
-    )  # fmt: skip
+    )
+    subtitle = " and ".join(comparison.names)
+    return page_html(comparison.robot, "two identifications", subtitle, [section])
 
 
 def _row(pair: ParameterPair) -> dict[str, object]:

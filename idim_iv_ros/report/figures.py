@@ -14,7 +14,7 @@ from idim_iv_ros.encoding import json_text
 # Variables of the stylesheet: the page's script puts the values of the present scheme there.
 # Okabe and Ito: distinguished by readers with any colour vision, and in grey by their lightness.
 INK, MUTED, GRID = "var(--ink)", "var(--muted)", "var(--grid)"
-BLUE, ORANGE, GREEN, GREY = "var(--blue)", "var(--orange)", "var(--green)", "var(--grey)"
+BLUE, ORANGE, GREY = "var(--blue)", "var(--orange)", "var(--grey)"
 SHADE = "var(--shade)"
 # Of the directions of motion: no colours of models.
 FORWARD, BACKWARD = "var(--forward)", "var(--backward)"

@@ -4,14 +4,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from markupsafe import Markup
-
-from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
 from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
-from idim_iv_ros.report.numerals import MISSING, THIN, beside, count, number, p_value, sentence
-from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.numerals import (
+    MISSING,
+    THIN,
+    beside,
+    count,
+    number,
+    p_value,
+    plural,
+    sentence,
+)
+from idim_iv_ros.report.page import one_section, page_html
 
 _BADGES = {
     "differs": ("bad", "▲", "differs"),
@@ -43,36 +49,23 @@ def fleet_html(result: FleetResult, reports: Mapping[str, str] | None = None) ->
     reports : mapping of str to str, optional
         Address of each robot's own report, relative to the page, by the name of the robot.
     """
-    templates = environment()
-    parts = [
-        (
-            "attention",
-            "What needs attention",
-            "fleet_attention.html.j2",
-            _attention(result, reports),
-        ),
-        ("types", "Parameters of each type", "fleet_types.html.j2", _types(result)),
-        ("changes", "Changes over time", "fleet_changes.html.j2", _changes(result)),
-        ("diagnoses", "What to diagnose", "fleet_diagnoses.html.j2", _diagnoses(result)),
-        ("bags", "Bags that were not used", "fleet_bags.html.j2", _bags(result)),
-        ("limits", "What the numbers mean", "fleet_limits.html.j2", _limits(result)),
-    ]
-    return templates.get_template("page.html.j2").render(
-        generator=Markup(GENERATOR),
-        robot="Fleet",
-        subject=_subject(result),
-        subtitle=_subtitle(result),
-        links=[(anchor, title) for anchor, title, _, _ in parts],
-        sections=[
-            Markup(templates.get_template(template).render(anchor=anchor, title=title, **shown))
-            for anchor, title, template, shown in parts
+    bags = plural(len(result.bags), "bag")
+    return page_html(
+        "Fleet",
+        f"{plural(len(result.robots), 'robot')}, {bags}",
+        _subtitle(result),
+        [
+            one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
+            for anchor, title, shown in (
+                ("attention", "What needs attention", _attention(result, reports)),
+                ("types", "Parameters of each type", _types(result)),
+                ("changes", "Changes over time", _changes(result)),
+                ("diagnoses", "What to diagnose", _diagnoses(result)),
+                ("bags", "Bags that were not used", _bags(result)),
+                ("limits", "What the numbers mean", _limits(result)),
+            )
         ],
-        **page_parts(),
-    )  # fmt: skip
-
-
-def _subject(result: FleetResult) -> str:
-    return f"{_plural(len(result.robots), 'robot')}, {_plural(len(result.bags), 'bag')}"
+    )
 
 
 def _subtitle(result: FleetResult) -> str:
@@ -82,7 +75,7 @@ def _subtitle(result: FleetResult) -> str:
     hours = (
         f"{number(seconds / 3600.0)}{THIN}h" if seconds >= 3600.0 else f"{number(seconds)}{THIN}s"
     )
-    return f"{_plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
+    return f"{plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
 
 
 def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[str, Any]:
@@ -139,10 +132,10 @@ def headline(result: FleetResult) -> str:
         return "No bag of this fleet could be used."
     parts = []
     if differs:
-        parts.append(f"{_plural(len(differs), 'robot')} {_verb(differs, 'differ')} from the type "
+        parts.append(f"{plural(len(differs), 'robot')} {_verb(differs, 'differ')} from the type "
                      f"({_names(differs)})")  # fmt: skip
     if changed:
-        parts.append(f"{_plural(len(changed), 'robot')} changed over time ({_names(changed)})")
+        parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
         compared = any(math.isfinite(robot.p_value) for robot in judged)
         followed = any(math.isfinite(robot.change_p_value) for robot in judged)
@@ -179,8 +172,8 @@ def _types(result: FleetResult) -> dict[str, Any]:
         "types": [
             {
                 "type": kind.type,
-                "robots": _plural(kind.robots, "robot"),
-                "bags": _plural(kind.bags, "bag"),
+                "robots": plural(kind.robots, "robot"),
+                "bags": plural(kind.bags, "bag"),
                 "notes": [sentence(note) for note in kind.notes],
                 "rows": [_quantity_row(quantity) for quantity in kind.quantities],
                 "figure": distribution_figure(kind, _of_type(result, kind), place),
@@ -296,10 +289,6 @@ def _limits(result: FleetResult) -> dict[str, Any]:
         "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
         "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
     }
-
-
-def _plural(number_of: int, what: str) -> str:
-    return f"{count(number_of)} {what}{'' if number_of == 1 else 's'}"
 
 
 def _verb(names: Sequence[str], verb: str) -> str:

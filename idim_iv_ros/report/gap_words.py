@@ -13,7 +13,15 @@ from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import SessionPart, in_recordings
-from idim_iv_ros.report.numerals import MISSING, known, measured, number, percent, round_number
+from idim_iv_ros.report.numerals import (
+    MISSING,
+    known,
+    measured,
+    number,
+    percent,
+    plural,
+    round_number,
+)
 
 Result = IdentificationResult | GapResult
 
@@ -223,8 +231,6 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
 def wrong_numbers(result: GapResult) -> str:
     """Parameter errors in one line, with their count; empty where there are none."""
     wrong = [cause for cause in result.causes if cause.kind == "parametric"]
-    if not wrong:
-        return ""
     listed = []
     for cause in wrong:
         words = effect_at(cause.effect, cause.joint)
@@ -235,4 +241,10 @@ def wrong_numbers(result: GapResult) -> str:
         if cause.probability is not None:
             words += f" ({probability_words(cause)})"
         listed.append(words)
-    return f"{len(wrong)} {'error' if len(wrong) == 1 else 'errors'}: {'; '.join(listed)}"
+    lines = [f"{plural(len(wrong), 'error')}: {'; '.join(listed)}"] if wrong else []
+    rest = max(result.parameter_errors, key=lambda error: error.share_of_torque, default=None)
+    if rest is not None:
+        share = percent(100.0 * rest.share_of_torque)
+        lines.append(f"{'Further values' if wrong else 'Values'} that no cause names make up to "
+                     f"{share} of the torque, at {rest.joint}")  # fmt: skip
+    return ". ".join(lines)

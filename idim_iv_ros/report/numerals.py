@@ -60,6 +60,11 @@ def count(value: int) -> str:
     return fixed(float(value), 0)
 
 
+def plural(number_of: int, what: str) -> str:
+    """Return a number of things: “1 bag”, “3 bags”."""
+    return f"{count(number_of)} {what}{'' if number_of == 1 else 's'}"
+
+
 def measured(value: float | None, std: float | None) -> tuple[str, str]:
     """Return a value and the half-width of its 95 % interval, rounded to the same digit.
 

@@ -14,27 +14,21 @@ from plotly.offline import get_plotlyjs
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report import gap_words, numerals
+from idim_iv_ros.report import numerals
+from idim_iv_ros.report.changes import CHANGES
+from idim_iv_ros.report.gap_words import duration
+from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import CONFIGURATION, R, Report, Section
-from idim_iv_ros.report.sections.causes import CAUSES
-from idim_iv_ros.report.sections.changes import CHANGES
-from idim_iv_ros.report.sections.contrast import CONTRAST
+from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
 from idim_iv_ros.report.sections.friction import FRICTION
-from idim_iv_ros.report.sections.glossary import GLOSSARY
-from idim_iv_ros.report.sections.instruments import INSTRUMENTS
-from idim_iv_ros.report.sections.limits import LIMITS
-from idim_iv_ros.report.sections.orders import ORDERS
 from idim_iv_ros.report.sections.parameters import PARAMETERS
 from idim_iv_ros.report.sections.physical import PHYSICAL
-from idim_iv_ros.report.sections.processing import PROCESSING
-from idim_iv_ros.report.sections.provenance import NOTES, PROVENANCE
-from idim_iv_ros.report.sections.regimes import REGIMES
-from idim_iv_ros.report.sections.residual_curves import RESIDUAL_CURVES
-from idim_iv_ros.report.sections.residuals import RESIDUALS
-from idim_iv_ros.report.sections.stages import STAGES
-from idim_iv_ros.report.sections.torque import TORQUE
-from idim_iv_ros.report.sections.tracking import TRACKING
+from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
+from idim_iv_ros.report.sections.residual_curves import ORDERS, RESIDUAL_CURVES
+from idim_iv_ros.report.sections.stages import REGIMES, STAGES
+from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
 from idim_iv_ros.report.sections.transmissions import TRANSMISSIONS
+from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
 from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
 
 IDENTIFICATION: tuple[Section[Any], ...] = (
@@ -85,11 +79,12 @@ def report_html(result: IdentificationResult, config: str = CONFIGURATION) -> st
     """
     seconds = sum(bag.duration for bag in result.bags)
     method = _METHODS.get(result.estimator, result.estimator)
-    return _page(
-        Report(result, config),
-        IDENTIFICATION,
+    return page_html(
+        result.robot,
         "dynamic parameters",
-        f"{method} identification of {_joints(result)} from {_seconds(seconds)} of recording",
+        f"{method} identification of {plural(len(result.joints), 'joint')} from "
+        f"{with_unit(seconds, 's')} of recording",
+        _sections(Report(result, config), IDENTIFICATION),
     )
 
 
@@ -105,12 +100,12 @@ def gap_report_html(result: GapResult, config: str = CONFIGURATION) -> str:
     config : str
         The robot's configuration file as commands in the report name it.
     """
-    seconds = _seconds(gap_words.duration(result))
-    return _page(
-        Report(result, config),
-        DIAGNOSIS,
+    return page_html(
+        result.robot,
         "sim-to-real gap",
-        f"Diagnosis of {_joints(result)} from {seconds} of recording",
+        f"Diagnosis of {plural(len(result.joints), 'joint')} from "
+        f"{with_unit(duration(result), 's')} of recording",
+        _sections(Report(result, config), DIAGNOSIS),
     )
 
 
@@ -130,18 +125,29 @@ def environment() -> Environment:
     return templates
 
 
-def _page(report: Report[R], sections: Sequence[Section[R]], subject: str, subtitle: str) -> str:
+def _sections(report: Report[R], sections: Sequence[Section[R]]) -> list[tuple[str, str, Markup]]:
     drawn = [(section, section.render(report, environment())) for section in sections]
-    shown = [(section, text) for section, text in drawn if text is not None]
+    return [(section.anchor, section.title, text) for section, text in drawn if text is not None]
+
+
+def page_html(
+    robot: str, subject: str, subtitle: str, sections: Sequence[tuple[str, str, Markup]]
+) -> str:
+    """Return a self-contained page of sections: anchor, title in the navigation, and content."""
     return environment().get_template("page.html.j2").render(
         generator=Markup(GENERATOR),
-        robot=report.result.robot,
+        robot=robot,
         subject=subject,
         subtitle=subtitle,
-        links=[(section.anchor, section.title) for section, _ in shown],
-        sections=[text for _, text in shown],
+        sections=sections,
         **page_parts(),
     )  # fmt: skip
+
+
+def one_section(template: str, anchor: str, title: str, **shown: Any) -> tuple[str, str, Markup]:
+    """Return a section from what its template shows: anchor, title, content."""
+    text = environment().get_template(template).render(anchor=anchor, title=title, **shown)
+    return anchor, title, Markup(text)
 
 
 @cache
@@ -157,11 +163,3 @@ def page_parts() -> dict[str, str]:
         "script": Markup(folder.joinpath("report.js").read_text("utf-8")),
         "plotly": base64.b64encode(packed).decode("ascii"),
     }
-
-
-def _joints(result: IdentificationResult | GapResult) -> str:
-    return f"{len(result.joints)} joint{'s' if len(result.joints) != 1 else ''}"
-
-
-def _seconds(seconds: float) -> str:
-    return numerals.with_unit(seconds, "s")

@@ -1,4 +1,4 @@
-"""A result as one picture to show others: the verdict, how far the gap shrinks, the robot."""
+"""A result or a replay as one picture to show others: verdict, how far the gap shrinks, robot."""
 
 import struct
 import textwrap
@@ -21,13 +21,16 @@ from idim_iv_ros.files import (
     write_together,
 )
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.advice import diagnosis_headline, identification_headline, verdict_badge
 from idim_iv_ros.report.gap_words import VERDICTS, stage_words, torque_unit
 from idim_iv_ros.report.numerals import known, number, percent
 from idim_iv_ros.report.page import environment
+from idim_iv_ros.report.replay import headline
 from idim_iv_ros.report.robot_drawing import colour_bar, flat_robot
 from idim_iv_ros.report.section import Report
 from idim_iv_ros.report.sections.verdict import shaded_robot
+from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS, ReplayResult
 
 SUFFIXES = (".svg", ".png")
 WIDTH, HEIGHT = 1200, 630
@@ -177,3 +180,42 @@ def bars(rows: Sequence[tuple[str, float, str, str]]) -> list[PictureBar]:
         PictureBar(name, round(_BARS_WIDTH * size / largest, 1), colour, value)
         for name, size, colour, value in rows
     ]
+
+
+_REPLAY_COLOURS = {NOMINAL: "#8a94a3", CORRECTED: "#d55e00", WITH_EFFECTS: "#0072b2"}
+
+
+def write_replay_picture(result: ReplayResult, path: FilePath) -> Path:
+    """Write the summary of a replay as an SVG or PNG picture; raises as `write_picture`."""
+    return save_picture(replay_svg(result), path)
+
+
+def replay_svg(result: ReplayResult) -> str:
+    """Return the picture as the text of an SVG file: the joint that is farthest off at first."""
+    title, rows = "", []
+    done = [stage for stage in result.stages if stage.tracking is not None]
+    if done:
+        errors = done[0].tracking or {}
+        worst = max(result.joints, key=lambda joint: errors[joint].rms)
+        unit = unit_at("mrad", result.joint_types[result.joints.index(worst)])
+        title = f"Position of {worst}, simulation less recording (rms)"
+        sizes = [
+            (s.name, 1e3 * (s.tracking or {})[worst].rms, _REPLAY_COLOURS[s.name]) for s in done
+        ]
+        sizes.append(("noise", 1e3 * result.tracking_noise[worst], "#b9c1cc"))
+        rows = [(name, size, colour, f"{number(size)} {unit}") for name, size, colour in sizes]
+    return environment().get_template("picture.svg.j2").render(
+        generator=Markup(GENERATOR),
+        robot_name=result.robot,
+        badge=("fair", "", "replay in MuJoCo"),
+        lines=textwrap.wrap(headline(result), _LETTERS),
+        bars_title=title,
+        bars=bars(rows),
+        robot=None,
+        robot_title="",
+        largest="",
+        stops=[],
+        missing="",
+        width=WIDTH,
+        height=HEIGHT,
+    )  # fmt: skip

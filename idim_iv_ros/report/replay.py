@@ -3,13 +3,11 @@
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
-from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
-from idim_iv_ros.report.numerals import number, round_number, with_unit
-from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
+from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.sections.stages import Bar, bar
 from idim_iv_ros.report.time_axis import peaks
 from idim_iv_ros.simulators.replay_result import (
@@ -37,18 +35,13 @@ _FEW = 3
 
 def replay_html(result: ReplayResult) -> str:
     """Return the report of a replay as one self-contained HTML document."""
-    section = environment().get_template("replay.html.j2").render(anchor="replay", **shown(result))
-    count = len(result.joints)
-    return environment().get_template("page.html.j2").render(
-        generator=Markup(GENERATOR),
-        robot=result.robot,
-        subject="replay in MuJoCo",
-        subtitle=f"References of {with_unit(result.duration, 's')} of recording, "
-        f"{count} joint{'s' if count != 1 else ''}",
-        links=[("replay", "Replay")],
-        sections=[Markup(section)],
-        **page_parts(),
-    )  # fmt: skip
+    return page_html(
+        result.robot,
+        "replay in MuJoCo",
+        f"References of {with_unit(result.duration, 's')} of recording, "
+        f"{plural(len(result.joints), 'joint')}",
+        [one_section("replay.html.j2", "replay", "Replay", **shown(result))],
+    )
 
 
 def shown(result: ReplayResult) -> dict[str, Any]:

@@ -1,5 +1,6 @@
-"""A section of a report: a title, a template, and what the template shows."""
+"""A section of a report: title, template, and what it shows of a result and its nominal model."""
 
+import json
 import os
 import warnings
 from collections.abc import Callable, Mapping
@@ -10,11 +11,13 @@ from typing import Any, Generic, TypeVar
 from jinja2 import Environment
 from markupsafe import Markup
 
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, one_line
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.nominal import Nominal, read_nominal
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.model.skeleton import Skeleton, skeleton
 from idim_iv_ros.report.time_axis import SessionAxis, session_axis_of
 
 # What a page calls the configuration where its file is not known.
@@ -22,6 +25,55 @@ CONFIGURATION = "robot.yaml"
 
 Result = IdentificationResult | GapResult
 R = TypeVar("R", IdentificationResult, GapResult, Result)
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """What the configuration of a result and its URDF say.
+
+    Attributes
+    ----------
+    configuration : Configuration or None
+    model : InverseModel or None
+    skeleton : Skeleton or None
+    missing : str
+        Why there is no model; empty where there is one.
+    """
+
+    configuration: Configuration | None
+    model: InverseModel | None
+    skeleton: Skeleton | None
+    missing: str
+
+    @property
+    def is_mjcf(self) -> bool:
+        """Whether the nominal model is an MJCF, which holds drive inertias too."""
+        return self.configuration is not None and self.configuration.robot.mjcf is not None
+
+    @property
+    def urdf(self) -> str:
+        """What to call the URDF in an instruction."""
+        path = None if self.configuration is None else self.configuration.robot.description
+        return "the URDF" if path is None else path.name
+
+
+def read_nominal(document: Mapping[str, object]) -> Nominal:
+    """Read the nominal model of a configuration as a result holds it.
+
+    Where the URDF came with the recording or is not there any more, there is none: the report then
+    leaves out what needs it.
+    """
+    configuration = None
+    try:
+        configuration = Configuration.model_validate_json(json.dumps(document))
+        urdf = configuration.robot.description
+        if urdf is None:
+            reason = "the URDF came with the recording, not with the configuration"
+            return Nominal(configuration, None, None, reason)
+        model = build_inverse_model(configuration, read_urdf_file(urdf), urdf.name)
+        return Nominal(configuration, model, skeleton(model.robot), "")
+    except Exception as error:  # whatever is wrong with a file that was right before
+        return Nominal(configuration, None, None, one_line(error))
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,10 @@
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
-from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, axis, layout, line
-from idim_iv_ros.report.page import environment, page_parts
+from idim_iv_ros.report.numerals import plural
+from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.servo.result import ServoNumber, ServoResult, ServoSeries
 
 _HEIGHT = 260
@@ -16,17 +15,13 @@ _FEW = 3
 
 def servo_html(result: ServoResult) -> str:
     """Return the report as one self-contained HTML document."""
-    section = environment().get_template("servo.html.j2").render(anchor="servos", **shown(result))
-    count = len(result.joints)
-    return environment().get_template("page.html.j2").render(
-        generator=Markup(GENERATOR),
-        robot=result.robot,
-        subject="servos, without torques",
-        subtitle=f"{_count(len(result.recordings), 'recording')}, {_count(count, 'joint')}",
-        links=[("servos", "Servos")],
-        sections=[Markup(section)],
-        **page_parts(),
-    )  # fmt: skip
+    recordings = plural(len(result.recordings), "recording")
+    return page_html(
+        result.robot,
+        "servos, without torques",
+        f"{recordings}, {plural(len(result.joints), 'joint')}",
+        [one_section("servo.html.j2", "servos", "Servos", **shown(result))],
+    )
 
 
 def shown(result: ServoResult) -> dict[str, Any]:
@@ -54,10 +49,6 @@ def shown(result: ServoResult) -> dict[str, Any]:
         "layout": "one" if len(plots) <= _FEW else "two",
         "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
     }
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 _SUMMARY = {

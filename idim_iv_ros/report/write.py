@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
@@ -33,17 +34,28 @@ from idim_iv_ros.report.servo import servo_html
 from idim_iv_ros.servo.result import ServoResult
 from idim_iv_ros.simulators.replay_result import ReplayResult
 
+Written = IdentificationResult | GapResult | ReplayResult | ServoResult | FleetResult
+
 _WRITTEN_BY = {RESULT: "identify", GAP: "diagnose", REPLAY: "replay", SERVO: "servo"}
+# File of numbers, file of the page, and what draws it.
+_FILES: dict[type[Any], tuple[str, str, Callable[..., str]]] = {
+    IdentificationResult: (RESULT, REPORT, report_html),
+    GapResult: (GAP, REPORT, gap_report_html),
+    ReplayResult: (REPLAY, REPORT, replay_html),
+    ServoResult: (SERVO, REPORT, servo_html),
+    FleetResult: (FLEET, FLEET_PAGE, fleet_html),
+}
 
 
 def write_report(
-    result: IdentificationResult,
+    result: Written,
     out: FilePath,
     *,
     force: bool = False,
     config: FilePath = CONFIGURATION,
+    reports: Mapping[str, str] | None = None,
 ) -> tuple[Path, Path | None]:
-    """Write result.json, then report.html.
+    """Write the numbers of a result, then its page: result.json and report.html, for example.
 
     Each is written beside its place and moved there when it is complete, so that no half-written
     file is ever found under `out`. No picture costs a result: what cannot be drawn or written of
@@ -51,116 +63,58 @@ def write_report(
 
     Parameters
     ----------
-    result : IdentificationResult
-        What `identify` found.
+    result : IdentificationResult, GapResult, ReplayResult, ServoResult or FleetResult
     out : str or Path
         Folder; created if it does not exist.
     force : bool
         Replace files there that this program did not write.
     config : str or Path
-        The robot's configuration file as the page names it in commands and instructions.
+        The robot's configuration file as the page of an identification or diagnosis names it in
+        commands and instructions.
+    reports : mapping of str to str, optional
+        Of a fleet: address of each robot's own report, relative to `out`, by the robot's name.
 
     Returns
     -------
     Path, Path or None
-        result.json and report.html; None where there is no page, and none of an earlier result.
-
-    Raises
-    ------
-    UsageError
-        The folder cannot be written, or holds a diagnosis or a file of somebody else.
-    """
-    draw = partial(report_html, result, str(config))
-    return _write(Path(out), RESULT, result.to_json(), draw, force)
-
-
-def write_gap_report(
-    result: GapResult, out: FilePath, *, force: bool = False, config: FilePath = CONFIGURATION
-) -> tuple[Path, Path | None]:
-    """Write gap.json, then report.html; otherwise as `write_report`.
-
-    Parameters
-    ----------
-    result : GapResult
-        What `diagnose` found.
-    out : str or Path
-        Folder; created if it does not exist.
-    force : bool
-        Replace files there that this program did not write.
-    config : str or Path
-        The robot's configuration file as the page names it in commands and instructions.
-
-    Returns
-    -------
-    Path, Path or None
-        gap.json and report.html; None where there is no page, and none of an earlier result.
-
-    Raises
-    ------
-    UsageError
-        The folder cannot be written, or holds an identification or a file of somebody else.
-    """
-    draw = partial(gap_report_html, result, str(config))
-    return _write(Path(out), GAP, result.to_json(), draw, force)
-
-
-def write_replay_report(
-    result: ReplayResult, out: FilePath, *, force: bool = False
-) -> tuple[Path, Path | None]:
-    """Write replay.json, then report.html; otherwise as `write_report`.
-
-    Returns
-    -------
-    Path, Path or None
-        replay.json and report.html; None where there is no page, and none of an earlier result.
+        Numbers and page; None where there is no page, and none of an earlier result.
 
     Raises
     ------
     UsageError
         The folder cannot be written, or holds another result or a file of somebody else.
     """
-    return _write(Path(out), REPLAY, result.to_json(), partial(replay_html, result), force)
+    name, page_name, html = _FILES[type(result)]
+    draw = partial(html, result)
+    if isinstance(result, (IdentificationResult, GapResult)):
+        draw = partial(html, result, str(config))
+    elif isinstance(result, FleetResult):
+        draw = partial(html, result, reports)
+    numbers, page = Path(out) / name, Path(out) / page_name
+    with require_writable(Path(out), (name, page_name), force=force):
+        try:
+            write_together({numbers: result.to_json()})
+        except OSError as error:
+            raise _refusal(Path(out), error) from error
+    try:
+        # That of an earlier result would pass for the page of this one.
+        page.unlink(missing_ok=True)
+        write_together({page: draw()})
+    except Exception as error:
+        if os.environ.get("IDIM_IV_TRACEBACK"):
+            raise
+        warnings.warn(
+            f"{page}: the report cannot be drawn or written ({one_line(error)}); all numbers are "
+            f"in {numbers}",
+            ReportWarning,
+            stacklevel=2,
+        )
+        return numbers, None
+    return numbers, page
 
 
-def write_servo_report(
-    result: ServoResult, out: FilePath, *, force: bool = False
-) -> tuple[Path, Path | None]:
-    """Write servo.json, then report.html; otherwise as `write_report`."""
-    return _write(Path(out), SERVO, result.to_json(), partial(servo_html, result), force)
-
-
-def write_fleet_report(
-    result: FleetResult,
-    out: FilePath,
-    *,
-    reports: Mapping[str, str] | None = None,
-    force: bool = False,
-) -> tuple[Path, Path | None]:
-    """Write fleet.json, then fleet.html; otherwise as `write_report`.
-
-    Parameters
-    ----------
-    result : FleetResult
-        What `fleet_result` found.
-    out : str or Path
-        Folder; created if it does not exist.
-    reports : mapping of str to str, optional
-        Address of each robot's own report, relative to `out`, by the name of the robot.
-    force : bool
-        Replace files there that this program did not write.
-
-    Returns
-    -------
-    Path, Path or None
-        fleet.json and fleet.html; None where there is no page, and none of an earlier result.
-
-    Raises
-    ------
-    UsageError
-        The folder cannot be written, or holds a file of somebody else.
-    """
-    draw = partial(fleet_html, result, reports)
-    return _write(Path(out), FLEET, result.to_json(), draw, force, FLEET_PAGE)
+# Public names: a diagnosis and a replay have had functions of their own.
+write_gap_report = write_replay_report = write_report
 
 
 @contextmanager
@@ -193,14 +147,17 @@ def require_writable(
                 _keep_other_report(out, names)
             require_replaceable([out / name for name in names], force=force)
             undone.enter_context(made_folder(out))
-            _probe(out, names)
+            for name in names:
+                if (out / name).is_dir():
+                    raise IsADirectoryError(f"{name} is a folder there")
+            probe_place(out / names[0])
         except OSError as error:
             raise _refusal(out, error) from error
         yield
 
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
-    """Refuse a folder whose report.html is that of the other command: both have one."""
+    """Refuse a folder whose report.html is that of another command: several have one."""
     for name, command in _WRITTEN_BY.items():
         if name in names or REPORT not in names:
             continue
@@ -209,40 +166,6 @@ def _keep_other_report(out: Path, names: Sequence[str]) -> None:
                 f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
                 "replaced; give another --out, or --force"
             )
-
-
-def _probe(out: Path, names: Sequence[str]) -> None:
-    for name in names:
-        if (out / name).is_dir():
-            raise IsADirectoryError(f"{name} is a folder there")
-    probe_place(out / names[0])
-
-
-def _write(
-    out: Path, name: str, text: str, draw: Callable[[], str], force: bool, report: str = REPORT
-) -> tuple[Path, Path | None]:
-    """Write the numbers, then draw the page and write it."""
-    numbers, page = out / name, out / report
-    with require_writable(out, (name, report), force=force):
-        try:
-            write_together({numbers: text})
-        except OSError as error:
-            raise _refusal(out, error) from error
-    try:
-        # That of an earlier result would pass for the page of this one.
-        page.unlink(missing_ok=True)
-        write_together({page: draw()})
-    except Exception as error:
-        if os.environ.get("IDIM_IV_TRACEBACK"):
-            raise
-        warnings.warn(
-            f"{page}: the report cannot be drawn or written ({one_line(error)}); all numbers are "
-            f"in {numbers}",
-            ReportWarning,
-            stacklevel=3,
-        )
-        return numbers, None
-    return numbers, page
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

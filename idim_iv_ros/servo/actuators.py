@@ -4,7 +4,6 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,12 +13,24 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import SERVO, write_together
 from idim_iv_ros.identification.prepare import description_text, read_configured
-from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.model.mujoco_package import load_mujoco, set_first
 from idim_iv_ros.servo.result import ServoJoint, ServoResult
 
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
 _STEP = 0.002  # s, time step of the model where it gives none that is finer
 _PERIOD = 0.0005  # s, of the loop in simulations: servos compute theirs at 1 to 2 kHz
+_ISAAC_LAB = '''"""Servos of {robot}, identified without torques from {recordings}.
+
+Written from the documented fields of Isaac Lab 2.3, and not run there.
+"""
+
+from isaaclab.actuators import DelayedPDActuatorCfg
+
+PHYSICS_DT = {step!r}  # s; delays count such steps
+ACTUATORS = {{
+{actuators}
+}}
+'''
 _STIFF = 2.0  # steps: shortest time constant of dry friction that MuJoCo integrates
 
 
@@ -71,7 +82,7 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
         joint.armature = rounded(servo, "armature")
         # The recording says what the torque is limited to, not the data sheet.
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-        _set_first(joint, "damping", rounded(servo, "damping"))
+        set_first(joint, "damping", rounded(servo, "damping"))
         joint.frictionloss = rounded(servo, "dry friction")
         joint.solref_friction = [_STIFF * step, 1.0]
         stiffness = rounded(servo, "stiffness")
@@ -88,15 +99,6 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
             position.delay, position.nsample = delay, math.ceil(delay / step) + 1
     spec.compile()
     return str(spec.to_xml())
-
-
-def _set_first(element: Any, name: str, value: float) -> None:
-    """Set a number that newer versions of MuJoCo hold as the first of a polynomial."""
-    before = getattr(element, name)
-    if np.ndim(before):
-        setattr(element, name, [value, *[0.0] * (len(before) - 1)])
-    else:
-        setattr(element, name, value)
 
 
 def _without_shapes(urdf: str) -> str:
@@ -120,38 +122,32 @@ def servo_isaac_lab(result: ServoResult, step: float = 0.005) -> str:
     step
         Time step of the simulation, s, in which delays are counted.
     """
-    lines = [
-        f'"""Servos of {result.robot}, identified without torques from '
-        f"{', '.join(result.recordings)}.",
-        "",
-        "Written from the documented fields of Isaac Lab 2.3, and not run there.",
-        '"""',
-        "",
-        "from isaaclab.actuators import DelayedPDActuatorCfg",
-        "",
-        f"PHYSICS_DT = {step!r}  # s; delays count such steps",
-        "ACTUATORS = {",
-    ]
+    actuators = []
     for servo in result.joints:
         if not servo.absolute:
-            lines.append(f"    # {servo.joint}: its stiffness is not known in N m/rad")
+            actuators.append(f"    # {servo.joint}: its stiffness is not known in N m/rad")
             continue
         late = round(rounded(servo, "delay") / step)
-        lines += [
-            f'    "{servo.joint}": DelayedPDActuatorCfg(',
-            f'        joint_names_expr=["{servo.joint}"],',
-            f"        stiffness={rounded(servo, 'stiffness')},  # N m/rad",
-            "        damping=0.0,  # of the loop; it is part of viscous_friction",
-            f"        armature={rounded(servo, 'armature')},  # kg m2",
-            f"        friction={rounded(servo, 'dry friction')},  # N m",
-            f"        dynamic_friction={rounded(servo, 'dry friction')},  # N m",
-            f"        viscous_friction={rounded(servo, 'damping')},  # N m s/rad",
-        ]
         limit = rounded(servo, "torque limit", math.inf)
-        if math.isfinite(limit):
-            lines.append(f"        effort_limit={limit},  # N m")
-        lines += [f"        min_delay={late},", f"        max_delay={late},", "    ),"]
-    return "\n".join([*lines, "}", ""])
+        fields = [
+            f'joint_names_expr=["{servo.joint}"],',
+            f"stiffness={rounded(servo, 'stiffness')},  # N m/rad",
+            "damping=0.0,  # of the loop; it is part of viscous_friction",
+            f"armature={rounded(servo, 'armature')},  # kg m2",
+            f"friction={rounded(servo, 'dry friction')},  # N m",
+            f"dynamic_friction={rounded(servo, 'dry friction')},  # N m",
+            f"viscous_friction={rounded(servo, 'damping')},  # N m s/rad",
+            *([f"effort_limit={limit},  # N m"] if math.isfinite(limit) else []),
+            *(f"min_delay={late},", f"max_delay={late},"),
+        ]
+        actuators += [f'    "{servo.joint}": DelayedPDActuatorCfg(']
+        actuators += [*(f"        {field}" for field in fields), "    ),"]
+    return _ISAAC_LAB.format(
+        robot=result.robot,
+        recordings=", ".join(result.recordings),
+        step=step,
+        actuators="\n".join(actuators),
+    )
 
 
 def servo_configuration(

@@ -7,8 +7,8 @@ hold none of the noise that stands on both sides of the equation, so that estima
 zero as least squares on measured speeds and accelerations do.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -22,7 +22,7 @@ PARAMETERS = Drive._fields
 _STEP = 1e-3
 STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
 _BLOCK = 1.0  # s, over which residuals may depend on one another
-DIFFERENCE = 1e-4  # of the scale of a parameter
+_DIFFERENCE = 1e-4  # of the scale of a parameter
 _LARGE = 1e9  # rad, of a simulation that ran away
 _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that changes nothing
 
@@ -97,6 +97,12 @@ class DriveEstimate:
     residual: float
     blocks: int
 
+    @property
+    def free(self) -> list[str]:
+        """Parameters that were fitted."""
+        fitted = np.diag(self.covariance) > 0.0
+        return [name for name, free in zip(PARAMETERS, fitted, strict=True) if free]
+
 
 def residuals(runs: Sequence[Run], drive: Drive) -> FloatArray:
     """Measured less simulated positions of all runs where they are compared, (n,) rad."""
@@ -145,7 +151,7 @@ def fit_drive(
         columns = []
         for k in range(len(x)):
             step = np.zeros(len(x))
-            step[k] = DIFFERENCE
+            step[k] = _DIFFERENCE
             lower = np.maximum(x - step, low)
             columns.append((difference(x + step) - difference(lower)) / (x[k] + step[k] - lower[k]))
         return np.column_stack(columns)
@@ -162,14 +168,14 @@ def fit_drive(
         xtol=1e-6,
         ftol=tolerance,
     )
-    found = drive(answer.x)
+    fitted = drive(answer.x)
     covariance = np.zeros((len(first), len(first)))
-    sandwich, blocks = block_covariance(used_labels(runs), answer.fun, answer.jac)
+    sandwich, blocks = block_covariance(_used_labels(runs), answer.fun, answer.jac)
     covariance[np.ix_(places, places)] = sandwich * np.outer(unit, unit)
-    return DriveEstimate(found, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
+    return DriveEstimate(fitted, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
 
 
-def used_labels(runs: Sequence[Run]) -> IntArray:
+def _used_labels(runs: Sequence[Run]) -> IntArray:
     """Blocks of the samples that are compared."""
     labels = zip(block_labels(runs), runs, strict=True)
     return np.concatenate([label[run.used] for label, run in labels])
@@ -226,3 +232,56 @@ def block_covariance(
     for direction in directions.T[values < _UNSEEN * values[-1]]:
         covariance += _LARGE * np.outer(direction, direction)
     return covariance / np.outer(size, size), count
+
+
+def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
+    """Factor of the gain or of the load of one run that suits a drive found on others.
+
+    Parameters
+    ----------
+    what
+        ``gain`` or ``load``.
+
+    Returns
+    -------
+    factor, standard deviation
+        With what is not sure of the drive, and blocks that differ.
+    """
+
+    def residual(factor: float, drive: Drive) -> FloatArray:
+        return residuals([_scaled(run, factor, what)], drive)
+
+    solution = scipy.optimize.least_squares(
+        lambda x: residual(float(x[0]), answer.drive), [1.0], bounds=(0.01, 100.0), x_scale="jac"
+    )
+    factor = float(solution.x[0])
+    slope = _slope(lambda x: residual(x, answer.drive), factor, _DIFFERENCE)
+    scatter, _ = block_covariance(_used_labels([run]), solution.fun, slope[:, None])
+    variance = float(scatter[0, 0])
+    bread = float(slope @ slope)
+    values, spread = np.array(answer.drive), np.sqrt(np.diag(answer.covariance))
+    change = np.zeros(len(values))
+    for k in np.flatnonzero(spread > 0.0):
+
+        def moved(value: float, k: int = int(k)) -> FloatArray:
+            drive = values.copy()
+            drive[k] = value
+            return residual(factor, Drive(*drive))
+
+        column = _slope(
+            moved, float(values[k]), min(0.1 * float(spread[k]), 0.5 * values[k] + 1e-6)
+        )
+        change[k] = -float(slope @ column) / bread
+    return factor, float(np.sqrt(variance + change @ answer.covariance @ change))
+
+
+def _scaled(run: Run, factor: float, what: str) -> Run:
+    """Return a run whose gain or load is multiplied."""
+    if what == "gain":
+        return replace(run, gain=factor * run.gain)
+    inertia, torque, slope = (factor * values for values in run.load[:3])
+    return replace(run, load=Load(inertia, torque, slope, run.load.position))
+
+
+def _slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
+    return (function(at + step) - function(at - step)) / (2.0 * step)

@@ -15,13 +15,11 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.servo.factor import fit_factor
-from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, residuals
+from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, fit_factor, residuals
 from idim_iv_ros.servo.loop_kernel import Drive
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
-from idim_iv_ros.servo.rigid_load import Motion, RigidLoad, Trajectory, finer_motion
-from idim_iv_ros.servo.robot_fit import fit_robot
+from idim_iv_ros.servo.robot_fit import Motion, RigidLoad, Trajectory, finer_motion, fit_robot
 from idim_iv_ros.servo.start import ordinary_least_squares, scales, smooth_motion
 from idim_iv_ros.signals.joint_side import joint_transform
 from idim_iv_ros.types import FloatArray
@@ -56,30 +54,33 @@ def fit_servos(
         finer_motion(smooth_motion(motion.position, motion.rate), motion.finer)
         for motion in motions
     ]
-    estimates: list[DriveEstimate] = []
+    starts: list[Drive | None] = [None] * len(robot.joints)
     tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH
+    loads = _loads(motions, robot, trajectories)
     for _ in range(_TURNS):
-        loads = [
-            RigidLoad.along(motion.robot or robot, trajectory)
-            for motion, trajectory in zip(motions, trajectories, strict=True)
-        ]
-        starts: list[Drive | None] = [estimate.drive for estimate in estimates]
-        starts = starts or [None] * len(robot.joints)
         estimates = [
             fit_joint(_runs(motions, loads, joint), start, tolerance=tolerance)
             for joint, start in enumerate(starts)
         ]
-        drives = np.array([estimate.drive for estimate in estimates])
+        starts = [estimate.drive for estimate in estimates]
+        drives = np.array(starts)
         trajectories = [
             _simulated(load, drives, motion) for motion, load in zip(motions, loads, strict=True)
         ]
-    loads = [
-        RigidLoad.along(motion.robot or robot, trajectory)
-        for motion, trajectory in zip(motions, trajectories, strict=True)
-    ]
+        loads = _loads(motions, robot, trajectories)
     if len(robot.joints) > 1:
         estimates, loads = fit_robot(motions, loads, robot, estimates)
     return [(_runs(motions, loads, joint), estimate) for joint, estimate in enumerate(estimates)]
+
+
+def _loads(
+    motions: Sequence[Motion], robot: RobotModel, trajectories: Sequence[Trajectory]
+) -> list[RigidLoad]:
+    """What the rigid bodies ask along these trajectories."""
+    return [
+        RigidLoad.along(motion.robot or robot, trajectory)
+        for motion, trajectory in zip(motions, trajectories, strict=True)
+    ]
 
 
 def _simulated(load: RigidLoad, drives: FloatArray, motion: Motion) -> Trajectory:
@@ -287,9 +288,7 @@ def _joint(
             "stiffness of the loop are known: add a known mass, or move where gravity acts"
         )
         start = answer.drive._replace(compliance=0.0, load_friction=0.0)
-        free = [
-            name for name in _present(start._replace(load_friction=0.0)) if name != "compliance"
-        ]
+        free = [name for name in _present(start) if name != "compliance"]
         answer = fit_drive(runs, start, free, scales(runs))
     position = np.concatenate([run.position[run.valid] for run in runs])
     steps = np.diff(np.unique(position))
@@ -310,24 +309,20 @@ def _joint(
 
 def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
     """Error, rad, at each half of the recordings of what was fitted to the other half alone."""
-    spread = np.sqrt(np.diag(answer.covariance))
-    free = [name for name, std in zip(PARAMETERS, spread, strict=True) if std > 0.0]
-    total, count = 0.0, 0
-    for first in (True, False):
-        halves = []
-        for run in runs:
-            early = np.arange(len(run.position)) < len(run.position) // 2
-            halves.append(early if first else ~early)
-        fitted = [
-            replace(run, valid=run.valid & half) for run, half in zip(runs, halves, strict=True)
-        ]
-        others = [
-            replace(run, valid=run.valid & ~half) for run, half in zip(runs, halves, strict=True)
-        ]
-        drive = fit_drive(fitted, answer.drive, free, scales(runs)).drive
-        error = residuals(others, drive)
-        total, count = total + float(error @ error), count + len(error)
-    return float(np.sqrt(total / count)) if count else float("nan")
+    early = [np.arange(len(run.position)) < len(run.position) // 2 for run in runs]
+    errors = []
+    for halves in (early, [~half for half in early]):
+        fitted, others = (
+            [
+                replace(run, valid=run.valid & (half == inside))
+                for run, half in zip(runs, halves, strict=True)
+            ]
+            for inside in (True, False)
+        )
+        drive = fit_drive(fitted, answer.drive, answer.free, scales(runs)).drive
+        errors.append(residuals(others, drive))
+    error = np.concatenate(errors)
+    return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
 
 
 def _gain_checks(
@@ -338,12 +333,10 @@ def _gain_checks(
     settings: Sequence[float],
 ) -> list[GainCheck]:
     """Compare the gain of each recording with what the others make of it."""
-    spread = np.sqrt(np.diag(answer.covariance))
-    free = [name for name, std in zip(PARAMETERS, spread, strict=True) if std > 0.0]
     checks = []
     for number, (motion, given) in enumerate(zip(motions, settings, strict=True)):
         others = [run for k, run in enumerate(runs) if k != number]
-        drive = fit_drive(others, answer.drive, free, scales(runs))
+        drive = fit_drive(others, answer.drive, answer.free, scales(runs))
         factor, std = fit_factor(runs[number], drive, "gain")
         wide = interval_width(drive) * std
         low, high = given * max(factor - wide, 0.0), given * (factor + wide)
@@ -387,11 +380,8 @@ def _warnings(
     fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
 ) -> tuple[str, ...]:
     warnings = list(robot.doubts)
-    lost = (
-        _lost(joint, motions, runs, answer)
-        for joint, (runs, answer) in zip(joints, fitted, strict=True)
-    )
-    warnings += filter(None, lost)
+    for joint, (runs, answer) in zip(joints, fitted, strict=True):
+        warnings += filter(None, [_lost(joint, motions, runs, answer)])
     given = configuration.controller.kp
     for place, joint in enumerate(joints):
         stiffness = joint.number("stiffness")

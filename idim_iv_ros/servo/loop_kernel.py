@@ -208,10 +208,10 @@ def simulate_joints(
                     for other in range(joints):
                         if other != j:
                             others += mass[k, j, other] * change[other]
-                    own = compliance * mass[k, j, j] + drives[j, 1] + 0.5 * step * drives[j, 2]
-                    own += 0.25 * step**2 * gain
-                    free = v[j] + (step * pull[j] - compliance * others) / own
-                    most = step * dry[j] / own
+                    inertia = compliance * mass[k, j, j] + drives[j, 1] + 0.5 * step * drives[j, 2]
+                    inertia += 0.25 * step**2 * gain
+                    free = v[j] + (step * pull[j] - compliance * others) / inertia
+                    most = step * dry[j] / inertia
                     stop[j] = 1.0
                     if v[j] == 0.0:
                         after = 0.0 if abs(free) <= most else free - math.copysign(most, free)

@@ -3,7 +3,12 @@
 from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs, motion_bandwidth
 from idim_iv_ros.signals.decimation import ParallelDecimation, common_factors, decimation_factor
-from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
+from idim_iv_ros.signals.filters import (
+    butterworth_samples,
+    central_differences,
+    settling_samples,
+    zero_phase_butterworth,
+)
 from idim_iv_ros.signals.joint_side import JointSignals, JointTransform, joint_side, joint_transform
 from idim_iv_ros.signals.motion import (
     REVERSAL_MARGIN,
@@ -12,9 +17,8 @@ from idim_iv_ros.signals.motion import (
     difference_order,
     fast_samples,
     filter_motion,
+    torque_noise,
 )
-from idim_iv_ros.signals.noise import torque_noise
-from idim_iv_ros.signals.settling import butterworth_samples, settling_samples
 
 __all__ = [
     "REVERSAL_MARGIN",

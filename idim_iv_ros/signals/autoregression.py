@@ -107,8 +107,8 @@ class AutoregressiveModel:
         """(p + 1,) of lags 0 … p, from the recursion that gave the reflections."""
         correlation, energy = np.ones(1), 1.0
         for reflection, polynomial in zip(self.reflections, self._predictors, strict=False):
-            known = float(polynomial[1:] @ correlation[:0:-1])
-            correlation = np.append(correlation, -reflection * energy - known)
+            predicted = float(polynomial[1:] @ correlation[:0:-1])
+            correlation = np.append(correlation, -reflection * energy - predicted)
             energy *= 1.0 - reflection**2
         return correlation
 
@@ -271,7 +271,7 @@ def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) 
     """
     series = series.reshape(len(series), -1)
     reflections = np.empty(order)
-    found = burg(
+    reached = burg(
         np.array(series, order="C"),
         np.array(series, order="C"),
         _place_in_segment(segments, len(series)),
@@ -280,7 +280,7 @@ def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) 
         _UNITY,
         reflections,
     )
-    return reflections[:found]
+    return reflections[:reached]
 
 
 def _place_in_segment(segments: Sequence[slice], n_rows: int) -> IntArray:

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from idim_iv_ros.signals.settling import settling_samples
+from idim_iv_ros.signals.filters import settling_samples
 from idim_iv_ros.signals.zero_phase_kernel import LANES, TILE, forward_backward
 from idim_iv_ros.types import FloatArray, IntArray
 

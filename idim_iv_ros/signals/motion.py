@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError
@@ -28,6 +29,8 @@ _STILL_RANGE = 1e-4
 _STILL_STEPS = 2.5
 # A jump is longer than the step of any encoder, rad (m), and most of the joint's range at once.
 _LEAST_JUMP, _JUMP = 1e-2, 0.5
+_SEGMENT = 2.0  # s, of a spectrum of the torque
+_ABOVE = 3.0  # times the decimation cut-off, where only noise is left
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,7 @@ def _still_joints(
         for record in signals
         if (jump := _jump(record.position[:, joint], record.rate))
     }
-    found = [
+    sentences = [
         (f"{joints[joint]} stands still beside a jump{where}", "this")
         for joint, where in jumps.items()
     ]
@@ -208,8 +211,8 @@ def _still_joints(
         joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
     )
     if names:
-        found.append((f"{names} stands still", "its noise"))
-    return found
+        sentences.append((f"{names} stands still", "its noise"))
+    return sentences
 
 
 def _why_still(
@@ -330,3 +333,25 @@ def all_around(good: BoolArray, decimation: ParallelDecimation, distance: int) -
         bad = np.concatenate([[0], np.cumsum(~samples)])
         around[:, joint] = bad[last] == bad[first]
     return around
+
+
+def torque_noise(motions: Sequence[Motion]) -> FloatArray:
+    """Standard deviation that measurement noise gives a decimated torque row, (n_joints,) N m.
+
+    The power spectral density (Welch) at frequencies well above the decimation cut-off is taken
+    for that of white noise, its median over frequency, times the band that the decimation
+    filter lets through. Disturbances that live at low frequencies only are not in it.
+    """
+    variances = []
+    for motion in motions:
+        rate, factor = motion.signals.rate, motion.decimation.factor
+        edge = motion.decimation.edge if factor > 1 else 1.0
+        band = edge * rate / (2.0 * factor)
+        segment = min(len(motion.torque), max(64, int(_SEGMENT * rate)))
+        lowest = min(_ABOVE * band, 0.375 * rate)
+        floors = []
+        for joint in motion.torque.T:
+            frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment)
+            floors.append(float(np.median(density[frequency >= lowest])))
+        variances.append(np.array(floors) * band)
+    return np.asarray(np.sqrt(np.mean(variances, axis=0)))

@@ -10,10 +10,7 @@ from idim_iv_ros.simulation.controller import (
     fit_controller,
 )
 from idim_iv_ros.simulation.effects import SimulatedEffect
-from idim_iv_ros.simulation.recorded_robot import (
-    SimulatedRecording,
-    record_simulated_robot,
-)
+from idim_iv_ros.simulation.recorded_robot import SimulatedRecording, record_simulated_robot
 from idim_iv_ros.simulation.reference_filter import ReferenceFilter, filter_reference
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, joint_inertia, mass_matrix
 

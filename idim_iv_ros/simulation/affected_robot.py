@@ -44,12 +44,12 @@ class JointContributions:
 
     def of(self, kind: type[_Kind]) -> Iterator[tuple[int, _Kind]]:
         """Those of one kind, each after its joint."""
-        return ((joint, each) for joint, _, each in self.items if isinstance(each, kind))
+        return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
 
     @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
         """Those between two joints."""
-        return [(a, b, each) for a, b, each in self.items if isinstance(each, CouplingTerm)]
+        return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
 
 
 def contributions_of(effects: Sequence[JointEffect], coulomb: FloatArray) -> JointContributions:
@@ -118,14 +118,14 @@ def affected_robot(
     current[:n] = np.where(dry, np.maximum(current[:n], LEAST_LEVEL), 0.0)
     changing = grown._replace(level=current, damping=grown.damping.copy())
     couplings = len(added.couplings)
-    own = grown.level.copy()
-    own[len(own) - couplings :] = 0.0
+    unchanged = grown.level.copy()
+    unchanged[len(unchanged) - couplings :] = 0.0
     link = np.arange(n)
     for k, shaft in enumerate(shafts):
         link[place[shaft.joint]] = n + k
     arrays = Effects(
-        rows=effect_rows(added, place, first_coupling=len(own) - couplings),
-        level=own,
+        rows=effect_rows(added, place, first_coupling=len(unchanged) - couplings),
+        level=unchanged,
         damping=grown.damping,
         model_level=np.pad(model.level, (0, couplings)),
         model_damping=model.damping,
@@ -159,12 +159,12 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     """Contributions with compiled laws; `first_coupling`: contact of the first coupling."""
     torques: list[_Row] = []
     contact = first_coupling
-    for joint, _, each in added.items:
-        if isinstance(each, TorqueTerm):
-            kind = TORQUE_LAWS.index(each.law)
-            torques.append((kind, int(place[joint]), each.load, each.values))
-        elif isinstance(each, CouplingTerm):
-            torques.append((TORQUE_LAWS.index(each.law), contact, Load.LINKS, each.values))
+    for joint, _, part in added.items:
+        if isinstance(part, TorqueTerm):
+            kind = TORQUE_LAWS.index(part.law)
+            torques.append((kind, int(place[joint]), part.load, part.values))
+        elif isinstance(part, CouplingTerm):
+            torques.append((TORQUE_LAWS.index(part.law), contact, Load.LINKS, part.values))
             contact += 1
     curves: list[_Row] = [
         (DRIVE_LAWS.index(curve.law), int(place[joint]), Load.LINKS, curve.values)
@@ -260,12 +260,12 @@ def changed_law(
 def encoder_error(added: JointContributions, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What encoders add to true positions (…, n_joints), and its derivative by position."""
     error, slope = np.zeros_like(position), np.zeros_like(position)
-    for j, each in added.of(EncoderError):
-        own, own_slope = each.law.error.py_func(  # type: ignore[attr-defined]
-            each.values, position[..., j]
+    for j, encoder in added.of(EncoderError):
+        of_encoder, slope_of_encoder = encoder.law.error.py_func(  # type: ignore[attr-defined]
+            encoder.values, position[..., j]
         )
-        error[..., j] += own
-        slope[..., j] += own_slope
+        error[..., j] += of_encoder
+        slope[..., j] += slope_of_encoder
     return error, slope
 
 

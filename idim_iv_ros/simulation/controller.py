@@ -1,4 +1,4 @@
-"""Control laws of the recorded robot, as the simulated loop runs them."""
+"""Control laws of the recorded robot: as configured, or fitted to its logged signals."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ CANDIDATES = ("ki", "reference_velocity", "reference_acceleration", "reference_d
 CLEAR_IMPROVEMENT = 0.2
 # The worst ratio of the law's unit-scaled columns' singular values that a term may cause.
 COLLINEAR = 1e-3
+LONGEST_DELAY = 3  # samples from the errors to the torque that are tried
 
 
 @dataclass(frozen=True)
@@ -249,7 +250,6 @@ def fit_controller(
     *,
     cutoff: float | None = None,
     torque_limit: Sequence[float] | None = None,
-    longest_delay: int = 3,
 ) -> ControllerFit:
     """Regress the logged torque on what a control law can be made of.
 
@@ -265,8 +265,6 @@ def fit_controller(
         the rate. Noise of the measured errors biases the gains towards zero.
     torque_limit
         (n_joints,) Samples at the limit do not follow the law and are left out.
-    longest_delay
-        Delays of 0 … this many samples are tried.
     """
     cutoff = rate / 10.0 if cutoff is None else cutoff
     sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")
@@ -289,14 +287,14 @@ def fit_controller(
     terms = (*LAW, *CANDIDATES)
     stack = np.stack([signals[term] for term in terms], axis=2)
     target = smooth(torque)
-    edge = min(int(np.ceil(2.0 * rate / cutoff)), len(position) // 10) + longest_delay
+    edge = min(int(np.ceil(2.0 * rate / cutoff)), len(position) // 10) + LONGEST_DELAY
     inside = np.zeros(len(position), dtype=bool)
     inside[edge : len(position) - edge] = True
     joints = position.shape[1]
     rows = np.repeat(inside[:, None], joints, axis=1)
     if torque_limit is not None:
         rows &= np.abs(torque) < 0.99 * np.asarray(torque_limit)
-    delay = _delay(stack[:, :, : len(LAW)], target, rows, longest_delay)
+    delay = _delay(stack[:, :, : len(LAW)], target, rows)
     stack = np.roll(stack, delay, axis=0)
     fits = [_fit_joint(stack[rows[:, j], j], target[rows[:, j], j]) for j in range(joints)]
     gains, std, included, r_squared = (np.array(values) for values in zip(*fits, strict=True))
@@ -310,10 +308,10 @@ def _derivatives(
     return velocity, np.asarray(np.gradient(velocity, 1.0 / rate, axis=0))
 
 
-def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_], longest: int) -> int:
+def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_]) -> int:
     """Delay with the least residual energy, each joint's in units of its torque's."""
     energies = []
-    for delay in range(longest + 1):
+    for delay in range(LONGEST_DELAY + 1):
         shifted, total = np.roll(stack, delay, axis=0), 0.0
         for joint in range(target.shape[1]):
             y = target[rows[:, joint], joint]

@@ -159,11 +159,7 @@ def _share(plant: Plant, mode: IntArray, holding: FloatArray) -> None:
 
 @kernel
 def accelerate(
-    plant: Plant,
-    resting: NDArray[np.bool_],
-    mode: IntArray,
-    work: Workspace,
-    ddq: FloatArray,
+    plant: Plant, resting: NDArray[np.bool_], mode: IntArray, work: Workspace, ddq: FloatArray
 ) -> None:
     """Accelerations with dry friction; decides which resting contacts stay stuck.
 

@@ -79,8 +79,8 @@ def joint_effects(
         name = f"{one.source}: {one.effect}" if one.source else one.effect
         cause = BY_NAME.get(one.effect)
         if cause is None:
-            known = ", ".join(sorted(BY_NAME))
-            raise UsageError(f"{name} is not an effect that can be simulated; they are {known}")
+            names = ", ".join(sorted(BY_NAME))
+            raise UsageError(f"{name} is not an effect that can be simulated; they are {names}")
         if cause.in_base_parameters:
             continue
         places = _places(one, cause, name, list(joints))
@@ -114,8 +114,8 @@ def _completed(
     for key, number in given.items():
         spec = cause.spec(key)
         if spec is None or key.endswith("_k"):
-            known = ", ".join(spec.name for spec in cause.specs)
-            raise UsageError(f"{name}: unknown parameter {key}; they are {known}")
+            names = ", ".join(spec.name for spec in cause.specs)
+            raise UsageError(f"{name}: unknown parameter {key}; they are {names}")
         spec.check(float(number), f"{name}: {key}")
         term = re.search(r"_(\d+)$", key) if spec.name.endswith("_k") else None
         place = value if term is None else numbered.setdefault(int(term[1]), {})

@@ -1,6 +1,6 @@
 """A robot's tree, dynamic parameters and friction as the arrays that compiled code works on."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,20 +135,12 @@ def initial_state(
     fraction[fraction < 1e-6 * period] = 0.0
     slip = dq[plant.first] + np.where(plant.second >= 0, plant.direction * dq[plant.second], 0.0)
     n = len(delay)
-    return State(
-        q,
-        dq,
-        *np.zeros((5, len(q))),
-        *np.zeros((5, n)),
-        fraction,
-        *np.zeros((2, n)),
-        whole,
-        arrivals=np.zeros(n, dtype=np.int64),
-        pending=np.zeros((whole.max() + 2, n)),
-        resting=(slip == 0.0) & (plant.level > 0.0),
-        mode=np.sign(slip).astype(np.int64),
-        spare_mode=np.zeros(len(slip), dtype=np.int64),
-    )
+    # In the order of the fields.
+    values: list[Any] = [q, dq, *np.zeros((5, len(q))), *np.zeros((5, n)), fraction]
+    values += [*np.zeros((2, n)), whole, np.zeros(n, dtype=np.int64)]
+    values += [np.zeros((whole.max() + 2, n)), (slip == 0.0) & (plant.level > 0.0)]
+    values += [np.sign(slip).astype(np.int64), np.zeros(len(slip), dtype=np.int64)]
+    return State(*values)
 
 
 def workspace(plant: Plant) -> Workspace:

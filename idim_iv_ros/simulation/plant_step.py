@@ -108,12 +108,7 @@ def prepare_with_effects(
 
 @kernel
 def advance(
-    plant: Plant,
-    effects: Effects | None,
-    time: float,
-    state: State,
-    step: float,
-    work: Workspace,
+    plant: Plant, effects: Effects | None, time: float, state: State, step: float, work: Workspace
 ) -> bool:
     """Advance the state by one step under a constant torque; False if M is not positive.
 

@@ -173,17 +173,17 @@ def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
     return np.asarray(filtered)
 
 
-def _centred_mean(held: FloatArray, ratio: int) -> FloatArray:
+def _centred_mean(command: FloatArray, ratio: int) -> FloatArray:
     """Mean of a held command over the sample period centred on each sample.
 
     `held[i]` acts from control instant i to the next; before the first, it is taken to have been
     held. Half a period is ratio/2 control periods on either side.
     """
     whole, half = ratio // 2, ratio % 2
-    padded = np.concatenate([np.repeat(held[:1], whole + 1, axis=0), held])
-    padded = np.concatenate([padded, np.repeat(held[-1:], whole + 1, axis=0)])
-    centres = np.arange(0, len(held), ratio) + whole + 1
-    total = np.zeros((len(centres), held.shape[1]))
+    padded = np.concatenate([np.repeat(command[:1], whole + 1, axis=0), command])
+    padded = np.concatenate([padded, np.repeat(command[-1:], whole + 1, axis=0)])
+    centres = np.arange(0, len(command), ratio) + whole + 1
+    total = np.zeros((len(centres), command.shape[1]))
     for offset in range(-whole, whole):
         total += padded[centres + offset]
     if half:

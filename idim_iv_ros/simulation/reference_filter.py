@@ -128,9 +128,9 @@ def _filtered(signals: FloatArray, pole: float, weights: FloatArray) -> FloatArr
     """Weighted sum (n_samples,) of the columns, one signal at a time."""
     total = np.full(signals.shape[1], weights[0])
     for k, signal in enumerate(signals):
-        own = weights[1 + ORDER * k : 1 + ORDER * (k + 1)]
-        if np.any(own != 0.0):
-            total += _laguerre(signal, pole) @ own
+        of_signal = weights[1 + ORDER * k : 1 + ORDER * (k + 1)]
+        if np.any(of_signal != 0.0):
+            total += _laguerre(signal, pole) @ of_signal
     return total
 
 

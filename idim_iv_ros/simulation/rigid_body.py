@@ -1,5 +1,7 @@
 """Rigid-body dynamics, linear in the inertial parameters: compiled recursive algorithms.
 
+`inverse_dynamics` and `mass_matrix` are those of a whole robot, drives and friction included.
+
 Base parameters are not physical: a link may have first moments and no mass. pinocchio's own
 inertias (mass, centre of mass) cannot hold such values, so that its forward dynamics cannot
 simulate an estimate; these algorithms take M, MX … ZZ about the joint frame as they are.
@@ -194,11 +196,7 @@ _torques, _masses = _entries(source_digest(link_motion))
 
 
 def inverse_dynamics(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    q: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> FloatArray:
     """Torques that a motion needs: IDM(q, dq, ddq) β (paper, equation 3).
 

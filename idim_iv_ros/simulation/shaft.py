@@ -59,14 +59,14 @@ def split_drives(
         The drive inertia of one of `joints` is in neither of them, or not positive.
     """
     for joint in joints:
-        own, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
-        if own > 0.0:
+        inertia, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]
+        if inertia > 0.0:
             continue
         name = robot.joints[joint]
-        if own < 0.0:
+        if inertia < 0.0:
             raise UsageError(
                 f"elasticity or backlash at {name} needs a positive drive inertia, "
-                f"not {own:.3g} (Ia{joint + 1})"
+                f"not {inertia:.3g} (Ia{joint + 1})"
             )
         taken = None if given <= 0.0 else _link_share(robot, joint)
         if taken is None:
@@ -77,9 +77,7 @@ def split_drives(
         drive_inertia = parameters.drive_inertia.copy()
         drive_inertia[joint] = given
         parameters = replace(
-            parameters,
-            inertial=parameters.inertial - given * taken,
-            drive_inertia=drive_inertia,
+            parameters, inertial=parameters.inertial - given * taken, drive_inertia=drive_inertia
         )
     return parameters
 
@@ -118,10 +116,7 @@ def completed_shaft(shaft: Shaft, reduced: float) -> tuple[Shaft, float]:
 
 
 def fastest_shaft(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Sequence[Shaft],
-    position: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
 ) -> tuple[tuple[Shaft, ...], float]:
     """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
 
@@ -145,10 +140,7 @@ def fastest_shaft(
 
 
 def link_positions(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Sequence[Shaft],
-    position: FloatArray,
+    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
 ) -> FloatArray:
     """Positions (n_joints,) of the links at rest under gravity behind motors at `position`."""
     zeros = np.zeros_like(parameters.drive_inertia)

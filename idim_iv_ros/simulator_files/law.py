@@ -1,7 +1,7 @@
 """The control law that the robot runs, as actuators of a simulator can hold it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class DriveLaw:
-    """Gains from errors to torque, joint side, (n_joints,) each; None where no law is known.
+    """Gains from errors to torque, joint side, (n_joints,) each; zeros where no law is known.
 
     Attributes
     ----------
@@ -24,6 +24,7 @@ class DriveLaw:
         Infinite where there is none.
     period, delay : s
         Of the control; from the command to the torque.
+    known : bool
     beyond : tuple of str
         What of the law simulators have no element for.
     """
@@ -35,18 +36,20 @@ class DriveLaw:
     limit: FloatArray
     period: float
     delay: FloatArray
-    known: bool
+    configured: bool
     beyond: tuple[str, ...]
 
     @property
     def in_actuators(self) -> bool:
         """Whether proportional and derivative actuators are the whole law."""
-        return self.known and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
+        return (
+            self.configured and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
+        )
 
     @property
     def words(self) -> str:
         """The law in words."""
-        if not self.known:
+        if not self.configured:
             return "the control law is not known: give each motor its torque"
         slip = "(dq_ref - dq)" if self.velocity_reference else "(-dq)"
         integral = " + ki * integral of (q_ref - q)" if np.any(self.ki) else ""
@@ -67,50 +70,30 @@ def drive_law(
         Of the robot: those whose part is gains, delay or limit change the law.
     """
     n = len(joints)
-    zeros = np.zeros(n)
-    period = section.period or 0.001
-    if section.type == "unknown":
-        limit = np.full(n, np.inf) if section.torque_limit is None else section.torque_limit
-        law = DriveLaw(
-            zeros, zeros, zeros, False, np.array(limit), period, zeros + section.delay, False, ()
-        )
-    else:
-        known = control_law(section, n)
-        kp, kd, ki = (gain.copy() for gain in known.torque_gains)
-        law = DriveLaw(
-            kp,
-            kd,
-            ki,
-            velocity_reference=known.uses_velocity_reference,
-            limit=known.torque_limit.copy(),
-            period=period,
-            delay=zeros + known.delay,
-            known=True,
-            beyond=(),
-        )
+    law = None if section.type == "unknown" else control_law(section, n)
+    gains = (np.zeros(n),) * 3 if law is None else law.torque_gains
+    numbers = dict(zip(("kp", "kd", "ki"), (gain.copy() for gain in gains), strict=True))
+    limit = np.full(n, np.inf) if section.torque_limit is None else np.array(section.torque_limit)
+    delay, beyond = np.full(n, section.delay), []
     for effect in effects:
-        law = _changed(law, effect, list(joints))
-    return law
-
-
-def _changed(law: DriveLaw, effect: SimulatedEffect, joints: list[str]) -> DriveLaw:
-    places = range(len(joints)) if effect.joint is None else [joints.index(effect.joint)]
-    numbers, part = effect.parameters, part_of(effect.effect)
-    if part == "delay":
-        delay = law.delay.copy()
-        delay[list(places)] += numbers.get("delay", 0.0)
-        return replace(law, delay=delay)
-    if part == "limit" and not numbers.get("slope", 0.0):
-        limit = law.limit.copy()
-        limit[list(places)] = np.minimum(limit[list(places)], numbers["knee"])
-        return replace(law, limit=limit)
-    if part != "gains" or not law.known:
-        return law
-    gains = {"kp": law.kp.copy(), "kd": law.kd.copy(), "ki": law.ki.copy()}
-    beyond = list(law.beyond)
-    for name, value in numbers.items():
-        if name in gains:
-            gains[name][list(places)] = value
-        elif value:
-            beyond.append(f"{name} {value:.4g} at {effect.joint}")
-    return replace(law, kp=gains["kp"], kd=gains["kd"], ki=gains["ki"], beyond=tuple(beyond))
+        value, part = effect.parameters, part_of(effect.effect)
+        places = list(range(n)) if effect.joint is None else [list(joints).index(effect.joint)]
+        if part == "delay":
+            delay[places] += value.get("delay", 0.0)
+        elif part == "limit" and not value.get("slope", 0.0):
+            limit[places] = np.minimum(limit[places], value["knee"])
+        elif part == "gains" and law is not None:
+            for name, number in value.items():
+                if name in numbers:
+                    numbers[name][places] = number
+                elif number:
+                    beyond.append(f"{name} {number:.4g} at {effect.joint}")
+    return DriveLaw(
+        **numbers,
+        velocity_reference=law is not None and law.uses_velocity_reference,
+        limit=limit,
+        period=section.period or 0.001,
+        delay=delay,
+        configured=law is not None,
+        beyond=tuple(beyond),
+    )

@@ -74,18 +74,18 @@ def link_bodies(
         A link for which nothing possible is left.
     """
     carried = _carried(urdf, set(joints))
-    found, notes = {}, []
+    changed, notes = {}, []
     for joint, target in joints.items():
         main = urdf.joints[joint].child
         parts = carried[joint]
         others = [part for part in parts if part.link != main and part.parameters is not None]
-        own = next(part for part in parts if part.link == main)
-        rest = target - sum((_known(other) for other in others), np.zeros(10))
-        reference = rest if own.parameters is None else own.parameters
-        if own.parameters is not None and _same(rest, reference):
+        main_part = next(part for part in parts if part.link == main)
+        rest = target - sum((_parameters(other) for other in others), np.zeros(10))
+        reference = rest if main_part.parameters is None else main_part.parameters
+        if main_part.parameters is not None and _same(rest, reference):
             continue
         if is_possible(rest, reference):
-            found[main] = LinkBody.of(rest)
+            changed[main] = LinkBody.of(rest)
             continue
         names = ", ".join(other.link for other in others)
         if not others:
@@ -97,15 +97,15 @@ def link_bodies(
                 f"recording lets {joint} carry, and the nominal inertials are too degenerate to "
                 "spread the change; correct their inertials"
             )
-        found |= spread
+        changed |= spread
         notes.append(
             f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
             "that the file gives these, no body would be left for the link"
         )
-    return found, tuple(notes)
+    return changed, tuple(notes)
 
 
-def _known(part: _Part) -> FloatArray:
+def _parameters(part: _Part) -> FloatArray:
     assert part.parameters is not None
     return part.parameters
 
@@ -150,8 +150,8 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
 
 def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | None:
     """Map all parts alike; None where the nominal whole is no body."""
-    known = [part for part in parts if part.parameters is not None]
-    nominal = sum((_known(each) for each in known), np.zeros(10))
+    with_mass = [part for part in parts if part.parameters is not None]
+    nominal = sum((_parameters(part) for part in with_mass), np.zeros(10))
     try:
         root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(
             upper_root(pseudo_inertia(nominal))
@@ -159,12 +159,12 @@ def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | Non
     except np.linalg.LinAlgError:
         return None
     mapped = {}
-    for each in known:
-        matrix = root @ pseudo_inertia(_known(each)) @ root.T
+    for part in with_mass:
+        matrix = root @ pseudo_inertia(_parameters(part)) @ root.T
         parameters = inertial_parameters(matrix)
         body = pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
-        own = each.place.actInv(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
-        mapped[each.link] = LinkBody.of(own)
+        in_link = part.place.actInv(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
+        mapped[part.link] = LinkBody.of(in_link)
     return mapped
 
 

@@ -52,6 +52,25 @@ class JointValues:
     couplings: tuple[Coupled, ...] = ()
 
 
+def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:
+    """Attributes of an `<inertial>`; `anchor` (3,): of the body's frame in that of the joint, m."""
+    return {
+        "pos": numbers_text(body.centre + (0.0 if anchor is None else anchor)),
+        "mass": number_text(body.mass),
+        "fullinertia": numbers_text(body.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
+    }
+
+
+def friction_solver(lead: float, step: float) -> dict[str, str]:
+    """Attributes of a joint whose dry friction turns early (s), or as late as a step (s) lets it.
+
+    Early: 1/b = d T / 2 with the time constant T and the impedance d of MuJoCo's documentation.
+    """
+    if lead > 0.0:
+        return {"solreffriction": f"{max(2.0 * lead / _IMPEDANCE, 2.0 * step):.4g} 1"}
+    return {"solreffriction": f"{2.0 * step:.4g} 1", "solimpfriction": "0.99 0.99"}
+
+
 def mjcf_text(
     answer: Answer,
     urdf: Urdf,
@@ -87,6 +106,7 @@ def mjcf_text(
         A coupled transmission whose drives have less inertia or damping than it takes from them.
     """
     robot = answer.robot
+    model = _Model(robot, urdf, _behind_transmission(values, robot), law, native)
     root = Element("mujoco", model=robot.name)
     for line in comments:
         root.append(_comment(line))
@@ -98,40 +118,21 @@ def mjcf_text(
         gravity=_numbers(answer.model.gravity),
         integrator="implicitfast",
     )
-    custom = SubElement(root, "custom")
-    _law_numbers(custom, robot, law)
-    _native_names(custom, native)
-    world = SubElement(root, "worldbody")
-    values = _behind_transmission(values, robot)
-    bodies = _bodies(world, robot, urdf, values, law, native)
+    model.add_custom(SubElement(root, "custom"))
+    bodies = model.add_bodies(SubElement(root, "worldbody"))
     for name, (_, load) in mounted.items():
-        _payload(bodies[load.joint], name, load)
-    couplings = [*values.couplings, *native.couplings]
-    if couplings:
-        _tendons(SubElement(root, "tendon"), robot, couplings)
-    _actuators(SubElement(root, "actuator"), robot, law)
+        carrier = bodies[load.joint]
+        carrier.append(_comment(load.words))
+        SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))
+    if couplings := [*values.couplings, *native.couplings]:
+        model.add_tendons(SubElement(root, "tendon"), couplings)
+    model.add_actuators(SubElement(root, "actuator"))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def _comment(text: str) -> Any:
     return ElementTree.Comment(f" {text.replace('--', '- -')} ")
-
-
-def _native_names(custom: Element, native: NativeEffects) -> None:
-    """Elements that are effects: who reads the file as a nominal model leaves them out."""
-    for effect, names in native.listed.items():
-        listed = SubElement(custom, "tuple", name=effect)
-        for name in dict.fromkeys(names):
-            SubElement(listed, "element", objtype=BY_NAME[effect].element_of, objname=name)
-
-
-def _law_numbers(custom: Element, robot: RobotModel, law: DriveLaw) -> None:
-    """The law, for a loop that runs it itself."""
-    SubElement(custom, "text", name="control_law", data=law.words)
-    for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
-        SubElement(custom, "numeric", name=name, size=str(len(robot.joints)), data=_numbers(gains))
-    SubElement(custom, "numeric", name="period", data=_number(law.period))
 
 
 def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
@@ -151,146 +152,121 @@ def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
     return replace(values, armature=armature, damping=damping)
 
 
-def _bodies(
-    world: Element,
-    robot: RobotModel,
-    urdf: Urdf,
-    values: JointValues,
-    law: DriveLaw,
-    native: NativeEffects,
-) -> dict[str, Element]:
-    """One body for each joint, in the order of the tree; returned by joint."""
-    model = robot.pinocchio
-    elements: dict[int, Element] = {0: world}
-    for tree in range(1, model.njoints):
-        joint = int(robot.order[tree - 1])
-        name = robot.joints[joint]
-        place = model.jointPlacements[tree]
-        carrier = elements[int(model.parents[tree])]
-        body = SubElement(carrier, "body", {"name": urdf.joints[name].child, **_placement(place)})
-        elements[tree] = body
-        own = values.bodies[joint]
-        SubElement(body, "inertial", inertial_of(own))
-        _joint(body, robot, joint, values, law, native, np.array(urdf.joints[name].axis))
-        _drawn(body, robot, tree, own)
-    return {robot.joints[int(joint)]: elements[k + 1] for k, joint in enumerate(robot.order)}
+@dataclass(frozen=True)
+class _Model:
+    """What the elements of the model are made from."""
 
+    robot: RobotModel
+    urdf: Urdf
+    values: JointValues
+    law: DriveLaw
+    native: NativeEffects
 
-def _payload(carrier: Element, name: str, load: Load) -> None:
-    """A body of its own, in the frame of the one that carries it."""
-    carrier.append(_comment(load.words))
-    SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))
+    def add_custom(self, custom: Element) -> None:
+        """The law, for a loop that runs it itself, and the names of elements that are effects.
 
+        Who reads the file as a nominal model leaves these effects out.
+        """
+        law, size = self.law, str(len(self.robot.joints))
+        SubElement(custom, "text", name="control_law", data=law.words)
+        for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
+            SubElement(custom, "numeric", name=name, size=size, data=_numbers(gains))
+        SubElement(custom, "numeric", name="period", data=_number(law.period))
+        for effect, names in self.native.listed.items():
+            listed, kind = SubElement(custom, "tuple", name=effect), BY_NAME[effect].element_of
+            for name in dict.fromkeys(names):
+                SubElement(listed, "element", objtype=kind, objname=name)
 
-def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:
-    """Attributes of an `<inertial>`; `anchor` (3,): of the body's frame in that of the joint, m."""
-    return {
-        "pos": numbers_text(body.centre + (0.0 if anchor is None else anchor)),
-        "mass": number_text(body.mass),
-        "fullinertia": numbers_text(body.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
-    }
+    def add_bodies(self, world: Element) -> dict[str, Element]:
+        """One body for each joint, in the order of the tree; returned by joint."""
+        tree = self.robot.pinocchio
+        bodies = [world]
+        for index, joint in enumerate(self.robot.order, start=1):
+            link = self.urdf.joints[self.robot.joints[joint]].child
+            attributes = {"name": link, **_placement(tree.jointPlacements[index])}
+            body = SubElement(bodies[int(tree.parents[index])], "body", attributes)
+            SubElement(body, "inertial", inertial_of(self.values.bodies[joint]))
+            SubElement(body, "joint", self._joint(int(joint)))
+            SubElement(body, "geom", self._drawn(index, self.values.bodies[joint]))
+            bodies.append(body)
+        names = (self.robot.joints[joint] for joint in self.robot.order)
+        return dict(zip(names, bodies[1:], strict=True))
 
-
-def friction_solver(lead: float, step: float) -> dict[str, str]:
-    """Attributes of a joint whose dry friction turns early (s), or as late as a step (s) lets it.
-
-    Early: 1/b = d T / 2 with the time constant T and the impedance d of MuJoCo's documentation.
-    """
-    if lead > 0.0:
-        return {"solreffriction": f"{max(2.0 * lead / _IMPEDANCE, 2.0 * step):.4g} 1"}
-    return {"solreffriction": f"{2.0 * step:.4g} 1", "solimpfriction": "0.99 0.99"}
-
-
-def _joint(
-    body: Element,
-    robot: RobotModel,
-    joint: int,
-    values: JointValues,
-    law: DriveLaw,
-    native: NativeEffects,
-    axis: FloatArray,
-) -> None:
-    low, high = robot.limits.lower[joint], robot.limits.upper[joint]
-    damping = [values.damping[joint], *native.damping.get(joint, [])]
-    attributes = {
-        "name": robot.joints[joint],
-        "type": "hinge" if robot.joint_types[joint] == "revolute" else "slide",
-        "axis": _numbers(axis / np.linalg.norm(axis)),
-        "armature": number_text(values.armature[joint]),
-        "damping": numbers_text(np.array(damping)),
-        "frictionloss": number_text(values.friction[joint]),
-    }
-    if values.friction[joint] > 0.0:
-        attributes |= friction_solver(float(values.lead[joint]), law.period)
-    if math.isfinite(low) and math.isfinite(high):
-        attributes["range"] = _numbers([low, high])
-    if joint in native.stiffness:
-        attributes["stiffness"] = _numbers(native.stiffness[joint])
-    limit = law.limit[joint]
-    if law.in_actuators and math.isfinite(limit):
-        attributes["actuatorfrcrange"] = _numbers([-limit, limit])
-    SubElement(body, "joint", attributes)
-
-
-def _drawn(body: Element, robot: RobotModel, tree: int, own: LinkBody) -> None:
-    """Something to look at: it neither weighs nor touches anything."""
-    model = robot.pinocchio
-    ends = [
-        np.array(model.jointPlacements[child].translation)
-        for child in range(1, model.njoints)
-        if int(model.parents[child]) == tree
-    ] or [2.0 * own.centre]
-    length = float(np.linalg.norm(ends[0]))
-    attributes = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
-    if length > 1e-3:
-        fromto = _numbers([0.0, 0.0, 0.0, *ends[0]])
-        size = _number(round(_THICKNESS * length, 4))
-        SubElement(body, "geom", {"type": "capsule", "fromto": fromto, "size": size} | attributes)
-    else:
-        SubElement(body, "geom", {"type": "sphere", "size": "0.03"} | attributes)
-
-
-def _tendons(element: Element, robot: RobotModel, couplings: Sequence[Coupled]) -> None:
-    for coupling in couplings:
-        tendon = SubElement(
-            element,
-            "fixed",
-            name=coupling.name(robot.joints),
-            armature=_number(coupling.inertia),
-            damping=_number(coupling.damping),
-            frictionloss=_number(coupling.friction),
-        )
-        for joint, sign in ((coupling.first, 1.0), (coupling.second, coupling.direction)):
-            SubElement(tendon, "joint", joint=robot.joints[joint], coef=_number(sign))
-
-
-def _actuators(element: Element, robot: RobotModel, law: DriveLaw) -> None:
-    """The law at each joint, or a motor."""
-    for joint, name in enumerate(robot.joints):
-        kp, kd = (law.kp[joint], law.kd[joint]) if law.in_actuators else (0.0, 0.0)
+    def _joint(self, joint: int) -> dict[str, str]:
+        robot, values, native = self.robot, self.values, self.native
+        axis = np.array(self.urdf.joints[robot.joints[joint]].axis)
+        damping = [values.damping[joint], *native.damping.get(joint, ())]
         attributes = {
-            "name": name,
-            "joint": name,
-            "gainprm": _number(kp if law.in_actuators else 1.0),
-            "biastype": "affine",
-            "biasprm": _numbers([0.0, -kp, -kd]),
+            "name": robot.joints[joint],
+            "type": "hinge" if robot.joint_types[joint] == "revolute" else "slide",
+            "axis": _numbers(axis / np.linalg.norm(axis)),
+            "armature": number_text(values.armature[joint]),
+            "damping": numbers_text(np.array(damping)),
+            "frictionloss": number_text(values.friction[joint]),
         }
-        if not law.in_actuators:
-            if math.isfinite(law.limit[joint]):
+        if values.friction[joint] > 0.0:
+            attributes |= friction_solver(float(values.lead[joint]), self.law.period)
+        limits = [robot.limits.lower[joint], robot.limits.upper[joint]]
+        if np.all(np.isfinite(limits)):
+            attributes["range"] = _numbers(limits)
+        if joint in native.stiffness:
+            attributes["stiffness"] = _numbers(native.stiffness[joint])
+        limit = self.law.limit[joint]
+        if self.law.in_actuators and math.isfinite(limit):
+            attributes["actuatorfrcrange"] = _numbers([-limit, limit])
+        return attributes
+
+    def _drawn(self, index: int, body: LinkBody) -> dict[str, str]:
+        """Something to look at: it neither weighs nor touches anything."""
+        tree = self.robot.pinocchio
+        children = [k for k in range(1, tree.njoints) if int(tree.parents[k]) == index]
+        end = 2.0 * body.centre
+        if children:
+            end = np.array(tree.jointPlacements[children[0]].translation)
+        length = float(np.linalg.norm(end))
+        shape = {"type": "sphere", "size": "0.03"}
+        if length > 1e-3:
+            size = _number(round(_THICKNESS * length, 4))
+            shape = {"type": "capsule", "fromto": _numbers([0.0, 0.0, 0.0, *end]), "size": size}
+        return shape | {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
+
+    def add_tendons(self, element: Element, couplings: Sequence[Coupled]) -> None:
+        """Fixed tendons of coupled drives, and of effects."""
+        joints = self.robot.joints
+        for coupling in couplings:
+            tendon = SubElement(
+                element,
+                "fixed",
+                name=coupling.name(joints),
+                armature=_number(coupling.inertia),
+                damping=_number(coupling.damping),
+                frictionloss=_number(coupling.friction),
+            )
+            for joint, sign in ((coupling.first, 1.0), (coupling.second, coupling.direction)):
+                SubElement(tendon, "joint", joint=joints[joint], coef=_number(sign))
+
+    def add_actuators(self, element: Element) -> None:
+        """The law at each joint, or a motor."""
+        law, joints = self.law, self.robot.joints
+        for joint, name in enumerate(joints):
+            gain, kd = (law.kp[joint], law.kd[joint]) if law.in_actuators else (1.0, 0.0)
+            attributes = {
+                "name": name,
+                "joint": name,
+                "gainprm": _number(gain),
+                "biastype": "affine",
+                "biasprm": _numbers([0.0, -gain if law.in_actuators else 0.0, -kd]),
+            }
+            if not law.in_actuators and math.isfinite(law.limit[joint]):
                 attributes["ctrlrange"] = _numbers([-law.limit[joint], law.limit[joint]])
-            if law.delay[joint] > 0.0:
+            if law.delay[joint] > 0.0:  # no law with a delay is in the actuators
                 samples = math.ceil(law.delay[joint] / law.period - 1e-9) + 1
                 attributes |= {"delay": _number(law.delay[joint]), "nsample": str(samples)}
-        SubElement(element, "general", attributes)
-    if law.in_actuators and law.velocity_reference:
-        for joint, name in enumerate(robot.joints):
-            SubElement(
-                element,
-                "general",
-                name=f"{name}_velocity",
-                joint=name,
-                gainprm=_number(law.kd[joint]),
-            )
+            SubElement(element, "general", attributes)
+        if law.in_actuators and law.velocity_reference:
+            for name, gain in zip(joints, law.kd, strict=True):
+                attributes = {"name": f"{name}_velocity", "joint": name, "gainprm": _number(gain)}
+                SubElement(element, "general", attributes)
 
 
 def _placement(place: pin.SE3) -> dict[str, str]:

@@ -97,4 +97,4 @@ def _in_control(effect: SimulatedEffect, law: DriveLaw) -> bool:
     part = part_of(effect.effect)
     if part == "limit":
         return not effect.parameters.get("slope", 0.0)
-    return part == "delay" or (part == "gains" and law.known and not law.beyond)
+    return part == "delay" or (part == "gains" and law.configured and not law.beyond)

@@ -84,9 +84,8 @@ def with_mjcf_values(
     """
     document, included = with_included(content, path)
     notes: tuple[str, ...] = ()
-    refers = next(
-        (each.getAttribute("file") for each in _all(document) if each.hasAttribute("file")), ""
-    )
+    files = [element.getAttribute("file") for element in _all(document)]
+    refers = next(filter(None, files), "")
     if refers:
         notes += (
             f"the MJCF refers to other files ({refers} and so on) as before, relative to its own "

@@ -9,15 +9,65 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
 from idim_iv_ros.physical.remainder import Remainder, lower_root
 from idim_iv_ros.simulator_files.answer import Answer
+from idim_iv_ros.simulator_files.links import body_of_joint
+from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.types import FloatArray
 
 RANDOMIZE, EVENTS = "randomize.py", "isaac_lab_events.py"
 _NORMAL = 1.96
+_EVENTS = '''"""Ranges for domain randomisation in Isaac Lab, from {origin}.
+
+Written from the functions of Isaac Lab 2.3 and 3.0, and not run there. Ranges are
+95 % intervals by themselves: what varies together does so in randomize.py alone.
+Viscous friction is scaled by the range of the dry friction. A payload is a body of
+its own with `merge_fixed_joints=False` of UrdfFileCfg.
+"""
+
+import isaaclab.envs.mdp as mdp
+from isaaclab.managers import EventTermCfg, SceneEntityCfg
+from isaaclab.utils import configclass
+
+
+@configclass
+class EventCfg:
+{terms}
+'''
+_TERM = """    {name} = EventTermCfg(
+        func=mdp.{function},
+        mode="startup",
+        params={{
+            "asset_cfg": SceneEntityCfg("robot", {members}),
+{parameters}
+        }},
+    )"""
 _FIELDS = {"Ia": "dof_armature", "Fv": "dof_damping", "Fc": "dof_frictionloss"}
+_SCALED = {"dof_armature": "armature", "dof_frictionloss": "friction"}
+_FILE = '''"""Other robots like {model} by `sample(model, rng)`; from {origin}."""
+
+import copy
+import itertools
+
+import mujoco
+import numpy as np
+
+# What a joint carries, or a payload, and F of its pseudo-inertia F (1 + S) F.T; in the file S = 0.
+BODIES = [
+{bodies}
+]
+JOINTS = [
+{joints}
+]
+LEAST = {least:g}  # eigenvalue of 1 + S
+# Root of the covariance of the triangles of all S, and then of the joints.
+_ROWS = [
+{rows}
+]
+ROOT = np.array([row + [0.0] * (len(_ROWS) - len(row)) for row in _ROWS])
+
+{sampler}'''
 _SAMPLER = '''
 def sample(model, rng):
     """Return a copy of the exported model with numbers that the recording cannot tell apart.
@@ -86,15 +136,27 @@ def _map(model, drawn, data, part, mapping, turn, origin):
 
 @dataclass(frozen=True)
 class BodyRange:
-    """Of what one joint carries, or a payload: standard deviations of mass (kg), centre (m)."""
+    """What one joint carries, or a payload, as the exported link of a name.
+
+    Attributes
+    ----------
+    name, link : str
+    payload : bool
+    mass, mass_std : float
+        kg.
+    shift_std : (3,)
+        Standard deviation of the centre of mass, m.
+    factor : (4, 4)
+        F: J = F (1 + S) Fᵀ with S = 0 for the exported one.
+    """
 
     name: str
     link: str
     payload: bool
     mass: float
     mass_std: float
-    centre: FloatArray
-    centre_std: FloatArray
+    shift_std: FloatArray
+    factor: FloatArray
 
 
 @dataclass(frozen=True)
@@ -115,8 +177,6 @@ class Randomization:
     ----------
     bodies : tuple of BodyRange
     joints : tuple of JointRange
-    factors : tuple of (4, 4)
-        F of each body: J = F (1 + S) Fᵀ with S = 0 for the exported one.
     root : (r, r)
         Lower triangular; of the triangles of all S, then of the joints.
     link, drive : float
@@ -125,7 +185,6 @@ class Randomization:
 
     bodies: tuple[BodyRange, ...]
     joints: tuple[JointRange, ...]
-    factors: tuple[FloatArray, ...]
     root: FloatArray
     link: float
     drive: float
@@ -145,150 +204,91 @@ class Randomization:
         loads
             The link of each payload that is exported, by its name in the answer.
         """
-        uncertainty, robot = remainder.uncertainty, answer.robot
-        coordinates, joints = uncertainty.coordinates, len(robot.joints)
-        kept = joints + len(answer.model.loads)
-        bodies, rows = [], list(range(10 * kept))
-        for number in range(kept):
-            root = uncertainty.root[10 * number : 10 * number + 10]
-            own = number < joints
-            if own:
-                name = robot.joints[number]
-                values = np.array([answer.model.values[f"{kind}{number + 1}"] for kind in INERTIAL])
-            else:
-                load = answer.model.loads[number - joints]
-                name, values = load.name, load.parameters
-            spread = coordinates.links[number].to_parameters @ root
-            mass, centre = float(values[9]), values[6:9] / values[9]
-            shift = (spread[6:9] - np.outer(centre, spread[9])) / mass
-            bodies.append(
-                BodyRange(
-                    name,
-                    links[name] if own else loads[name],
-                    not own,
-                    mass,
-                    float(np.linalg.norm(spread[9])),
-                    centre,
-                    np.linalg.norm(shift, axis=1),
-                )
-            )
-        ranges = []
-        for place, name in enumerate(answer.model.parameters[k].name for k in coordinates.drives):
-            kind = name.rstrip("0123456789")
-            if kind in _FIELDS:
-                row = 10 * len(coordinates.links) + place
+        uncertainty, robot, values = remainder.uncertainty, answer.robot, answer.model.values
+        coordinates = uncertainty.coordinates
+        carried = [
+            (name, links[name], False, body_of_joint(values, joint))
+            for joint, name in enumerate(robot.joints)
+        ]
+        mounted = [
+            (load.name, loads[load.name], True, load.parameters) for load in answer.model.loads
+        ]
+        bodies = []
+        for number, (name, link, payload, body) in enumerate([*carried, *mounted]):
+            reference = coordinates.links[number]
+            spread = reference.to_parameters @ uncertainty.root[10 * number : 10 * number + 10]
+            mass, centre = float(body[9]), body[6:9] / body[9]
+            shift = np.linalg.norm((spread[6:9] - np.outer(centre, spread[9])) / mass, axis=1)
+            std = float(np.linalg.norm(spread[9]))
+            bodies.append(BodyRange(name, link, payload, mass, std, shift, reference.factor))
+        joints, rows = [], list(range(10 * len(bodies)))
+        for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
+            name = answer.model.parameters[place].name
+            if (kind := kind_of(name)) in _FIELDS:
                 rows.append(row)
                 std = float(np.linalg.norm(uncertainty.root[row]))
                 joint = robot.joints[int(name[len(kind) :]) - 1]
-                ranges.append(JointRange(joint, _FIELDS[kind], answer.model.values[name], std))
-        return cls(
-            tuple(bodies),
-            tuple(ranges),
-            tuple(link.factor for link in coordinates.links[:kept]),
-            lower_root(uncertainty.root[rows]),
-            uncertainty.link,
-            uncertainty.drive,
-        )
+                joints.append(JointRange(joint, _FIELDS[kind], values[name], std))
+        root = lower_root(uncertainty.root[rows])
+        return cls(tuple(bodies), tuple(joints), root, uncertainty.link, uncertainty.drive)
 
     def mujoco_text(self, model: str, origin: str) -> str:
         """Return `sample(model, rng)` as a file; `model`: name of the exported MJCF."""
         bodies = []
-        for body, factor in zip(self.bodies, self.factors, strict=True):
+        for body in self.bodies:
             kind, name = ("load", body.link) if body.payload else ("joint", body.name)
-            numbers = ", ".join(
-                f"[{', '.join(f'{value:.9g}' for value in row)}]" for row in factor.tolist()
-            )
+            rows = (", ".join(f"{value:.9g}" for value in row) for row in body.factor)
+            numbers = ", ".join(f"[{row}]" for row in rows)
             bodies.append(f'    ("{kind}", "{name}", np.array([{numbers}])),')
-        rows = [
-            f"    [{', '.join(f'{value:.6g}' for value in row[: number + 1])}],"
-            for number, row in enumerate(self.root)
-        ]
-        return "\n".join(
-            [
-                f'"""Other robots like {model} by `sample(model, rng)`; from {origin}."""',
-                "",
-                "import copy",
-                "import itertools",
-                "",
-                "import mujoco",
-                "import numpy as np",
-                "",
-                "# What a joint carries, or a payload, and F of its pseudo-inertia F (1 + S) F.T;",
-                "# in the file S = 0.",
-                "BODIES = [",
-                *bodies,
-                "]",
-                "JOINTS = [",
-                *(f'    ("{joint.field}", "{joint.joint}"),' for joint in self.joints),
-                "]",
-                f"LEAST = {LEAST_OF_NOMINAL:g}  # eigenvalue of 1 + S",
-                "# Root of the covariance of the triangles of all S, and then of the joints.",
-                "_ROWS = [",
-                *rows,
-                "]",
-                "ROOT = np.array([row + [0.0] * (len(_ROWS) - len(row)) for row in _ROWS])",
-                "",
-                _SAMPLER,
-            ]
+        return _FILE.format(
+            model=model,
+            origin=origin,
+            bodies="\n".join(bodies),
+            joints="\n".join(f'    ("{joint.field}", "{joint.joint}"),' for joint in self.joints),
+            least=LEAST_OF_NOMINAL,
+            rows="\n".join(
+                f"    [{', '.join(f'{value:.6g}' for value in row[: number + 1])}],"
+                for number, row in enumerate(self.root)
+            ),
+            sampler=_SAMPLER,
         )
 
     def isaac_lab_text(self, origin: str) -> str:
         """Return terms of an `EventCfg` with independent ranges of 95 %."""
-        lines = [
-            f'"""Ranges for domain randomisation in Isaac Lab, from {origin}.',
-            "",
-            "Written from the functions of Isaac Lab 2.3 and 3.0, and not run there. Ranges are",
-            "95 % intervals by themselves: what varies together does so in randomize.py alone.",
-            "Viscous friction is scaled by the range of the dry friction. A payload is a body of",
-            "its own with `merge_fixed_joints=False` of UrdfFileCfg.",
-            '"""',
-            "",
-            "import isaaclab.envs.mdp as mdp",
-            "from isaaclab.managers import EventTermCfg, SceneEntityCfg",
-            "from isaaclab.utils import configclass",
-            "",
-            "",
-            "@configclass",
-            "class EventCfg:",
-        ]
-        for number, body in enumerate(self.bodies):
+        terms = []
+        for number, body in enumerate(self.bodies, start=1):
             half = _NORMAL * body.mass_std / body.mass
             shift = ", ".join(
                 f'"{axis}": ({-_NORMAL * std:.3g}, {_NORMAL * std:.3g})'
-                for axis, std in zip("xyz", body.centre_std, strict=True)
+                for axis, std in zip("xyz", body.shift_std, strict=True)
             )
-            asset = f'SceneEntityCfg("robot", body_names=["{body.link}"])'
-            scale = f"({max(1.0 - half, 0.01):.4g}, {1.0 + half:.4g})"
-            lines += _term(
-                f"mass_{number + 1}",
-                "randomize_rigid_body_mass",
-                asset,
-                mass_distribution_params=scale,
-                operation='"scale"',
-            )
-            lines += _term(
-                f"centre_{number + 1}", "randomize_rigid_body_com", asset, com_range=f"{{{shift}}}"
-            )
+            mass = {
+                "mass_distribution_params": f"({max(1.0 - half, 0.01):.4g}, {1.0 + half:.4g})",
+                "operation": '"scale"',
+            }
+            members = f'body_names=["{body.link}"]'
+            terms += [
+                _term(f"mass_{number}", "randomize_rigid_body_mass", members, mass),
+                _term(
+                    f"centre_{number}",
+                    "randomize_rigid_body_com",
+                    members,
+                    {"com_range": f"{{{shift}}}"},
+                ),
+            ]
+        numbers = {body.name: number for number, body in enumerate(self.bodies, start=1)}
         for name in dict.fromkeys(joint.joint for joint in self.joints):
             ranges = {}
             for joint in self.joints:
-                if joint.joint == name and joint.field != "dof_damping" and joint.value > 0.0:
+                if joint.joint == name and joint.field in _SCALED and joint.value > 0.0:
                     half = _NORMAL * joint.std / joint.value
-                    key = "armature" if joint.field == "dof_armature" else "friction"
-                    ranges[f"{key}_distribution_params"] = (
-                        f"({max(1.0 - half, 0.0):.4g}, {1.0 + half:.4g})"
-                    )
+                    scale = f"({max(1.0 - half, 0.0):.4g}, {1.0 + half:.4g})"
+                    ranges[f"{_SCALED[joint.field]}_distribution_params"] = scale
             if ranges:
-                asset = f'SceneEntityCfg("robot", joint_names=["{name}"])'
-                number = [body.name for body in self.bodies].index(name) + 1
-                lines += _term(
-                    f"joint_{number}",
-                    "randomize_joint_parameters",
-                    asset,
-                    **ranges,
-                    operation='"scale"',
-                )
-        return "\n".join(lines) + "\n"
+                ranges["operation"] = '"scale"'
+                function, members = "randomize_joint_parameters", f'joint_names=["{name}"]'
+                terms.append(_term(f"joint_{numbers[name]}", function, members, ranges))
+        return _EVENTS.format(origin=origin, terms="\n".join(terms))
 
     def table(self) -> list[str]:
         """Lines for changes.md."""
@@ -309,7 +309,7 @@ class Randomization:
                 for joint in self.joints
                 if joint.joint == body.name and not body.payload
             }
-            shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in body.centre_std)
+            shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in body.shift_std)
             lines.append(
                 f"| {body.name} | {body.mass:.4g} ± {_NORMAL * body.mass_std:.2g} | ± {shift} | "
                 + " | ".join(numbers.get(field, "–") for field in _FIELDS.values())
@@ -318,14 +318,6 @@ class Randomization:
         return [*lines, ""]
 
 
-def _term(name: str, function: str, asset: str, **parameters: str) -> list[str]:
-    return [
-        f"    {name} = EventTermCfg(",
-        f"        func=mdp.{function},",
-        '        mode="startup",',
-        "        params={",
-        f'            "asset_cfg": {asset},',
-        *(f'            "{key}": {value},' for key, value in parameters.items()),
-        "        },",
-        "    )",
-    ]
+def _term(name: str, function: str, members: str, parameters: dict[str, str]) -> str:
+    lines = "\n".join(f'            "{key}": {value},' for key, value in parameters.items())
+    return _TERM.format(name=name, function=function, members=members, parameters=lines)

@@ -102,7 +102,7 @@ def _indent(element: Any) -> str:
 
 def _same_numbers(before: str, text: str) -> bool:
     """Whether two texts have the same numbers but for their rounding."""
-    old, new = ([float(word) for word in each.split()] for each in (before, text))
+    old, new = ([float(word) for word in numbers.split()] for numbers in (before, text))
     return len(new) == len(old) and np.allclose(new, old, rtol=1e-12, atol=0.0)
 
 

@@ -102,9 +102,9 @@ class Effects:
         affected = {j for part in parts for j in (part.joint, part.other_joint) if j >= 0}
         used = sorted(affected | {names.index(str(effect.joint)) for effect in constant})
         self.joints = tuple(names[joint] for joint in used)
-        own = [model.joint(name) for name in self.joints]
-        self._dof = np.array([int(joint.dofadr[0]) for joint in own], dtype=np.int64)
-        self._qpos = np.array([int(joint.qposadr[0]) for joint in own], dtype=np.int64)
+        affected_joints = [model.joint(name) for name in self.joints]
+        self._dof = np.array([int(joint.dofadr[0]) for joint in affected_joints], dtype=np.int64)
+        self._qpos = np.array([int(joint.qposadr[0]) for joint in affected_joints], dtype=np.int64)
         # Contributions are numbered as `names`; here only joints with effects count.
         number = {joint: k for k, joint in enumerate(used)} | {-1: -1}
         added = contributions_of(
@@ -139,7 +139,7 @@ class Effects:
         self._wrong = any(True for _ in added.of(EncoderError))
         self._drive = None
         if self._wrong or np.any(lag > 0.0) or any(True for _ in added.of(DriveCurve)):
-            ids = [int(joint.id) for joint in own]
+            ids = [int(joint.id) for joint in affected_joints]
             self._drive = _DelayLine(self._mujoco, model, ids, lag)
         self.reset()
 

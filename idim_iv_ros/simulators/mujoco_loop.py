@@ -203,12 +203,12 @@ def _run(
     )
     motor = np.array([int(model.actuator(REPLAY + name).id) for name in joints])
     names = () if effects is None else effects.joints
-    own = np.array([joints.index(name) for name in names], dtype=np.int64)
+    affected = np.array([joints.index(name) for name in names], dtype=np.int64)
     data, references = mujoco.MjData(model), law.references
     data.qpos[qpos], data.qvel[dof] = references.start, references.speed
     if effects is not None:
         for _ in range(20):  # the slope of an encoder's error is far below one
-            data.qpos[qpos[own]] += references.start[own] - effects.position(data)
+            data.qpos[qpos[affected]] += references.start[affected] - effects.position(data)
         effects.place_links(model, data)
     mujoco.mj_forward(model, data)
     position, torque = np.zeros((2, *law.wanted.shape))
@@ -223,9 +223,9 @@ def _run(
             joint = joints[int(np.argmax(fast))]
             diverged = f"joint {joint} passed {_FASTEST:g} rad/s (m/s) at {time:.3f} s"
             return MujocoMotion(position[:k], torque[:k], diverged)
-        if effects is not None and len(own):
-            q[own], shown = effects.measured(data)
-            dq[own] += shown - speed[own]
+        if effects is not None and len(affected):
+            q[affected], shown = effects.measured(data)
+            dq[affected] += shown - speed[affected]
         position[k], torque[k] = q, law.command(k, q, dq)
         data.ctrl[motor] = torque[k]
         for _ in range(steps):

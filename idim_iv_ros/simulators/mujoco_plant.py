@@ -14,6 +14,7 @@ import pinocchio as pin
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import link_frames
+from idim_iv_ros.model.mujoco_package import set_first
 from idim_iv_ros.types import FloatArray
 
 REPLAY = "replay_"
@@ -72,22 +73,16 @@ def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) ->
         body.explicitinertial = True
         kind = mujoco.mjtJoint
         revolute = robot.joint_types[joint] == "revolute"
-        own = body.add_joint(
+        element = body.add_joint(
             name=robot.joints[joint],
             type=kind.mjJNT_HINGE if revolute else kind.mjJNT_SLIDE,
             axis=turned[tree][:, 2],
         )
-        own.armature = max(float(parameters.drive_inertia[joint]), 0.0)
-        own.frictionloss = max(float(parameters.coulomb[joint]), 0.0)
-        _set_first(own, "damping", max(float(parameters.viscous[joint]), 0.0))
+        element.armature = max(float(parameters.drive_inertia[joint]), 0.0)
+        element.frictionloss = max(float(parameters.coulomb[joint]), 0.0)
+        set_first(element, "damping", max(float(parameters.viscous[joint]), 0.0))
         bodies.append(body)
     return spec
-
-
-def _set_first(element: Any, key: str, value: float) -> None:
-    """Set a number that newer versions of MuJoCo take as a polynomial."""
-    given = getattr(element, key)
-    setattr(element, key, [value, 0.0, 0.0] if np.ndim(given) else value)
 
 
 def add_motors(mujoco: Any, spec: Any, joints: Sequence[str]) -> None:

@@ -106,20 +106,15 @@ def simulate(
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
     require_simulation_place(out, seeds, force=force)
-    bag_paths, truth = _bag_paths(Path(out), seeds), _truth_path(Path(out))
+    bag_paths, truth = _paths(Path(out), seeds)
     text = read_urdf_file(urdf)
     extended = None if effects is None else Path(effects)
     robot = simulated_robot(configuration, text, urdf.name, extended)
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
     if effects is not None:
+        keys = ("effect", "joint", "other_joint", "parameters")
         content["effects"] = [
-            {
-                "effect": effect.effect,
-                "joint": effect.joint,
-                "other_joint": effect.other_joint,
-                "parameters": dict(effect.parameters),
-            }
-            for effect in robot.effects
+            {key: getattr(effect, key) for key in keys} for effect in robot.effects
         ]
     bags = []
     try:
@@ -159,20 +154,14 @@ def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, 
 
 def require_simulation_place(out: FilePath, seeds: Sequence[int], *, force: bool = False) -> None:
     """Refuse, before long work, bags that could not be written; see `require_file_place`."""
-    bag = as_file(out)
-    files = [*_bag_paths(bag, seeds).values(), _truth_path(bag)]
-    require_file_place(files, force=force)
+    bags, truth = _paths(as_file(out), seeds)
+    require_file_place([*bags.values(), truth], force=force)
 
 
-def _truth_path(out: Path) -> Path:
-    return out.with_name(out.stem + TRUTH)
-
-
-def _bag_paths(out: Path, seeds: Sequence[int]) -> dict[int, Path]:
-    """Return the bag of each seed."""
-    if len(seeds) == 1:
-        return {seeds[0]: out}
-    return {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
+def _paths(out: Path, seeds: Sequence[int]) -> tuple[dict[int, Path], Path]:
+    """Return the bag of each seed, and the file of the true parameters."""
+    bags = {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
+    return bags if len(seeds) > 1 else {seeds[0]: out}, out.with_name(out.stem + TRUTH)
 
 
 def recorded_topics(
@@ -181,18 +170,12 @@ def recorded_topics(
     """Messages on the recorder's side of transmission, offsets and effort scale."""
     section, signals = configuration.robot, configuration.signals
     joints = section.joints
-    to_motor = np.eye(len(joints))
-    if section.motor_to_joint is not None:
-        to_motor = np.array(section.motor_to_joint)
-    to_torque = to_motor.T
-    if section.motor_to_joint_torque is not None:
-        to_torque = np.array(section.motor_to_joint_torque)
+    to_motor = np.array(section.motor_to_joint or np.eye(len(joints)))
+    to_torque = np.array(section.motor_to_joint_torque or to_motor.T)
     offset = np.array(section.position_offset or [0.0] * len(joints))
     scale = np.array(signals.effort_scale or [1.0] * len(joints))
     effort = record.effort @ np.linalg.inv(to_torque * scale).T
-    reference_velocity = record.velocity_reference
-    if reference_velocity is not None:
-        reference_velocity = reference_velocity @ to_motor.T
+    velocity = record.velocity_reference
     states = topic_of(signals.joint_states)
     reference = topic_of(signals.reference or "joint_reference")
     efforts = topic_of(signals.effort_topic or "")
@@ -214,7 +197,7 @@ def recorded_topics(
             joints,
             np.arange(len(record.time)) / record.rate,
             (record.position_reference - offset) @ to_motor.T,
-            reference_velocity,
+            None if velocity is None else velocity @ to_motor.T,
         ),
     ]
     if efforts not in ("", states):

@@ -237,8 +237,8 @@ def _stages(
         if source is not None:
             require_same_native(mujoco, path, effects, source)
         elif path.with_name(EFFECTS).is_file():
-            beside = path.with_name(EFFECTS)
-            note = f"without the effects of {beside}: add --effects {beside}"
+            left_out = path.with_name(EFFECTS)
+            note = f"without the effects of {left_out}: add --effects {left_out}"
             stage = replace(stage, notes=(note,))
         # Constant torques are parameters that the XML has no place for.
         if not stage.effects:
@@ -379,8 +379,7 @@ class _Comparison:
         sums = []
         for motion, one, other in zip(self.motions, simulated, recorded, strict=True):
             squares = np.nan_to_num((one - other)[motion.span] ** 2)
-            places = np.arange(len(squares))
-            blocks = time_blocks(np.zeros_like(places), places, motion.signals.rate)
+            (blocks,) = time_blocks([len(squares)], motion.signals.rate)
             columns = (*squares.T, np.ones(len(squares)))
             sums.append(np.column_stack([block_sums(blocks, column) for column in columns]))
         table = np.concatenate(sums)

@@ -106,8 +106,8 @@ def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageM
     robot = model.robot
     if mjcf is not None:
         with mujoco_reads(mjcf):
-            own = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
-        if own == set(robot.joints):
+            of_file = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
+        if of_file == set(robot.joints):
             words = f"{mjcf.name} as given"
             return replace(xml_stage(mujoco, robot, mjcf, {}), name=NOMINAL, words=words)
     return plant_stage(mujoco, model)

@@ -187,19 +187,19 @@ def _p_value(ratio: float, directions: FloatArray, mean: FloatArray, prior: floa
     bound = min(1.0, single * len(directions))
     if single > _WORTH_DRAWING:
         return bound
-    drawn, known = _draws(len(mean), prior)
+    drawn, scatter = _draws(len(mean), prior)
     first = slice(_FIRST_DRAWS)
-    exceeding = _exceeding(drawn[first], known[first], ratio, directions, mean)
+    exceeding = _exceeding(drawn[first], scatter[first], ratio, directions, mean)
     if exceeding >= _NO_SURPRISE:
         return min(bound, (1.0 + exceeding) / (_FIRST_DRAWS + 1.0))
-    exceeding = _exceeding(drawn, known, ratio, directions, mean)
+    exceeding = _exceeding(drawn, scatter, ratio, directions, mean)
     return min(bound, (1.0 + exceeding) / (_DRAWS + 1.0))
 
 
 def _exceeding(
-    drawn: FloatArray, known: FloatArray, ratio: float, directions: FloatArray, mean: FloatArray
+    drawn: FloatArray, scatter: FloatArray, ratio: float, directions: FloatArray, mean: FloatArray
 ) -> int:
     """Draws without a change whose best direction takes as large a share."""
-    energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2 + known
+    energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2 + scatter
     largest = np.max((drawn @ directions.T) ** 2, axis=1)
     return int(np.sum(largest >= ratio * energy))

@@ -56,11 +56,19 @@ def drifts_of(
     since
         Recordings of the first estimate.
     """
-    limit = -NormalDist().inv_cdf(significance / (2.0 * len(last)))
+    limit = largest_by_chance(significance, len(last))
     return [
         Drift(name, value, first[name][0], in_deviations(*first[name], value, std), limit, since)
         for name, (value, std) in last.items()
     ]
+
+
+def largest_by_chance(significance: float, count: int) -> float:
+    """Magnitude that any of `count` standard normal numbers exceeds with that probability.
+
+    Shared among all of them (Bonferroni).
+    """
+    return -NormalDist().inv_cdf(significance / (2.0 * count))
 
 
 def in_deviations(first: float, first_std: float, last: float, last_std: float) -> float:

@@ -22,10 +22,10 @@ from idim_iv_ros.statistics.hypothesis import HypothesisTest, f_test
 from idim_iv_ros.types import FloatArray
 
 VALID = "the instruments are valid (Π = I)"
+EXOGENOUS = "the regressor is exogenous (γ = 0)"
 _ROWS_PER_COLUMN = 5
 _EQUAL = 1e-10
 LARGEST_STANDARD_ERROR = 0.05
-EXOGENOUS = "the regressor is exogenous (γ = 0)"
 
 
 def wald_test_of_instruments(
@@ -276,22 +276,8 @@ def exogeneity_test(
     The rows of each joint are whitened by the autoregressive model of its IV residual first,
     and for "all" divided by the σ of the whitened residual.
 
-    Parameters
-    ----------
-    joints : sequence of JointRows
-        Unfiltered rows.
-    parameters : (b,)
-        The IDIM-IV estimate β̂.
-    alpha : float
-        Level of each test.
-    not_simulated : str, optional
-        Why the instruments do not come from a simulation of the loop. V̂ is then not the error
-        of X, and no test is run.
-
-    Returns
-    -------
-    tuple of HypothesisTest
-        Scope "all" first, then one for each joint in the order given.
+    Parameters and scopes are those of `wald_test_of_instruments`. With instruments that do not
+    come from a simulation V̂ is not the error of X.
     """
     if not_simulated is not None:
         scopes = ("all", *(rows.name for rows in joints))

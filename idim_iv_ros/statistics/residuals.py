@@ -1,4 +1,4 @@
-"""What the residual of a joint says: autocorrelation, whether a filter removes it, distribution."""
+"""What the residual of a joint says: autocorrelation, distribution, scatter of its RMS in time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -52,10 +52,7 @@ def shared_functions(
         position += [a * b for a in first for b in second]
     joints = range(dq.shape[1])
     products = [dq[:, i] * dq[:, k] for i in joints for k in joints if i <= k]
-    return {
-        POSITION: np.column_stack(position),
-        ACCELERATION: np.column_stack([ddq, *products]),
-    }
+    return {POSITION: np.column_stack(position), ACCELERATION: np.column_stack([ddq, *products])}
 
 
 def speed_functions(joint: int, dq: FloatArray, peak: float) -> FloatArray:
@@ -64,10 +61,17 @@ def speed_functions(joint: int, dq: FloatArray, peak: float) -> FloatArray:
     Powers for either direction, and what decays at 3, 10 and 30 % of the peak speed: Stribeck's
     shape at several widths. `peak` in rad/s (m/s).
     """
-    own = dq[:, joint] / peak
-    share = np.abs(own)
-    functions = [np.sign(own), own, share, own * share, share**2, own * share**2]
-    functions += [np.sign(own) * np.exp(-share / level) for level in (0.03, 0.1, 0.3)]
+    relative = dq[:, joint] / peak
+    share = np.abs(relative)
+    functions = [
+        np.sign(relative),
+        relative,
+        share,
+        relative * share,
+        share**2,
+        relative * share**2,
+    ]
+    functions += [np.sign(relative) * np.exp(-share / level) for level in (0.03, 0.1, 0.3)]
     functions += [np.sign(dq[:, k]) for k in range(dq.shape[1]) if k != joint]
     return np.column_stack(functions)
 

@@ -71,23 +71,17 @@ def judge_joint(
         Standard deviation that the sensors' noise gives the torque, N m (N). Without it no
         deviation counts as small.
     """
-    beyond = _beyond(residual, noise)
-    verdict = _judged(instruments, residual, specification, beyond)
+    beyond = None  # residual less the noise of the sensors, in percent of the joint's torque
+    if noise is not None and residual.relative_percent is not None and residual.rms > 0.0:
+        share = 1.0 - min(noise / residual.rms, 1.0) ** 2
+        beyond = float(residual.relative_percent * np.sqrt(share))
     tests = [test for test in (instruments, *specification) if test.accepted is False]
     return replace(
-        verdict,
+        _judged(instruments, residual, specification, beyond),
         torque_percent=beyond,
         rejected_percent=max((test.torque_deviation_percent or 0.0 for test in tests), default=0.0),
         rejected=instruments.accepted is False,
     )
-
-
-def _beyond(residual: ResidualDiagnosis, noise: float | None) -> float | None:
-    """Residual less the noise of the sensors, in percent of the joint's torque."""
-    if noise is None or residual.relative_percent is None or residual.rms <= 0.0:
-        return None
-    share = 1.0 - min(noise / residual.rms, 1.0) ** 2
-    return float(residual.relative_percent * np.sqrt(share))
 
 
 def _judged(
@@ -104,11 +98,8 @@ def _judged(
             f"{joint}: the instruments were not tested ({instruments.reason}), so this recording "
             "does not show whether the model is right at this joint.",
         )
-    left = [
-        test
-        for test in specification
-        if test.accepted is False and (test.torque_deviation_percent or 0.0) >= LEAST_LEFT_PERCENT
-    ]
+    rejecting = [test for test in specification if test.accepted is False]
+    left = [test for test in rejecting if _percent(test) >= LEAST_LEFT_PERCENT]
     deviation = instruments.torque_deviation_percent
     sizes = [size for size in (beyond, deviation) if size is not None]
     small = len(sizes) == 2 and max(sizes) < SMALL_TORQUE_PERCENT
@@ -118,17 +109,23 @@ def _judged(
             sentence += f" The residual follows {_families(left)}."
         return JointVerdict(joint, "misspecified", sentence)
     if left:
-        return JointVerdict(joint, "misspecified", _left(left, joint))
-    note = _small_deviations(instruments, specification)
+        return JointVerdict(
+            joint,
+            "misspecified",
+            f"{joint}: the instruments are valid, but the residual follows {_families(left)}. The "
+            "loop holds the motion whatever the model is; the torque says that an effect is "
+            "missing here, and the estimates are biased by what it shares with the terms of the "
+            "model.",
+        )
+    note = _small_deviations(instruments, rejecting)
     head = f"{joint}: {'the instruments are valid' if instruments.accepted else note}"
     more = f" Small beside the torque: {note}." if note and instruments.accepted else ""
     if residual.white is None:
-        reason = residual.whiteness.reason
         return JointVerdict(
             joint,
             "inconclusive",
-            f"{head}, but the autocorrelation of the residual was not tested ({reason}), so the "
-            f"standard deviations cannot be judged.{more}",
+            f"{head}, but the autocorrelation of the residual was not tested "
+            f"({residual.whiteness.reason}), so the standard deviations cannot be judged.{more}",
         )
     if residual.white:
         hold = ": the estimates and their standard deviations hold" if not note else ""
@@ -137,16 +134,21 @@ def _judged(
     return JointVerdict(joint, "autocorrelated", _autocorrelated(residual, head) + more, note=note)
 
 
-def _small_deviations(instruments: HypothesisTest, specification: Sequence[HypothesisTest]) -> str:
+def _percent(test: HypothesisTest) -> float:
+    """Size of what a test rejects for, in percent of the torque; 0 where it is not known."""
+    return test.torque_deviation_percent or 0.0
+
+
+def _small_deviations(instruments: HypothesisTest, rejecting: Sequence[HypothesisTest]) -> str:
     """What tests reject for that is too small to matter, in words; empty where they reject none."""
-    left = [test for test in specification if test.accepted is False]
-    parts = [f"the residual follows {_families(left)}"] if left else []
+    parts = []
     if instruments.accepted is False:
-        parts.insert(
-            0,
+        parts.append(
             "simulated and measured motion differ by more than noise, by "
-            f"{instruments.torque_deviation_percent or 0.0:.2g} % of the torque",
+            f"{_percent(instruments):.2g} % of the torque"
         )
+    if rejecting:
+        parts.append(f"the residual follows {_families(rejecting)}")
     return " and ".join(parts)
 
 
@@ -173,23 +175,13 @@ def _rejected(instruments: HypothesisTest, joint: str) -> str:
     )
 
 
-def _left(left: Sequence[HypothesisTest], joint: str) -> str:
-    """The instruments are valid, but the torque holds something of the motion."""
-    return (
-        f"{joint}: the instruments are valid, but the residual follows {_families(left)}. The loop "
-        "holds the motion whatever the model is; the torque says that an effect is missing here, "
-        "and the estimates are biased by what it shares with the terms of the model."
-    )
-
-
 def _families(left: Sequence[HypothesisTest]) -> str:
     """What the residual follows, the largest part first."""
-    found = sorted(left, key=lambda test: -(test.torque_deviation_percent or 0.0))
     return _names(
         [
-            f"the {test.scope.rpartition(': ')[2]} ({test.torque_deviation_percent or 0.0:.2g} % "
+            f"the {test.scope.rpartition(': ')[2]} ({_percent(test):.2g} % "
             f"of the torque, p = {test.p_value:.2g})"
-            for test in found
+            for test in sorted(left, key=_percent, reverse=True)
         ]
     )
 
@@ -233,10 +225,11 @@ def judge_all(
         [joint.joint for joint in joints if joint.verdict == kind]
         for kind in ("misspecified", "inconclusive", "autocorrelated")
     )
-    largest = sorted(joints, key=_beyond_noise_first)
+    # Residual beyond the noise first, then the largest rejected deviation.
+    largest = sorted(joints, key=lambda j: (-(j.torque_percent or 0.0), -j.rejected_percent))
     small = _small(largest)
     if wrong:
-        wrong = [each.joint for each in largest if each.verdict == "misspecified"]
+        wrong = [joint.joint for joint in largest if joint.verdict == "misspecified"]
         sentence = (
             f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
             "control law is another; the reason is given with each joint."
@@ -275,11 +268,6 @@ def judge_all(
         )
     rest = "" if small else " The estimates and their standard deviations hold."
     return OverallVerdict("valid", f"{head} The residuals are white.{rest}{small}")
-
-
-def _beyond_noise_first(joint: JointVerdict) -> tuple[float, float]:
-    """Order of the joints: residual beyond the noise, then the largest rejected deviation."""
-    return -(joint.torque_percent or 0.0), -joint.rejected_percent
 
 
 def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest | None) -> bool:

@@ -12,7 +12,7 @@ from benchmarks.fleet.make import fleet_of, make
 from benchmarks.fleet.synthetic import MEAN, NAMES, SIGMA, bag_factor
 from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.fleet.statistics.stacking import regression
+from idim_iv_ros.fleet.statistics.quantities import regression
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import read_recordings
 

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.report.nominal import read_nominal
+from idim_iv_ros.report.section import read_nominal
 from tests.cli.conftest import CONFIG
 from tests.cli.test_bad_input import refused
 from tests.model.test_mjcf import ARM2

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros.report import page, write
+from idim_iv_ros.report import page
 from tests.cli.test_diagnose import StandIn
 
 # Title of the section that is made to fail, and anchor of another.
@@ -62,8 +62,7 @@ def test_a_section_that_fails_costs_itself_alone(answered, monkeypatch: pytest.M
 def test_a_page_that_cannot_be_drawn_at_all_leaves_the_numbers(
     answered, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(write, "report_html", _fails)
-    monkeypatch.setattr(write, "gap_report_html", _fails)
+    monkeypatch.setattr(page, "page_html", _fails)
     out, printed, warning = answered()
     (numbers,) = out.iterdir()
     assert json.loads(numbers.read_text())["robot"]

@@ -179,7 +179,7 @@ def test_a_change_that_is_not_confirmed_is_still_a_difference() -> None:
     sets = two_sets([run("a", 1)], [run("b", 2, truth=stiffer(2.0))], arm(1).configuration)
     scopes = [sets.first, sets.second]
     changes = changes_between(sets.data, sets.regression, scopes, [sets.second], LEFT_OUT)
-    doubtful = replace(changes, confirmed={}, doubtful={**changes.confirmed, **changes.doubtful})
+    doubtful = replace(changes, accepted={}, doubtful={**changes.accepted, **changes.doubtful})
     found = contrast_of(sets, doubtful, [], LEFT_OUT)
     assert found.differs and found.causes == ()
     joint = found.joints[0]

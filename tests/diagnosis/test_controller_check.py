@@ -77,7 +77,7 @@ def test_a_gain_of_the_recorded_effort_is_no_other_law(
     assert [each.joint for each in law.causes] == ["joint_2"]
     gain = {"factor": EffectParameter(factor, 0.004, "")}
     gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
-    assert len(law.beside(data, [gained], ()).causes) == left
+    assert len(law.not_shown_by_torque(data, [gained], ()).causes) == left
 
 
 def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
@@ -85,7 +85,7 @@ def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
     data = diagnosed(arm, 1, kp=arm.law.kp * [1.0, 1.3])
     gain = {"factor": EffectParameter(1 / 1.3, 0.01, "")}
     gained = replace(cause("torque_gain", "parametric"), joint="joint_2", parameters=gain)
-    found = check_law(data).beside(data, [gained], ()).causes
+    found = check_law(data).not_shown_by_torque(data, [gained], ()).causes
     assert [each.joint for each in found] == ["joint_2"]
 
 

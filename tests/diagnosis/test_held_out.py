@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import folds_of, held_out, interleaved_folds, shrinkage
+from idim_iv_ros.diagnosis.refit.held_out import folds_of, held_out, shrinkage
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
 from idim_iv_ros.estimation.rows import JointRows
 
@@ -19,6 +19,7 @@ def _data(recordings: int) -> Baseline:
     motions = [SimpleNamespace(kept=np.ones((ROWS, 1), bool)) for _ in range(recordings)]
     found: Any = SimpleNamespace(
         motions=motions,
+        counting=lambda joint, values: np.concatenate(values),
         row_rate=RATE,
         joints=("joint_1",),
         recordings=(np.repeat(np.arange(recordings), ROWS),),
@@ -44,12 +45,9 @@ def test_recordings_are_folds_and_repeats_share_one() -> None:
     assert "3 recordings" in note
 
 
-def test_blocks_of_one_recording_have_guards_between() -> None:
+def test_folds_of_one_recording_are_its_quarters() -> None:
     folds, _ = folds_of(_data(1), [])
-    assert set(folds[0]) == {-1, 0, 1, 2, 3}
-    borders = np.flatnonzero(np.diff(folds[0]))
-    gaps = [b - a for a, b in zip(borders[::2], borders[1::2], strict=True)]
-    assert min(gaps) >= 0.4 * RATE
+    np.testing.assert_array_equal(folds[0], np.repeat(np.arange(4), ROWS // 4))
 
 
 def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
@@ -74,8 +72,8 @@ def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
 
 
 def test_folds_that_take_turns_span_the_session() -> None:
-    folds, note = interleaved_folds(_data(2))
-    assert set(folds[0]) == {-1, 0, 1, 2, 3}
+    folds, note = folds_of(_data(2), [], interleaved=True)
+    assert set(folds[0]) == {0, 1, 2, 3}
     assert "every 4th block" in note
     for fold in range(4):
         places = np.flatnonzero(folds[0] == fold)
@@ -107,13 +105,3 @@ def test_an_effect_that_is_not_there_gains_nothing() -> None:
     assert gap.shrinkage is not None
     assert abs(gap.shrinkage) < 0.01
     assert np.isnan(shrinkage(np.array(0.5), np.array(0.5), 0.5))
-
-
-def _acting_in(recordings: int, active: int, seed: int, size: float) -> Regression:
-    """An effect whose torque is zero in all but the first recordings."""
-    whole = _regression(recordings, seed, 0.0)
-    (rows,) = whole.joints
-    assert whole.block is not None
-    extra = whole.block[0] * (np.arange(recordings * ROWS) < active * ROWS)[:, None]
-    joint = JointRows(rows.matrix, rows.torque + size * extra[:, 0], rows.columns, rows.segments)
-    return Regression((joint,), 3).with_columns({0: extra})

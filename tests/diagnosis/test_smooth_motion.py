@@ -152,10 +152,6 @@ def beside_reversals(data: Baseline) -> int:
     return count
 
 
-def margin_reason(data: Baseline) -> str:
-    return "".join(reason for reason in data.prepared.reasons if "a reversal" in reason)
-
-
 def changed_processing(arm: SimulatedArm, **values: float) -> Configuration:
     processing = arm.configuration.processing.model_copy(update=values)
     return arm.configuration.model_copy(update={"processing": processing})
@@ -174,7 +170,6 @@ def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(
     data = baseline([recorded(arm, 1)], changed_processing(arm, **others))
     assert data.sticking
     assert beside_reversals(data) > 0
-    assert margin_reason(data).startswith("rows beside a reversal count")
 
 
 def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
@@ -196,11 +191,7 @@ def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
 
 
 @pytest.mark.parametrize(
-    ("world", "why"),
-    [
-        (unreferenced, "not simulated"),
-        (unstable, "cannot be simulated"),
-    ],
+    ("world", "why"), [(unreferenced, "not simulated"), (unstable, "cannot be simulated")]
 )
 def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed(
     arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]], why: str
@@ -208,9 +199,7 @@ def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed
     recording, configuration = world(arm)
     data = baseline([recording], configuration)
     assert beside_reversals(data) == 0
-    reason = margin_reason(data)
-    assert reason.startswith("rows beside a reversal do not count")
-    assert why in reason
+    assert any(why in reason for reason in data.prepared.reasons)
 
 
 @pytest.mark.parametrize("margin", [0.0, 3.0])
@@ -221,7 +210,7 @@ def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float,
     data = baseline([recording], configuration)
     assert data.prepared.configuration.processing.reversal_margin == margin
     assert (beside_reversals(data) > 0) == (margin == 0.0)
-    warned = "count with the sign of the speed" in margin_reason(data)
+    warned = any("with the sign of the speed" in reason for reason in data.prepared.reasons)
     assert warned == (margin == 0.0 and world is not None)
 
 

@@ -87,6 +87,4 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
         return
     assert found is not None
     np.testing.assert_allclose(found.leads, LEAD, atol=1.6e-3)
-    said = found.sentence(data.joints)
-    assert said.startswith("dry friction of joint_1, joint_2 turns")
-    assert "MuJoCo" in said
+    assert "joint_1, joint_2" in found.sentence(data.joints)

@@ -15,8 +15,11 @@ from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
 from idim_iv_ros.diagnosis.sentences import transmission
-from idim_iv_ros.diagnosis.transmission.causes import with_transmissions
-from idim_iv_ros.diagnosis.transmission.measure import Measured, measured_transmissions
+from idim_iv_ros.diagnosis.transmission.measure import (
+    Measured,
+    measured_transmissions,
+    with_transmissions,
+)
 from idim_iv_ros.identification.prepare import read_configured
 from tests.diagnosis.link_encoders import Gear, pendulum_bag
 

@@ -72,10 +72,9 @@ def test_a_white_residual_makes_the_sandwich_the_white_covariance(two_joints):
         joint(x, z, places, np.arange(len(x)))
         for x, z, places in zip(regressors, instruments, columns, strict=True)
     ]
-    models = [AutoregressiveModel(np.zeros(0), each**2) for each in sigma]
+    models = [AutoregressiveModel(np.zeros(0), deviation**2) for deviation in sigma]
     np.testing.assert_allclose(
-        AutocorrelatedCovariance(rows, sigma, models, B).matrix,
-        white_covariance(rows, sigma, B),
+        AutocorrelatedCovariance(rows, sigma, models, B).matrix, white_covariance(rows, sigma, B)
     )
 
 

@@ -16,11 +16,13 @@ def regression(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def test_f_statistic_is_that_of_nested_models() -> None:
     matrix, torque = regression()
     full = sm.OLS(torque, matrix).fit()
-    found = essential_parameters(full.params, full.cov_params(), len(torque))
-    nested = sm.OLS(torque, matrix[:, found.columns]).fit()
+    essential = essential_parameters(full.params, full.cov_params(), len(torque))
+    nested = sm.OLS(torque, matrix[:, essential.columns]).fit()
     statistic, p_value, _ = full.compare_f_test(nested)
-    np.testing.assert_allclose([found.statistic, found.p_value], [statistic, p_value], rtol=1e-8)
-    restricted, _ = restrict(full.params, full.cov_params(), found.columns.tolist())
+    np.testing.assert_allclose(
+        [essential.statistic, essential.p_value], [statistic, p_value], rtol=1e-8
+    )
+    restricted, _ = restrict(full.params, full.cov_params(), essential.columns.tolist())
     np.testing.assert_allclose(restricted, nested.params, rtol=1e-8)
 
 

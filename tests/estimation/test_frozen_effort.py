@@ -59,7 +59,7 @@ def test_estimates_stay_within_the_confidence_of_the_whole_recording(
     whole, frozen = (_identified(bag) for bag in bags)
     assert _furthest(whole, frozen) < 1.96
     assert not any("freezes" in reason for reason in whole.processing.reasons)
-    (warning,) = [each for each in frozen.processing.reasons if "freezes" in each]
+    (warning,) = [reason for reason in frozen.processing.reasons if "freezes" in reason]
     assert warning.startswith("frozen.mcap: effort of joint_2 on /joint_states freezes ")
     assert "s after the start" in warning
     assert "freezes" not in _printed(whole)
@@ -71,9 +71,15 @@ def test_estimates_stay_within_the_confidence_of_the_whole_recording(
 
 def test_check_warns_of_it(bags: tuple[Path, Path]) -> None:
     configuration = load_configuration(CONFIG / "arm2.yaml")
-    found = [
-        [each for each in check([bag], configuration).findings if "freezes" in each.sentence]
+    findings = [
+        [
+            finding
+            for finding in check([bag], configuration).findings
+            if "freezes" in finding.sentence
+        ]
         for bag in bags
     ]
-    assert found[0] == []
-    assert [(each.where, each.level) for each in found[1]] == [("frozen.mcap", "limited")]
+    assert findings[0] == []
+    assert [(finding.where, finding.level) for finding in findings[1]] == [
+        ("frozen.mcap", "limited")
+    ]

@@ -20,38 +20,38 @@ TRUTH = np.array([2.0, -1.0, 0.5])
 def rows(noise=(0.1, 2.0), samples=400, seed=0) -> list[JointRows]:
     """Joint 1 sees parameters 0 and 1, joint 2 sees 1 and 2; joint 2 is noisier."""
     random = np.random.default_rng(seed)
-    found = []
+    of_joints = []
     for joint, columns in enumerate(([0, 1], [1, 2])):
         matrix = random.normal(size=(samples, 2))
         torque = matrix @ TRUTH[columns] + noise[joint] * random.normal(size=samples)
-        found.append(JointRows(matrix, torque, np.array(columns), (slice(0, samples),)))
-    return found
+        of_joints.append(JointRows(matrix, torque, np.array(columns), (slice(0, samples),)))
+    return of_joints
 
 
-def dense(found: list[JointRows]) -> tuple[np.ndarray, np.ndarray]:
+def dense(of_joints: list[JointRows]) -> tuple[np.ndarray, np.ndarray]:
     blocks = []
-    for joint in found:
+    for joint in of_joints:
         block = np.zeros((len(joint), 3))
         block[:, joint.columns] = joint.matrix
         blocks.append(block)
-    return np.vstack(blocks), np.concatenate([joint.torque for joint in found])
+    return np.vstack(blocks), np.concatenate([joint.torque for joint in of_joints])
 
 
 def test_ordinary_least_squares_is_that_of_statsmodels() -> None:
-    found = rows()
-    matrix, torque = dense(found)
+    of_joints = rows()
+    matrix, torque = dense(of_joints)
     expected = sm.OLS(torque, matrix).fit().params
-    np.testing.assert_allclose(solve_least_squares(found, 3, weighted=False).values, expected)
+    np.testing.assert_allclose(solve_least_squares(of_joints, 3, weighted=False).values, expected)
 
 
 def test_weighted_least_squares_is_that_of_statsmodels_with_the_same_weights() -> None:
-    found = rows()
-    matrix, torque = dense(found)
-    estimate = solve_least_squares(found, 3)
+    of_joints = rows()
+    matrix, torque = dense(of_joints)
+    estimate = solve_least_squares(of_joints, 3)
     sigma = np.repeat(estimate.sigma, 400)
     reference = sm.WLS(torque, matrix, weights=1.0 / sigma**2).fit(cov_type="fixed scale")
     np.testing.assert_allclose(estimate.values, reference.params, rtol=1e-4)
-    covariance = white_covariance(found, estimate.sigma, 3)
+    covariance = white_covariance(of_joints, estimate.sigma, 3)
     np.testing.assert_allclose(covariance, reference.normalized_cov_params, rtol=1e-6)
 
 
@@ -75,25 +75,25 @@ def test_instruments_remove_the_bias_of_noisy_regressors() -> None:
     clean = random.normal(size=(samples, 2))
     noisy = clean + 0.5 * random.normal(size=(samples, 2))
     torque = clean @ TRUTH[:2] + 0.1 * random.normal(size=samples)
-    found = [JointRows(noisy, torque, np.arange(2), (slice(0, samples),))]
-    biased = solve_least_squares(found, 2, weighted=False).values
-    estimate = solve_instrumental_variables(with_instruments(found, [clean]), 2, np.ones(1))
+    of_joints = [JointRows(noisy, torque, np.arange(2), (slice(0, samples),))]
+    biased = solve_least_squares(of_joints, 2, weighted=False).values
+    estimate = solve_instrumental_variables(with_instruments(of_joints, [clean]), 2, np.ones(1))
     assert np.all(np.abs(biased) < 0.85 * np.abs(TRUTH[:2]))  # attenuation 1 / 1.25
     np.testing.assert_allclose(estimate.values, TRUTH[:2], atol=0.05)
 
 
 def test_instruments_equal_to_the_regressor_give_least_squares() -> None:
-    found = rows()
-    weighted = solve_least_squares(found, 3)
-    same = with_instruments(found, [joint.matrix.copy() for joint in found])
+    of_joints = rows()
+    weighted = solve_least_squares(of_joints, 3)
+    same = with_instruments(of_joints, [joint.matrix.copy() for joint in of_joints])
     estimate = solve_instrumental_variables(same, 3, weighted.sigma)
     np.testing.assert_allclose(estimate.values, weighted.values, rtol=1e-5)
 
 
 def test_dependent_columns_are_named_not_solved() -> None:
-    found = rows()
-    found[1].matrix[:, 1] = 0.0
-    assert unseen_parameters(found, 3) == [2]
+    of_joints = rows()
+    of_joints[1].matrix[:, 1] = 0.0
+    assert unseen_parameters(of_joints, 3) == [2]
     assert condition_number(rows(), 3) < 3.0
 
 

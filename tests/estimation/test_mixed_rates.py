@@ -72,9 +72,9 @@ def test_every_recording_is_filtered_at_the_same_frequencies(
         passed = motion.filtered(np.column_stack([wave, wave]))[200:-200]
         assert np.sqrt(2.0) * np.std(passed) == pytest.approx(0.5, abs=0.02)
     assert 0.5 * edge * row_rate >= prepared.cutoffs.decimation
-    (said,) = [reason for reason in prepared.reasons if "different rates" in reason]
-    assert "slow.mcap with 250 Hz" in said
-    assert "fast.mcap with 1000 Hz" in said
+    (reasons,) = [reason for reason in prepared.reasons if "different rates" in reason]
+    assert "slow.mcap with 250 Hz" in reasons
+    assert "fast.mcap with 1000 Hz" in reasons
 
 
 def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(
@@ -110,7 +110,9 @@ def stamped_at(recording: Recording, rate: float) -> Recording:
     def sampled(signal: Signal | None) -> Signal | None:
         if signal is None:
             return None
-        values = np.column_stack([CubicSpline(time, each)(instants) for each in signal.values.T])
+        values = np.column_stack(
+            [CubicSpline(time, column)(instants) for column in signal.values.T]
+        )
         return Signal(values, np.zeros(values.shape, dtype=bool), signal.origin)
 
     parts = ("position", "effort", "position_reference", "velocity_reference")
@@ -139,9 +141,7 @@ def test_bags_of_one_rig_with_rates_of_1000_and_985_hz_give_the_parameters_of_bo
     assert not any("different rates" in reason for reason in same.processing.reasons)
 
 
-def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(
-    arm: SimulatedArm,
-) -> None:
+def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: SimulatedArm) -> None:
     """The second recording repeats the first, a second later, at a quarter of its rate."""
     first = recorded(arm, 1)
     again = recorded(arm, 2)

@@ -16,7 +16,7 @@ def of_kind(diagnosis, kind: str):
     """Segments of a kind with their samples: position, velocity, acceleration."""
     motion = diagnosis.trajectory
     for segment in diagnosis.segments:
-        if segment.plan.kind == kind:
+        if segment.kind == kind:
             part = slice(round(segment.start * motion.rate), round(segment.end * motion.rate))
             yield (
                 segment,
@@ -50,7 +50,7 @@ def test_motion_rests_at_both_ends_and_around_every_segment(diagnosis) -> None:
 def test_speed_is_constant_in_both_directions(diagnosis, kind: str) -> None:
     count = 0
     for segment, _, velocity, acceleration in of_kind(diagnosis[2], kind):
-        speed = segment.plan.speed
+        speed = segment.speed
         for sign in (1.0, -1.0):
             steady = np.all(np.abs(velocity - sign * speed) < 1e-9 * np.abs(speed), axis=1)
             assert steady.sum() / diagnosis[2].trajectory.rate > 0.2
@@ -62,7 +62,7 @@ def test_speed_is_constant_in_both_directions(diagnosis, kind: str) -> None:
 def test_plateaus_fall_in_speed_at_two_postures(diagnosis) -> None:
     speeds, middles, velocity = [], [], diagnosis[1].velocity
     for segment, position, _, _ in of_kind(diagnosis[2], "plateau"):
-        speeds.append(np.abs(segment.plan.speed))
+        speeds.append(np.abs(segment.speed))
         middles.append(0.5 * (position.min(axis=0) + position.max(axis=0)))
     for half in (slice(0, 5), slice(5, 10)):
         shares = np.array(speeds[half]) / speeds[half][0]
@@ -73,9 +73,7 @@ def test_plateaus_fall_in_speed_at_two_postures(diagnosis) -> None:
 
 
 def test_joints_move_in_the_same_and_in_opposite_directions(diagnosis) -> None:
-    signs = {
-        tuple(np.sign(segment.plan.speed[:2])) for segment, *_ in of_kind(diagnosis[2], "plateau")
-    }
+    signs = {tuple(np.sign(segment.speed[:2])) for segment, *_ in of_kind(diagnosis[2], "plateau")}
     assert signs == {(1.0, 1.0), (1.0, -1.0)}
 
 
@@ -83,7 +81,7 @@ def test_reversals_have_the_amplitude_of_their_label(diagnosis) -> None:
     amplitudes = []
     for segment, position, velocity, _ in of_kind(diagnosis[2], "reversals"):
         reach = np.abs(position - position[0]).max(axis=0)
-        np.testing.assert_allclose(reach, segment.plan.amplitude, rtol=0.02)
+        np.testing.assert_allclose(reach, segment.amplitude, rtol=0.02)
         turns = np.sum(np.diff(np.sign(velocity[1:-1, 0])) != 0.0)
         assert turns >= 6
         amplitudes.append(reach[0])
@@ -101,7 +99,7 @@ def test_multisine_reaches_two_to_three_bandwidths_at_small_amplitude(diagnosis)
         strong = frequency[lines[:, joint] > 0.2 * lines[:, joint].max()]
         assert 2.0 * bandwidth < strong.max() < 3.0 * bandwidth
         assert strong.min() < bandwidth / 2.0
-    assert segment.plan.frequency[1] == pytest.approx(2.5 * made.bandwidth.max())
+    assert segment.frequency[1] == pytest.approx(2.5 * made.bandwidth.max())
 
 
 def test_quintics_between_five_points_a_period_follow_the_fastest_segment(diagnosis) -> None:

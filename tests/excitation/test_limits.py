@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import motion_limits
-from idim_iv_ros.excitation.limit_use import moving_frames, require_reachable
+from idim_iv_ros.excitation.moving_frames import moving_frames, require_reachable
 from idim_iv_ros.model import JointLimits
 
 
@@ -55,29 +55,18 @@ def test_robot_without_inertials_has_no_torques_to_check(robots) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("name", "change", "complaint"),
     [
-        ({"velocity": np.array([4.0, np.inf])}, "joint_2 has no velocity limit"),
-        ({"velocity": np.array([0.0, 6.0])}, "joint_1 has no velocity limit"),
+        ("arm2", {"velocity": np.array([4.0, np.inf])}, "joint_2 has no velocity limit"),
+        ("arm2", {"velocity": np.array([0.0, 6.0])}, "joint_1 has no velocity limit"),
+        ("double_pendulum", {"effort": np.array([np.inf, 10.0])}, r"shoulder .*torque_limit"),
+        ("emps", {"lower": np.array([-np.inf]), "upper": np.array([np.inf])}, "axis has no pos"),
     ],
 )
-def test_missing_limit_names_the_joint(robots, change, complaint: str) -> None:
-    configuration, model = robots("arm2")
+def test_missing_limit_names_the_joint(robots, name: str, change, complaint: str) -> None:
+    configuration, model = robots(name)
     with pytest.raises(UsageError, match=complaint):
         motion_limits(without(model, **change), configuration)
-
-
-def test_missing_effort_limit_says_where_to_give_it(robots) -> None:
-    configuration, model = robots("double_pendulum")
-    with pytest.raises(UsageError, match=r"shoulder .*controller\.torque_limit"):
-        motion_limits(without(model, effort=np.array([np.inf, 10.0])), configuration)
-
-
-def test_prismatic_joint_needs_its_range(robots) -> None:
-    configuration, model = robots("emps")
-    unlimited = without(model, lower=np.array([-np.inf]), upper=np.array([np.inf]))
-    with pytest.raises(UsageError, match="axis has no position"):
-        motion_limits(unlimited, configuration)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +76,7 @@ def test_prismatic_joint_needs_its_range(robots) -> None:
         ({"margin": 1.1}, "margin"),
         ({"margin": float("nan")}, "margin"),
         ({"acceleration": [1.0, 2.0, 3.0]}, "3 values for 2 joints"),
-        ({"acceleration": [-1.0]}, "positive"),
+        *(({"acceleration": [value]}, "rad/s²") for value in (-1.0, 0.0, 1e-300, 1e300, np.nan)),
         ({"floor": float("inf")}, "floor"),
     ],
 )

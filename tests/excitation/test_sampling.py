@@ -2,12 +2,19 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import load_model, motion_limits, random_motion, require_sampling
-from idim_iv_ros.excitation.search import DesignSettings, require_possible
+from idim_iv_ros.excitation import (
+    load_model,
+    motion_limits,
+    random_motion,
+    require_sampling,
+    servo_motion,
+)
+from idim_iv_ros.excitation.design import DesignSettings, require_possible
 from tests.fuzz.case import CONFIG
 
 
@@ -16,16 +23,18 @@ def configuration():
     return load_configuration(CONFIG / "arm2.yaml")
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, 1e-300, 1e300, math.inf, math.nan])
-def test_rate_that_no_controller_has_is_refused(rate: float) -> None:
-    with pytest.raises(UsageError, match="samples per second"):
-        require_sampling(rate, 10.0, "the motion")
-
-
-@pytest.mark.parametrize("duration", [0.0, -1.0, 1e9, 1e300, math.inf, math.nan])
-def test_duration_that_cannot_be_computed_is_refused(duration: float) -> None:
-    with pytest.raises(UsageError, match="the motion lasts"):
-        require_sampling(1000.0, duration, "the motion")
+@pytest.mark.parametrize(
+    ("rate", "duration", "words"),
+    [
+        *((rate, 10.0, "samples per second") for rate in (0.0, -1.0, 1e-300, 1e300, math.nan)),
+        *((1000.0, seconds, "motion lasts") for seconds in (0.0, -1.0, 1e9, math.inf, math.nan)),
+    ],
+)
+def test_sampling_that_cannot_be_computed_is_refused(
+    rate: float, duration: float, words: str
+) -> None:
+    with pytest.raises(UsageError, match=words):
+        require_sampling(rate, duration, "the motion")
 
 
 @pytest.mark.parametrize("duration", [math.inf, 1e300, 1001.0, 0.5, math.nan])
@@ -43,8 +52,14 @@ def test_design_that_cannot_be_computed_is_refused(configuration, settings) -> N
         require_possible(DesignSettings(**settings), limits, ("joint_1", "joint_2"))
 
 
-@pytest.mark.parametrize("acceleration", [1e-300, 1e300, 0.0, math.nan])
-def test_acceleration_that_no_joint_has_is_refused(configuration, acceleration: float) -> None:
-    model = load_model(configuration)
-    with pytest.raises(UsageError, match="rad/s²"):
-        motion_limits(model, configuration, acceleration=[acceleration])
+def test_motion_for_servos_uses_its_limits_and_keeps_them() -> None:
+    configuration = load_configuration(CONFIG / "arm6.yaml")
+    limits = motion_limits(load_model(configuration), configuration)
+    motion, highest, document = servo_motion(configuration, limits, rate=100.0, seed=1)
+    assert motion.duration == 20.0 and highest == 2.0 and document["purpose"] == "servo"
+    assert (motion.position >= limits.lower).all() and (motion.position <= limits.upper).all()
+    speed, acceleration = np.abs(motion.velocity), np.abs(motion.acceleration)
+    assert (speed <= limits.velocity).all() and (acceleration <= limits.acceleration).all()
+    np.testing.assert_allclose(motion.velocity[[0, -1]], 0.0, atol=1e-9)
+    reversals = (np.diff(np.sign(motion.velocity), axis=0) != 0).sum(axis=0)
+    assert (reversals >= 10).all()

@@ -14,10 +14,9 @@ import pytest
 from s3fs import S3FileSystem
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.fleet.identify import BAGS
+from idim_iv_ros.fleet.commands import BAGS
 from idim_iv_ros.fleet.remote import file_system
-from idim_iv_ros.fleet.run import FleetRun
-from idim_iv_ros.fleet.scheduling import connected
+from idim_iv_ros.fleet.run import FleetRun, connected
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder
 from tests.fleet.test_fleet import LocalRun

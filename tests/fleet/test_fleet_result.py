@@ -9,9 +9,8 @@ import pytest
 from benchmarks.fleet.coverage import coverage
 from benchmarks.fleet.synthetic import MEAN, NAMES, SIGMA, Drawn, fleet
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary, GapSummary
 from idim_iv_ros.fleet.fleet_result import fleet_result
-from idim_iv_ros.fleet.result import FleetResult, FleetRobot
+from idim_iv_ros.fleet.result import BagResult, CauseSummary, FleetResult, FleetRobot, GapSummary
 
 STEP = [0.0] * 5 + [4.0] * 3
 DRAWN = Drawn(

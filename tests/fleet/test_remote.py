@@ -9,10 +9,10 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.fleet.bag_result import BagResult
+from idim_iv_ros.fleet.commands import identify_task
 from idim_iv_ros.fleet.content import content_of
-from idim_iv_ros.fleet.identify import identify_task
 from idim_iv_ros.fleet.remote import FetchedFile, open_bag
+from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.robots import Robot
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.identification.prepare import configured_request

@@ -9,7 +9,7 @@ import pytest
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet import scheduling
 from idim_iv_ros.fleet.content import code_version
-from idim_iv_ros.fleet.scheduling import connected, run_tasks
+from idim_iv_ros.fleet.run import connected, run_tasks
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.fuzz.case import Case, Good, command, random_of, simulation, write_configuration
+from tests.fuzz.case import (
+    Case,
+    Good,
+    command,
+    excitation,
+    random_of,
+    simulation,
+    write_configuration,
+)
 
 _NUMBERS = (
     "0", "-1", "1", "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "1e9999", "999999999999999",
@@ -52,12 +60,9 @@ def _case(name: str, seed: int, build: Build) -> Case:
 def _excite_with(option: str) -> Build:
     def build(folder: Path, good: Good, random: np.random.Generator) -> list[str]:
         config = write_configuration(folder)
-        options = {"--period": "2", "--repeats": "1", "--rate": "100", "--time-limit": "0.2"}
-        options[option] = str(random.choice(_NUMBERS))
-        arguments = ["excite", "--config", str(config), "--out", str(folder / "m")]
-        if random.uniform() < 0.15 or option == "--duration":
-            arguments += ["--for", "diagnosis"]
-        return arguments + [part for pair in options.items() for part in pair]
+        arguments = excitation(folder, config, **{option[2:]: str(random.choice(_NUMBERS))})
+        for_diagnosis = random.uniform() < 0.15 or option == "--duration"
+        return [*arguments, "--for", "diagnosis"] if for_diagnosis else arguments
 
     return build
 
@@ -86,18 +91,15 @@ def _diagnose_with(*options: str) -> Build:
 
 _WRONG: dict[str, Build] = {
     "none": lambda folder, good, random: [],
-    "repeats-of-400-digits": lambda folder, good, random: [
-        "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
-        "--repeats", "1" * 400,
-    ],
+    "repeats-of-400-digits": lambda folder, good, random: excitation(
+        folder, write_configuration(folder), repeats="1" * 400
+    ),
     "torque-noise-of-1e-300": lambda folder, good, random: [
-        "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
-        "--period", "2", "--rate", "100", "--time-limit", "0.2", "--torque-noise", "1e-300",
+        *excitation(folder, write_configuration(folder)), "--torque-noise", "1e-300",
     ],
-    "time-limit-infinite": lambda folder, good, random: [
-        "excite", "--config", str(write_configuration(folder)), "--out", str(folder / "m"),
-        "--period", "2", "--rate", "100", "--time-limit", "inf",
-    ],
+    "time-limit-infinite": lambda folder, good, random: excitation(
+        folder, write_configuration(folder), **{"time-limit": "inf"}
+    ),
     "estimator": _identify_with("--estimator", "[bold]"),
     "estimator-long": _identify_with("--estimator", "x" * 20_000),
     "config-twice": _identify_with("--config", "/none.yaml"),

@@ -120,6 +120,10 @@ _SQL = {
         "raw BLOB, data BLOB AS (zeroblob(100000000)))",
         "INSERT INTO messages(topic_id, timestamp, raw) SELECT topic_id, timestamp, data FROM old",
     ),
+    "virtual-table": (
+        "DROP TABLE messages",
+        "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)",
+    ),
     "no-topics": ("DROP TABLE topics",),
     "no-messages": ("DROP TABLE messages",),
     "no-rows": ("DELETE FROM messages",),

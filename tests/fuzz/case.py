@@ -92,6 +92,19 @@ def spelt(value: Any) -> str:
     return json.dumps(value)
 
 
+def write_text(path: Path, text: str) -> Path:
+    """Write a text that may hold bytes of no text (surrogates)."""
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    return path
+
+
+def excitation(folder: Path, config: Path, out: Path | None = None, **options: str) -> list[str]:
+    """Arguments of the shortest design of a motion; `options` replace its own."""
+    short = {"period": "2", "repeats": "1", "rate": "100", "time-limit": "0.2", **options}
+    arguments = ["excite", "--config", str(config), "--out", str(out or folder / "m")]
+    return arguments + [part for name, value in short.items() for part in (f"--{name}", value)]
+
+
 def command(name: str, folder: Path, bags: list[Path], config: Path | None = None) -> list[str]:
     """Arguments of a command that reads bags; its results would be in ``out``."""
     config = config or write_configuration(folder)

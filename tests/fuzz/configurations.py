@@ -16,6 +16,7 @@ from tests.fuzz.case import (
     random_of,
     simulation,
     write_configuration,
+    write_text,
 )
 
 _VALUES = {
@@ -106,8 +107,7 @@ def _value_case(key: tuple[str, ...], name: str, draw: int) -> Case:
 
 
 def _text(folder: Path, good: Good, text: str) -> list[str]:
-    path = folder / "robot.yaml"
-    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    path = write_text(folder / "robot.yaml", text)
     return command("check", folder, [good.bag], path)
 
 

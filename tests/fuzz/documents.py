@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.effects.registry import BY_NAME, EFFECTS
-from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_configuration
+from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_text
 from tests.gap_files import gap_content
 
 _NUMBERS = ("0", "-1", "1e300", "-1e300", "1e-300", "NaN", "Infinity", "1" + "0" * 400, "null",
@@ -31,8 +31,7 @@ def cases(seed: int) -> Iterator[Case]:
 
 def _document_case(name: str, text: Callable[[Good], str]) -> Case:
     def build(folder: Path, good: Good) -> list[str]:
-        path = folder / "gap.json"
-        path.write_bytes(text(good).encode("utf-8", "surrogateescape"))
+        path = write_text(folder / "gap.json", text(good))
         return [*simulation(folder), "--effects", str(path)]
 
     return Case(name, build)
@@ -160,10 +159,7 @@ def _flipped(random: np.random.Generator) -> str:
 
 def _trajectory_case(name: str, text: str) -> Case:
     def build(folder: Path, good: Good) -> list[str]:
-        (folder / "t.csv").write_bytes(text.encode("utf-8", "surrogateescape"))
-        config = write_configuration(folder)
-        out = str(folder / "s.mcap")
-        trajectory = str(folder / "t.csv")
-        return ["simulate", "--config", str(config), "--out", out, "--trajectory", trajectory]
+        trajectory = write_text(folder / "t.csv", text)
+        return [*simulation(folder)[:-2], "--trajectory", str(trajectory)]
 
     return Case(name, build)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.fuzz import bags, messages, robots
-from tests.fuzz.case import CONFIG, Case, Good, random_of
+from tests.fuzz.case import CONFIG, Case, Good, random_of, write_text
 
 _PAIRS = 40
 
@@ -36,7 +36,7 @@ def _pair(name: str, seed: int, number: int) -> Case:
             text = urdf.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
             raw = [messages.text_message(text), *raw]
         messages.write_mcap(folder / "bag.mcap", raw)
-        (folder / "robot.urdf").write_bytes(urdf.encode("utf-8", "surrogateescape"))
+        write_text(folder / "robot.urdf", urdf)
         return _init(folder, folder / "bag.mcap", None if within else folder / "robot.urdf")
 
     return Case(name, build)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tests.fuzz import messages
-from tests.fuzz.case import CONFIG, Case, Good, command, simulation, write_configuration
+from tests.fuzz.case import CONFIG, Case, Good, command, excitation, simulation, write_configuration
 
 _LONG = "x" * 300
 _VERY_LONG = "/".join(["y" * 200] * 40)
@@ -60,12 +60,6 @@ _SPECIAL: dict[str, Callable[[Path], None]] = {
 _REPLACEABLE = ("folder", "empty", "fifo", "socket", "link-to-itself")
 
 
-def _short_excitation(folder: Path, path: Path) -> list[str]:
-    config = write_configuration(folder, urdf=str(path))
-    short = ["--period", "2", "--repeats", "1", "--time-limit", "0.2"]
-    return ["excite", "--config", str(config), "--out", str(folder / "m"), *short]
-
-
 def _table(folder: Path, path: Path) -> list[str]:
     (folder / "good.csv").write_text("1,2\n2,3\n3,4\n5,6\n")
     good = str(folder / "good.csv")
@@ -79,7 +73,7 @@ _INPUTS: dict[str, tuple[str, Callable[[Path, Path, Good], list[str]]]] = {
     "bag": ("b.mcap", lambda folder, path, good: command("check", folder, [path])),
     "database": ("b.db3", lambda folder, path, good: command("check", folder, [path])),
     "config": ("c.yaml", lambda folder, path, good: command("check", folder, [good.bag], path)),
-    "urdf": ("r.urdf", lambda folder, path, good: _short_excitation(folder, path)),
+    "urdf": ("r.urdf", lambda folder, path, good: _excite(folder / "m", folder, path)),
     "table": ("t.csv", lambda folder, path, good: _table(folder, path)),
     "npz": ("t.npz", lambda folder, path, good: _table(folder, path)),
     "mat": ("t.mat", lambda folder, path, good: _table(folder, path)),
@@ -249,10 +243,8 @@ def _second_seed_is_a_folder(folder: Path, good: Good) -> list[str]:
     return [*_writing("simulate", folder, good, folder / "o.mcap"), "--seed", "1", "--seed", "2"]
 
 
-def _excite(out: Path, folder: Path) -> list[str]:
-    config = write_configuration(folder, urdf=str(CONFIG / "arm2.urdf"))
-    short = ["--period", "2", "--repeats", "1", "--rate", "100", "--time-limit", "0.2"]
-    return ["excite", "--config", str(config), "--out", str(out), *short]
+def _excite(out: Path, folder: Path, urdf: Path = CONFIG / "arm2.urdf") -> list[str]:
+    return excitation(folder, write_configuration(folder, urdf=str(urdf)), out)
 
 
 def _one_of_three_is_a_folder(folder: Path, good: Good) -> list[str]:

@@ -12,9 +12,11 @@ from tests.fuzz.case import (
     Case,
     Good,
     command,
+    excitation,
     random_of,
     simulation,
     write_configuration,
+    write_text,
 )
 
 _WHOLE = (CONFIG / "arm2.urdf").read_text(encoding="utf-8")
@@ -42,13 +44,12 @@ def texts() -> dict[str, str]:
 
 def _case(name: str, text: str, what: str, refused: bool) -> Case:
     def build(folder: Path, good: Good) -> list[str]:
-        (folder / "robot.urdf").write_bytes(text.encode("utf-8", "surrogateescape"))
+        write_text(folder / "robot.urdf", text)
         config = write_configuration(folder, urdf="robot.urdf")
         if what == "simulate":
             return simulation(folder, config)
         if what == "excite":
-            short = ["--period", "2", "--repeats", "1", "--rate", "100", "--time-limit", "0.2"]
-            return ["excite", "--config", str(config), "--out", str(folder / "m"), *short]
+            return excitation(folder, config)
         return command(what, folder, [good.bag], config)
 
     return Case(name, build, refused)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.case import Case, Good, random_of, write_configuration
+from tests.fuzz.case import Case, Good, random_of, write_configuration, write_text
 from tests.gap_files import gap_content
 
 _WRONG = (None, 0, -1, 1e300, -1e300, 1e-300, "x", "", [], {}, True, 0.5)
@@ -73,8 +73,7 @@ def _places(content: Any, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ..
 
 def _replay(name: str, option: str, file: str, text: Callable[[], str]) -> Case:
     def build(folder: Path, good: Good) -> list[str]:
-        path = folder / file
-        path.write_bytes(text().encode("utf-8", "surrogateescape"))
+        path = write_text(folder / file, text())
         config, out = write_configuration(folder), folder / "out"
         arguments = ["replay", str(good.bag), "--config", str(config), "--out", str(out)]
         return [*arguments, option, str(path)]

@@ -181,6 +181,7 @@ _FILES = {
     "zip-of-text.npz": lambda folder: _zip(folder, "a.txt", b"text"),
     "zip-of-junk.npz": lambda folder: _zip(folder, "q.npy", b"junk"),
     "zip-bomb.npz": _zip_bomb,
+    "claims-1e12.npz": lambda folder: _zip(folder, "q.npy", _claimed(10**12)),
     "pickle.npy": _bytes("t.npy", b"\x80\x04cos\nsystem\n(S'true'\ntR."),
     "claims-1e12.npy": _bytes("t.npy", _claimed(10**12)),
     "claims-1e18.npy": _bytes("t.npy", _claimed(10**18)),
@@ -236,8 +237,8 @@ _USELESS = {
     "one-row", "scalar", "three-columns", "three-dimensions", "other-length", "mat-text",
     "mat-complex", "mat-struct", "mat-empty", "csv-text", "csv-ragged", "csv-nan", "csv-infinite",
     "csv-overflow", "csv-empty-cells", "csv-header-alone", "csv-complex", "csv-dates",
-    "claims-1e12.npy", "claims-1e18.npy", "dates", "long-doubles", "booleans", "huge",
-    "csv-same-header",
+    "claims-1e12.npy", "claims-1e12.npz", "claims-1e18.npy", "dates", "long-doubles", "booleans",
+    "huge", "csv-same-header",
     *(name for name in _FILES if name.startswith(("nothing", "junk", "zip", "pickle", "header"))),
 }  # fmt: skip
 

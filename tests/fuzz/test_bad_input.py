@@ -56,8 +56,14 @@ def _cases(seed: int) -> Iterator[Case]:
 
 
 def _drawn() -> list[Case]:
-    """Every fourth input of the first seed by its name: what the time of each run allows."""
-    return [c for c in _cases(1) if c.name in _ALWAYS or zlib.crc32(c.name.encode()) % 4 == 0]
+    """All tables and databases, and every fourth other input of the first seed by its name."""
+    return [
+        case
+        for case in _cases(1)
+        if case.name in _ALWAYS
+        or case.name.startswith(("table-", "db3-"))
+        or zlib.crc32(case.name.encode()) % 4 == 0
+    ]
 
 
 def _seen(case: Case, folder: Path, fuzzed: tuple[CommandLine, Good]) -> list[str]:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.excitation import read_trajectory
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.files import read_text
 from idim_iv_ros.report import numerals
 from idim_iv_ros.simulators.effects_file import read_effects
 from tests.gap_files import gap_content
@@ -90,18 +89,6 @@ def test_any_csv_is_a_motion_or_one_line(start, step, cell, tmp_path: Path) -> N
         f"time,a.position\n{rows}{start + 4 * step},{cell}\n".encode("utf-8", "replace")
     )
     _refused_or_read(read_trajectory, path)
-
-
-@pytest.mark.parametrize("place", ["/dev/zero", "/dev/null", "/dev", "/proc/self/mem", "/none"])
-def test_what_is_no_file_is_refused_before_it_is_read(place: str) -> None:
-    with pytest.raises(IdimError, match="cannot read the diagnosis"):
-        read_text(Path(place), "the diagnosis", megabytes=1.0)
-
-
-def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "large").write_bytes(bytes(1_000_001))
-    with pytest.raises(IdimError, match="larger than 1 MB"):
-        read_text(tmp_path / "large", "the diagnosis", megabytes=1.0)
 
 
 @pytest.mark.parametrize("samples", [1, 1999, 2000, 2001, 5000])

@@ -42,8 +42,8 @@ def reversals(tmp_path: Path, seconds_of_rest: float) -> list[int]:
     write_bag(path, [topic], robot_description=urdf.read_text(encoding="utf-8"))
     signals = arm.configuration.signals.model_copy(update={"reference": None})
     report = check([path], arm.configuration.model_copy(update={"signals": signals}))
-    said = [each.sentence for each in report.findings if "reversals" in each.sentence]
-    return [int(sentence.split(", ")[-1].split()[0]) for sentence in said]
+    sentences = [finding.sentence for finding in report.findings if "reversals" in finding.sentence]
+    return [int(sentence.split(", ")[-1].split()[0]) for sentence in sentences]
 
 
 def test_the_noise_of_a_joint_at_rest_is_no_reversal(tmp_path: Path) -> None:
@@ -54,12 +54,12 @@ def test_the_noise_of_a_joint_at_rest_is_no_reversal(tmp_path: Path) -> None:
 
 
 def test_progress_moves_while_a_recording_is_checked(tmp_path: Path) -> None:
-    said: list[tuple[str, float]] = []
+    stages: list[tuple[str, float]] = []
     arm = arm2(seconds=4.0)
     bag = tmp_path / "motion.mcap"
     write_bag(bag, joint_topics(arm, record(arm, 1)))
-    check([bag], arm.configuration, lambda stage, share: said.append((stage, share)))
-    shares = [share for _, share in said]
+    check([bag], arm.configuration, lambda stage, share: stages.append((stage, share)))
+    shares = [share for _, share in stages]
     assert shares == sorted(shares)
-    assert len({stage for stage, _ in said}) >= 4
+    assert len({stage for stage, _ in stages}) >= 4
     assert shares[-1] > 0.5

@@ -63,9 +63,9 @@ def test_a_value_says_why_not_to_rely_on_it(
     (line,) = [line for line in printed(result).splitlines() if "FvX" in line]
     html = report_html(result)
     row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
-    for each in (IMPOSSIBLE, NOT_SIGNIFICANT):
-        assert (each in line) == (each == remark)
-        assert (each in row) == (each == remark)
+    for known_remark in (IMPOSSIBLE, NOT_SIGNIFICANT):
+        assert (known_remark in line) == (known_remark == remark)
+        assert (known_remark in row) == (known_remark == remark)
     assert ("Some values are physically impossible" in html) == (remark == IMPOSSIBLE)
 
 
@@ -74,7 +74,11 @@ def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
     urdf = arm.configuration.robot.urdf
     assert urdf is not None
     base = build_inverse_model(arm.configuration, urdf.read_text(), urdf.name).base
-    forbidden = {name for name, each in zip(base.names, base.non_negative, strict=True) if each}
+    forbidden = {
+        name
+        for name, never_negative in zip(base.names, base.non_negative, strict=True)
+        if never_negative
+    }
     kinds = ("Ia", "Fv", "Fc")
     assert {f"{kind}{k}" for kind in kinds for k in range(1, 7)} & set(base.names) <= forbidden
     assert not any(name.startswith(("off", "M", "XY", "XZ", "YZ")) for name in forbidden)
@@ -103,13 +107,15 @@ def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
     result = sample_result()
     wrong = replace(result, verdict=OverallVerdict("misspecified", "The model is wrong."))
     right = replace(result, verdict=OverallVerdict("valid", "Fine."))
-    for each, said in ((wrong, True), (right, False)):
+    for judged_result, named in ((wrong, True), (right, False)):
         console = Console(file=io.StringIO(), width=40)
-        print_next(console, each, [Path("run1.mcap"), Path("my runs/2.mcap")], Path("my.yaml"))
+        print_next(
+            console, judged_result, [Path("run1.mcap"), Path("my runs/2.mcap")], Path("my.yaml")
+        )
         assert isinstance(console.file, io.StringIO)
         text = console.file.getvalue()
         expected = "idim-iv diagnose run1.mcap 'my runs/2.mcap' --config my.yaml --out why"
-        assert (expected in text) == said
+        assert (expected in text) == named
 
 
 @pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])
@@ -119,16 +125,18 @@ def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(
     result = sample_result(2, "coloured")
     assert result.refined is not None
     first, *others = result.refined.parameters
-    own = replace(result.parameters[0], essential=essential)
-    far = replace(first, value=own.value + deviations * float(np.hypot(own.std, first.std)))
+    parameter = replace(result.parameters[0], essential=essential)
+    far = replace(
+        first, value=parameter.value + deviations * float(np.hypot(parameter.std, first.std))
+    )
     estimates = (far, *others)
     refined = RefinedIdimIv(
-        np.array([each.value for each in estimates]),
-        np.diag([each.std**2 for each in estimates]),
+        np.array([estimate.value for estimate in estimates]),
+        np.diag([estimate.std**2 for estimate in estimates]),
         (),
     )
-    made = refined_result(refined, (own, *result.parameters[1:]))
-    assert made.moved == ((own.name,) if essential and deviations > 3.0 else ())
+    made = refined_result(refined, (parameter, *result.parameters[1:]))
+    assert made.moved == ((parameter.name,) if essential and deviations > 3.0 else ())
 
 
 def test_the_relative_error_of_each_joint_is_printed_and_saved() -> None:

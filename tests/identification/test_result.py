@@ -13,66 +13,29 @@ from idim_iv_ros.identification.result import IdentificationResult
 from tests.report.sample_result import sample_result
 
 CASES = ("white", "coloured", "rejected", "untested")
-PARAMETER = {
-    "name",
-    "expression",
-    "unit",
-    "value",
-    "std",
-    "relative_std_percent",
-    "essential",
-    "ls_value",
-    "given_value",
-}
-TEST = {"scope", "statistic", "df", "df_denom", "p_value", "max_deviation", "accepted", "reason"}
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_document_has_every_key_of_the_design(case: str) -> None:
+def test_deviations_and_scopes_are_in_the_order_of_the_design(case: str) -> None:
+    """That every key is there is what the schema says."""
     document = sample_result(2, case).to_document()
-    assert document["format"] == "idim_iv_ros/identification/1"
-    assert {"robot", "bags", "software", "estimator", "iterations", "converged"} <= set(document)
-    assert {"instruments", "exogeneity", "fit", "refined", "timing"} <= set(document)
-    for parameter in document["parameters"]:
-        assert set(parameter) >= PARAMETER
     assert [row[k] ** 0.5 for k, row in enumerate(document["covariance"])] == pytest.approx(
         [parameter["std"] for parameter in document["parameters"]]
     )
-    for part in ("instruments", "specification", "exogeneity"):
-        assert set(document[part]) >= {"accepted", "alpha", "tests"}
-        scopes = [test["scope"] for test in document[part]["tests"]]
-        if part == "specification":
-            families = ("position", "acceleration", "speed")
-            assert scopes == [f"joint_{k}: {family}" for k in (1, 2) for family in families]
-        else:
-            assert scopes == ["all", "joint_1", "joint_2"]
-        for test in document[part]["tests"]:
-            assert set(test) >= TEST
-    for residual in document["residuals"]:
-        assert set(residual) >= {
-            "joint",
-            "rms",
-            "relative_percent",
-            "ar_order",
-            "white",
-            "whiteness_p_value",
-            "normality_p_value",
-            "verdict",
-        }
-    assert set(document["fit"]) >= {
-        "relative_error_percent",
-        "condition_number",
-        "samples",
-        "base_parameters",
-        "essential_parameters",
+    families = ("position", "acceleration", "speed")
+    expected = {
+        "instruments": ["all", "joint_1", "joint_2"],
+        "exogeneity": ["all", "joint_1", "joint_2"],
+        "specification": [f"joint_{k}: {family}" for k in (1, 2) for family in families],
     }
+    for part, scopes in expected.items():
+        assert [test["scope"] for test in document[part]["tests"]] == scopes
 
 
-def test_refined_is_null_or_has_orders_and_parameters_with_all_columns() -> None:
+def test_refined_is_null_or_has_orders() -> None:
     assert sample_result(2, "white").to_document()["refined"] is None
     refined = sample_result(2, "coloured").to_document()["refined"]
     assert len(refined["ar_orders"]) == 2
-    assert all(set(parameter) >= PARAMETER for parameter in refined["parameters"])
     assert refined["parameters"][0]["ls_value"] is not None
 
 
@@ -160,4 +123,6 @@ def test_the_committed_schema_describes_what_is_written(case: str) -> None:
     validator.validate(document)
     assert not validator.is_valid({**document, "later": 1})
     for key in document:
-        assert not validator.is_valid({each: document[each] for each in document if each != key})
+        assert not validator.is_valid(
+            {other: document[other] for other in document if other != key}
+        )

@@ -40,7 +40,7 @@ def checked(
 
 
 def where(report: CheckReport, level: str) -> list[str]:
-    return sorted({each.where for each in report.findings if each.level == level})
+    return sorted({finding.where for finding in report.findings if finding.level == level})
 
 
 def with_effort(values: FloatArray, recorded: SimulatedRecording = RECORD) -> SimulatedRecording:
@@ -121,11 +121,7 @@ def test_torques_of_slow_and_noisy_motions_are_torques(make, noise: float, tmp_p
 
 @pytest.mark.parametrize(
     "robot",
-    [
-        {"position_offset": [0.3, -0.3]},
-        {"gravity": [0.0, 0.0, 9.81]},
-        {"gravity": [0.0, 0.0, 0.0]},
-    ],
+    [{"position_offset": [0.3, -0.3]}, {"gravity": [0.0, 0.0, 9.81]}, {"gravity": [0.0, 0.0, 0.0]}],
 )
 def test_wrong_zero_or_gravity_is_no_wrong_sign(robot, tmp_path: Path) -> None:
     section = ARM.configuration.robot.model_copy(update=robot)
@@ -144,10 +140,10 @@ def test_position_beyond_the_limits_is_said_with_both(tmp_path: Path) -> None:
     report = checked(tmp_path, replace(RECORD, position=position))
     assert where(report, "limited") == ["joint_2"]
     assert report.usable
-    (finding,) = [each for each in report.findings if each.level == "limited"]
-    said = [float(each) for each in re.findall(r"-?\d+\.?\d*", finding.sentence)[:4]]
+    (finding,) = [other for other in report.findings if other.level == "limited"]
+    numbers = [float(text) for text in re.findall(r"-?\d+\.?\d*", finding.sentence)[:4]]
     low, high = np.quantile(position[:, JOINT], [0.0, 1.0])
-    assert said == pytest.approx([low, high, -2.6, 2.6], abs=0.1)
+    assert numbers == pytest.approx([low, high, -2.6, 2.6], abs=0.1)
 
 
 @pytest.mark.parametrize("limit", ["", '<limit lower="0" upper="0" velocity="0" effort="0"/>'])
@@ -163,8 +159,8 @@ def test_limits_that_are_missing_accuse_nobody(limit: str, tmp_path: Path) -> No
     configuration = ARM.configuration.model_copy(update={"robot": section})
     position = RECORD.position + np.array([0.0, 8.0 * np.pi])
     report = checked(tmp_path, replace(RECORD, position=position), configuration=configuration)
-    assert [each for each in report.findings if each.where.startswith("joint_") and
-            each.level != "good"] == []  # fmt: skip
+    assert [finding for finding in report.findings if finding.where.startswith("joint_") and
+            finding.level != "good"] == []  # fmt: skip
 
 
 def test_speeds_beyond_the_limit_are_said(tmp_path: Path) -> None:
@@ -183,15 +179,15 @@ def test_band_that_is_named_gives_enough_rows(tmp_path: Path) -> None:
     report = checked(tmp_path, RECORD, configuration=few)
     assert where(report, "limited") == ["joint_1", "joint_2"]
     named = [
-        re.findall(r"cutoff\D*([\d.]+) Hz", each.sentence)
-        for each in report.findings
-        if each.level == "limited"
+        re.findall(r"cutoff\D*([\d.]+) Hz", finding.sentence)
+        for finding in report.findings
+        if finding.level == "limited"
     ]
     decimation, position = np.max(np.array(named, dtype=float), axis=0)
     wider = in_band(ARM, float(decimation), float(position))
     assert where(check([tmp_path / "run.mcap"], wider), "limited") == []
     result = identify([tmp_path / "run.mcap"], few)
-    assert [each.split(":")[0] for each in result.doubts] == ["joint_1", "joint_2"]
+    assert [doubt.split(":")[0] for doubt in result.doubts] == ["joint_1", "joint_2"]
 
 
 def test_damping_that_the_torque_does_not_have_is_said(tmp_path: Path) -> None:
@@ -230,7 +226,7 @@ def test_unit_of_the_efforts_is_that_of_most(
     path = bag(tmp_path, ARM, replace(RECORD, effort=change(RECORD.effort)))
     proposal = propose_configuration([path], ARM.configuration.robot.urdf)
     assert proposal.values["signals"]["effort_unit"] == unit
-    assert sum(each.startswith("joint_") for each in proposal.warnings) == warned
+    assert sum(warning.startswith("joint_") for warning in proposal.warnings) == warned
 
 
 def test_outlier_is_said_with_its_size_and_the_usual_one(tmp_path: Path) -> None:
@@ -238,10 +234,10 @@ def test_outlier_is_said_with_its_size_and_the_usual_one(tmp_path: Path) -> None
     usual = np.abs(effort).max()
     effort[5000] = 1e5
     (finding,) = [
-        each for each in checked(tmp_path, with_effort(effort)).findings if "1e+05" in each.sentence
+        one for one in checked(tmp_path, with_effort(effort)).findings if "1e+05" in one.sentence
     ]
     assert finding.where == "joint_2"
-    numbers = [float(each) for each in re.findall(r"\d+\.?\d*(?:e\+\d+)?", finding.sentence)]
+    numbers = [float(text) for text in re.findall(r"\d+\.?\d*(?:e\+\d+)?", finding.sentence)]
     assert numbers == pytest.approx([1, 10_000, 1e5, usual], rel=0.05)
 
 
@@ -259,8 +255,8 @@ def test_diagnosis_names_nothing_of_an_effort_with_the_wrong_sign(opposite) -> N
     """Neither masses nor a control law of negative gains, at either joint: nothing is wrong."""
     assert opposite.causes == ()
     assert "joint_2 is left out" in opposite.summary.lower()
-    assert {each.joint for each in opposite.parameter_errors} == {"joint_1"}
-    assert "joint_2" in {each.joint for each in opposite.not_testable}
+    assert {error.joint for error in opposite.parameter_errors} == {"joint_1"}
+    assert "joint_2" in {effect.joint for effect in opposite.not_testable}
 
 
 def test_diagnosis_goes_on_with_the_joints_that_have_enough_rows(tmp_path: Path) -> None:
@@ -272,5 +268,5 @@ def test_diagnosis_goes_on_with_the_joints_that_have_enough_rows(tmp_path: Path)
     write_bag(path, [replace(states, effort=hidden), reference])
     result = diagnose([path], in_band(ARM, 8.0, 20.0))
     assert "joint_2 is left out" in result.summary.lower()
-    assert {each.joint for each in result.causes} <= {"joint_1", None}
-    assert [each.joint for each in result.parameter_errors] == ["joint_1"]
+    assert {cause.joint for cause in result.causes} <= {"joint_1", None}
+    assert [error.joint for error in result.parameter_errors] == ["joint_1"]

@@ -4,12 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from idim_iv_ros.model import (
-    DynamicParameters,
-    StandardRegressor,
-    load_robot,
-    parameter_layout,
-)
+from idim_iv_ros.model import DynamicParameters, StandardRegressor, load_robot, parameter_layout
 
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com}"/>'
@@ -90,10 +85,7 @@ def test_coupled_motor_turns_with_both_joints() -> None:
     """Energy of the coupled drive is ½ Ia (dq1 + dq2)²: its torque is the same on both joints."""
     robot = load_robot(arm(), ["j1", "j2", "j3"], couplings=[(0, 1)])
     layout = parameter_layout(
-        robot.joint_types,
-        friction=["viscous", "coulomb"],
-        drive_inertia=True,
-        couplings=[(0, 1)],
+        robot.joint_types, friction=["viscous", "coulomb"], drive_inertia=True, couplings=[(0, 1)]
     )
     q, dq, ddq = states(3)
     regressor = StandardRegressor(robot, layout)(q, dq, ddq)

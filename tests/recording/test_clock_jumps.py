@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.interpolate  # noqa: F401 - its import would count as memory of a reading
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording, read_recordings
@@ -116,6 +117,14 @@ def test_a_stretch_on_another_clock_is_left_out_between_two_that_go_on(tmp_path:
     stamps[300:360] += 1e9
     recording, _ = read(tmp_path, stamps)
     assert_measured(recording, np.concatenate([VALUES[:300], VALUES[360:]]))
+
+
+def test_a_long_stretch_on_another_clock_parts_two_that_go_on(tmp_path: Path) -> None:
+    stamps = STAMPS.copy()
+    stamps[500:900] += 1e9
+    recording, said = read(tmp_path, stamps)
+    assert_measured(recording, np.concatenate([VALUES[:500], VALUES[900:]]))
+    assert "400 messages" in said
 
 
 @pytest.mark.parametrize("pause", [15.0, 600.0, 20_000.0])

@@ -8,7 +8,7 @@ import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import DataError, IdimError
 from idim_iv_ros.recording import JointTopic, Recording, import_table, read_recordings, write_bag
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
@@ -83,6 +83,25 @@ def test_one_bad_byte_costs_a_second_at_most(tmp_path: Path, make: Callable) -> 
             np.testing.assert_allclose(recording.position.values[good], VALUES[good], atol=1e-12)
         worst = max(worst, lost)
     assert worst == RATE  # a byte of the messages themselves costs their second
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_bytes_end_in_a_recording_or_one_line(tmp_path: Path, seed: int) -> None:
+    """Up to seven bytes anywhere or near the start, or a tear."""
+    content = bytearray(_by_write_bag(tmp_path).read_bytes())
+    random = np.random.default_rng(seed)
+    if seed % 3 == 0:
+        del content[random.integers(len(content)) :]
+    else:
+        for place in random.integers(8, len(content) if seed % 2 else 4000, size=1 + seed % 7):
+            content[place] = random.integers(256)
+    try:
+        recording = _read(tmp_path / "damaged.mcap", bytes(content))
+    except IdimError as error:
+        assert "damaged.mcap" in str(error)
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite(recording.position.values).all()
 
 
 def test_every_byte_of_the_records_between_chunks_may_be_wrong(tmp_path: Path) -> None:

@@ -7,8 +7,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.storage import PRESETS
-from idim_iv_ros.recording.writing.write import TopicChannel
+from idim_iv_ros.recording.writing.write import PRESETS, TopicChannel
 from tests.recording.bag_writer import STORE, joint_state
 
 TOPIC = TopicChannel("/joint_states", "sensor_msgs/msg/JointState")

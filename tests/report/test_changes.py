@@ -9,7 +9,7 @@ from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, GapResult
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.report.changes import RECORDING, SUM, ChangedValue, changed_values
-from idim_iv_ros.report.nominal import Nominal, read_nominal
+from idim_iv_ros.report.section import Nominal, read_nominal
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 

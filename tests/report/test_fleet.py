@@ -10,8 +10,8 @@ from benchmarks.fleet.synthetic import Drawn, fleet
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.result import FleetResult
+from idim_iv_ros.report import write_report
 from idim_iv_ros.report.fleet import fleet_html, headline
-from idim_iv_ros.report.write import write_fleet_report
 
 STEP = [0.0] * 5 + [5.0] * 5
 
@@ -70,10 +70,10 @@ def test_a_fleet_without_a_usable_bag_has_a_page() -> None:
 def test_numbers_and_page_are_written_and_replaced_but_not_files_of_others(
     result: FleetResult, tmp_path: Path
 ) -> None:
-    numbers, page = write_fleet_report(result, tmp_path)
+    numbers, page = write_report(result, tmp_path)
     assert numbers.name == "fleet.json" and page is not None and page.name == "fleet.html"
     assert FleetResult.read(numbers).to_json() == result.to_json()
-    write_fleet_report(result, tmp_path)
+    write_report(result, tmp_path)
     numbers.write_text("mine", encoding="utf-8")
     with pytest.raises(UsageError):
-        write_fleet_report(result, tmp_path)
+        write_report(result, tmp_path)

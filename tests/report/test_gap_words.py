@@ -14,7 +14,7 @@ from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.figures import typed
 from idim_iv_ros.report.gap_words import stage_words
-from idim_iv_ros.report.sections.tracking import tracking_figure
+from idim_iv_ros.report.sections.torque import tracking_figure
 from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page
 

@@ -59,7 +59,7 @@ def test_every_result_becomes_a_well_formed_page(joints: int, case: str) -> None
     result = sample_result(joints, case)
     page = Page(report_html(result))
     assert page.open == []
-    assert len(page.figures) == 1 + 3 * joints
+    assert len(page.figures) == 3 * joints
     assert result.verdict.sentence in page.text
     anchors = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
     assert len(anchors) == len(set(anchors))

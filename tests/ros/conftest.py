@@ -4,6 +4,7 @@ import os
 import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ import rclpy
 
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.simulators.recording import simulate
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import ROOT, Observer, Process, Robot, start_node, start_recorder
@@ -52,10 +54,10 @@ def bags(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def recorder(
+def mortal_recorder(
     bags: Path, tmp_path: Path, stack: ExitStack, observer: Observer
 ) -> Callable[..., Process]:
-    """Start a recorder with parameters; the observer follows it."""
+    """Start a recorder for one test; the observer follows it."""
 
     def start(**parameters: object) -> Process:
         values = {"bag_directory": str(bags), **parameters}
@@ -65,6 +67,42 @@ def recorder(
         return process
 
     return start
+
+
+@pytest.fixture(scope="session")
+def shared_recorder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Process]:
+    process = start_recorder(tmp_path_factory.mktemp("recorder"))
+    yield process
+    process.end()
+
+
+@pytest.fixture
+def recorder(
+    bags: Path, shared_recorder: Process, observer: Observer
+) -> Iterator[Callable[..., None]]:
+    """Set the recorder that all tests share, in which nothing is left of those before."""
+    defaults = {
+        item.name: list(item.default) if isinstance(item.default, tuple) else item.default
+        for item in fields(RecorderSettings)
+        if not item.metadata["read_only"]
+    }
+
+    def begin(*, record: bool = False, **parameters: object) -> None:
+        observer.follow(shared_recorder)
+        # The configuration is last: its topics count from zero.
+        values = {**defaults, "minimum_free_disk": 0, "bag_directory": str(bags), **parameters}
+        values["configuration"] = str(values.pop("configuration"))
+        assert all(result.successful for result in observer.set(**values))
+        observer.up_to_date()
+        if record:
+            assert observer.call("start").success
+
+    yield begin
+    observer.follow(shared_recorder)
+    observer.call("stop")
+    idle = bags.parent / "idle.yaml"
+    idle.write_text("robot:\n  joints: [a]\nsignals:\n  joint_states: /idle\n")
+    assert observer.set(configuration=str(idle))[0].successful
 
 
 @pytest.fixture(scope="session")
@@ -150,11 +188,11 @@ def identifier(
     return start
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def served(
     simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory, observer: Observer
 ) -> Iterator[IdentifierClient]:
-    """An identifier that the tests of a file share; they leave its parameters as they were."""
+    """An identifier that the tests share; they leave its parameters as they were."""
     folder = tmp_path_factory.mktemp("served")
     announced = "recorder/bag_closed:=/announced"
     with ExitStack() as stack:

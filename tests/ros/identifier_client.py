@@ -6,14 +6,14 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters, SetParameters
+from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
 from idim_iv_interfaces.msg import IdentificationResult
 from idim_iv_interfaces.srv import Identify
-from tests.ros.processes import LATCHED, Observer, Process
+from tests.ros.processes import Observer, Process
 
 
 class IdentifierClient:
@@ -27,8 +27,7 @@ class IdentifierClient:
             DiagnosticArray, "/diagnostics", self._diagnosis, 10
         )
         observer.until(lambda: "identification" in self.diagnostics, "the identifier")
-        self.service = self.node.create_client(Identify, f"/{self.name}/identify")
-        observer.until(self.service.service_is_ready, "the service")
+        self.service = observer.client(Identify, f"/{self.name}/identify")
         self.connect()
 
     def connect(self) -> None:
@@ -39,15 +38,15 @@ class IdentifierClient:
 
     def close(self) -> None:
         self.action.destroy()
-        self.node.destroy_client(self.service)
+        self.observer.forget(self.name)
         self.node.destroy_subscription(self._heard)
 
     def _diagnosis(self, message: DiagnosticArray) -> None:
-        for each in message.status:
-            node, _, what = each.name.partition(": ")
+        for status in message.status:
+            node, _, what = status.name.partition(": ")
             if node == f"/{self.name}":
-                values = {pair.key: pair.value for pair in each.values}
-                self.diagnostics[what] = (each.level[0], each.message, values)
+                values = {pair.key: pair.value for pair in status.values}
+                self.diagnostics[what] = (status.level[0], status.message, values)
 
     def ask(self, *bags: str | Path, **request: object):
         """Call the service and return the future."""
@@ -70,22 +69,11 @@ class IdentifierClient:
 
     def latched(self, topic: str = "result", kind: type = IdentificationResult):
         """What a subscriber that starts now is told."""
-        heard: list = []
-        subscription = self.node.create_subscription(
-            kind, f"/{self.name}/{topic}", heard.append, LATCHED
-        )
-        self.observer.until(lambda: heard, f"a message on {topic}")
-        self.node.destroy_subscription(subscription)
-        return heard[-1]
+        return self.observer.latched(kind, f"/{self.name}/{topic}")
 
-    def call(self, name: str, kind: type, **request: object):
+    def call(self, name: str, kind: type, **fields: object):
         """Call another of its services."""
-        client = self.node.create_client(kind, f"/{self.name}/{name}")
-        self.observer.until(client.service_is_ready, name)
-        self.observer.be_heard(f"/{self.name}")
-        answer = self.wait(client.call_async(kind.Request(**request)))
-        self.node.destroy_client(client)
-        return answer
+        return self.observer.request(kind, f"/{self.name}/{name}", **fields)
 
     def failure(self) -> str:
         """Wait until the diagnostics tell that the last job failed, and why."""
@@ -130,20 +118,9 @@ class IdentifierClient:
 
     def parameter(self, name: str) -> ParameterValue:
         """Value of a parameter."""
-        client = self.node.create_client(GetParameters, f"/{self.name}/get_parameters")
-        self.observer.until(client.service_is_ready, "get_parameters")
-        self.observer.be_heard(f"/{self.name}")
-        (value,) = self.wait(client.call_async(GetParameters.Request(names=[name]))).values
-        self.node.destroy_client(client)
+        (value,) = self.call("get_parameters", GetParameters, names=[name]).values
         return value
 
     def set(self, **values: object):
-        parameters = [
-            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-        ]
-        client = self.node.create_client(SetParameters, f"/{self.name}/set_parameters")
-        self.observer.until(client.service_is_ready, "set_parameters")
-        self.observer.be_heard(f"/{self.name}")
-        answer = self.wait(client.call_async(SetParameters.Request(parameters=parameters)))
-        self.node.destroy_client(client)
-        return answer.results[0]
+        """Set parameters and return the result of the first."""
+        return self.observer.set_on(self.name, **values)[0]

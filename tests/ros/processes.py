@@ -22,12 +22,26 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
+from idim_iv_ros.nodes.settings import (
+    CollectorSettings,
+    IdentifierSettings,
+    PredictorSettings,
+    RecorderSettings,
+    SimulatorSettings,
+)
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 
 ROOT = Path(__file__).resolve().parents[2]
 HANG = 120.0  # s that nothing takes, on however busy a machine
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SETTINGS = {
+    "recorder": RecorderSettings,
+    "identifier": IdentifierSettings,
+    "collector": CollectorSettings,
+    "predictor": PredictorSettings,
+    "robot_simulator": SimulatorSettings,
+}
 _numbers = itertools.count()
 
 
@@ -171,23 +185,27 @@ class Observer:
         self.diagnostics: dict[str, tuple[int, str]] = {}
         self.name = ""
         self.subscriptions: list = []
+        self._clients: dict[tuple[type, str], Any] = {}
 
     def _status(self, message: RecorderStatus) -> None:
         self.status = message
 
     def _diagnosis(self, message: DiagnosticArray) -> None:
-        for each in message.status:
-            node, _, topic = each.name.partition(": ")
+        for status in message.status:
+            node, _, topic = status.name.partition(": ")
             if node == f"/{self.name}":
-                self.diagnostics[topic] = (each.level[0], each.message)
+                self.diagnostics[topic] = (status.level[0], status.message)
 
     def follow(self, recorder: Process) -> None:
         """Hear this recorder and no other."""
+        self.closed.clear()
+        self.diagnostics.clear()
+        if self.name == recorder.name:
+            self.next_status()
+            return
         for subscription in self.subscriptions:
             self.node.destroy_subscription(subscription)
         self.name, self.status = recorder.name, None
-        self.closed.clear()
-        self.diagnostics.clear()
         subscribe = self.node.create_subscription
         self.subscriptions = [
             subscribe(RecorderStatus, f"/{self.name}/status", self._status, 10),
@@ -196,10 +214,10 @@ class Observer:
         ]
         self.next_status()
 
-    def until(self, holds: Callable[[], object], what: str) -> None:
-        """Spin until something holds."""
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        """Spin until a condition is true."""
         deadline = time.monotonic() + HANG
-        while not holds():
+        while not condition():
             assert time.monotonic() < deadline, (
                 f"not within {HANG} s: {what}\n{self.status}\n{self.diagnostics}"
             )
@@ -218,12 +236,22 @@ class Observer:
         self.until(lambda: self.status is not None, "a status")
         return self.status
 
+    def up_to_date(self) -> None:
+        """Wait for a status from now on."""
+        now = self.node.get_clock().now().nanoseconds
+
+        def newer() -> bool:
+            stamp = self.next_status().header.stamp
+            return stamp.sec * 10**9 + stamp.nanosec >= now
+
+        self.until(newer, "a newer status")
+
     def received(self, count: int, topic: str = "/joint_states") -> None:
         """Wait until the recorder has so many messages."""
         self.until(lambda: self.topic(topic).received == count, f"{count} messages on {topic}")
 
     def topic(self, name: str):
-        return next((each for each in self.status.topics if each.name == name), None)
+        return next((topic for topic in self.status.topics if topic.name == name), None)
 
     def diagnosed(self, topic: str, words: str, level: int) -> None:
         """Wait for a diagnosis with these words, at this level.
@@ -238,8 +266,8 @@ class Observer:
             f"{topic}: {words} at level {level}",
         )
 
-    def call(self, name: str) -> Trigger.Response:
-        return self._request(Trigger, f"/{self.name}/{name}", Trigger.Request())
+    def call(self, name: str, node: str = "") -> Trigger.Response:
+        return self.request(Trigger, f"/{node or self.name}/{name}")
 
     def set(self, **values: object):
         """Set parameters of the recorder."""
@@ -249,8 +277,8 @@ class Observer:
         parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
         ]
-        request = SetParameters.Request(parameters=parameters)
-        return self._request(SetParameters, f"/{node}/set_parameters", request).results
+        name = f"/{node}/set_parameters"
+        return self.request(SetParameters, name, parameters=parameters).results
 
     def be_heard(self, node: str) -> None:
         """Wait until a node knows of all clients there are.
@@ -273,13 +301,24 @@ class Observer:
         self.until(answered, f"an answer of {node}")
         self.node.destroy_client(client)
 
-    def _request(self, kind, name: str, request):
-        client = self.node.create_client(kind, name)
-        self.until(client.service_is_ready, f"service {name}")
-        self.be_heard(name.rpartition("/")[0])
-        future = client.call_async(request)
+    def client(self, kind: type, name: str) -> Any:
+        """Client of a service that the node behind it knows of; made once."""
+        if (kind, name) not in self._clients:
+            client = self._clients[kind, name] = self.node.create_client(kind, name)
+            self.until(client.service_is_ready, f"service {name}")
+            self.be_heard(name.rpartition("/")[0])
+        return self._clients[kind, name]
+
+    def forget(self, node: str) -> None:
+        """Have no more clients of a node that has ended."""
+        for kind, name in list(self._clients):
+            if name.startswith(f"/{node}/"):
+                self.node.destroy_client(self._clients.pop((kind, name)))
+
+    def request(self, kind: type, name: str, **fields: object) -> Any:
+        """Call a service and return its answer."""
+        future = self.client(kind, name).call_async(kind.Request(**fields))
         self.until(future.done, f"answer of {name}")
-        self.node.destroy_client(client)
         return future.result()
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from idim_iv_interfaces.action import Collect
-from idim_iv_ros.nodes.collector import collection, course
+from idim_iv_ros.nodes.collector import collection, following
 from idim_iv_ros.nodes.collector.collection import Collection, Parts
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.settings import CollectorSettings
 
 HANG = 120.0  # s
 PASS = SimpleNamespace(duration=30.0)
@@ -49,7 +49,7 @@ def test_share_that_is_done_rises_from_the_planning_on(monkeypatch: pytest.Monke
         listener.until("checking", 0.1 + 0.9 * 92.5 / 95.0)
         return REPORT
 
-    monkeypatch.setattr(course, "_SIGN_OF_LIFE", 0.0)
+    monkeypatch.setattr(following, "_SIGN_OF_LIFE", 0.0)
     monkeypatch.setattr(collection, "plan_passes", plan)
     monkeypatch.setattr(collection, "check", check)
     passes = SimpleNamespace(approach=PASS, slow=PASS, full=PASS)

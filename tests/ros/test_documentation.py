@@ -1,29 +1,10 @@
 """What the pages on ROS 2 name is what is there."""
 
 import re
-from dataclasses import fields
 
 import pytest
 
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.processes import ROOT
-
-
-@pytest.mark.parametrize(
-    "kind", [RecorderSettings, IdentifierSettings, CollectorSettings, SimulatorSettings]
-)
-def test_every_parameter_is_explained(kind: type) -> None:
-    node = kind.__name__.replace("Settings", "").lower()
-    (section,) = re.findall(
-        rf"^## (?:robot_)?{node}$(.*?)(?=^## |\Z)",
-        (ROOT / "docs" / "ros.md").read_text(),
-        flags=re.MULTILINE | re.DOTALL,
-    )
-    named = set(re.findall(r"(?<![~\w])(\w+)", section))
-    assert {field.name for field in fields(kind)} - named == set()
 
 
 def test_readme_installs_every_dependency_for_a_ros_installation() -> None:

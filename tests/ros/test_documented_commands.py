@@ -14,14 +14,10 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ruamel.yaml import YAML
 
 from idim_iv_ros.nodes.collector import node as collector
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
 from idim_iv_ros.nodes.identifier import node as identifier
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.predictor import node as predictor
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
 from idim_iv_ros.nodes.recorder import node as recorder
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.simulator import node as simulator
 from tests.ros.documented_commands import (
     Command,
@@ -32,15 +28,8 @@ from tests.ros.documented_commands import (
     interface,
 )
 from tests.ros.launch_file import launch
-from tests.ros.processes import ROOT, Observer
+from tests.ros.processes import ROOT, SETTINGS, Observer
 
-SETTINGS = {
-    "recorder": RecorderSettings,
-    "identifier": IdentifierSettings,
-    "collector": CollectorSettings,
-    "predictor": PredictorSettings,
-    "robot_simulator": simulator.SimulatorSettings,
-}
 BY_HAND = {"collect": "false", "predict": "false"}
 LAUNCHED = {
     "demo": {},

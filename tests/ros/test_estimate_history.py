@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.nodes.identifier.estimate_history import FILE, EstimateHistory, PastEstimates
-from idim_iv_ros.nodes.identifier.report import drift_report
+from idim_iv_ros.nodes.identifier.estimate_history import (
+    FILE,
+    EstimateHistory,
+    PastEstimates,
+    drift_report,
+)
 
 NAMES = [f"p{k}" for k in range(20)]
 

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState, Temperature
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
+from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.processes import only_bag
 
 
@@ -45,7 +45,7 @@ def test_topics_of_a_list_and_of_an_expression_are_recorded_as_they_are(
     recorder, observer, bags: Path
 ) -> None:
     recorder(
-        extra_topics="['/tool/wrench', '~/status']",
+        extra_topics=["/tool/wrench", "~/status"],
         extra_topics_regex="^/drive_[0-9]/",
         record=True,
     )
@@ -62,7 +62,7 @@ def test_topics_of_a_list_and_of_an_expression_are_recorded_as_they_are(
 
 
 def test_a_topic_whose_package_is_not_installed_is_named_once(
-    recorder, observer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    mortal_recorder, observer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A package of the same name without messages hides the real one from the recorder."""
     hidden = tmp_path / "hidden" / "nav_msgs"
@@ -70,7 +70,7 @@ def test_a_topic_whose_package_is_not_installed_is_named_once(
     (hidden / "__init__.py").touch()
     monkeypatch.setenv("PYTHONPATH", f"{hidden.parent}:{os.environ.get('PYTHONPATH', '')}")
     odometry = observer.node.create_publisher(Odometry, "/odometry", 10)
-    process = recorder(extra_topics="['/odometry']", extra_topics_regex="odom|never")
+    process = mortal_recorder(extra_topics="['/odometry']", extra_topics_regex="odom|never")
     words = "whose package nav_msgs is not installed here (apt install ros-jazzy-nav-msgs)"
     observer.diagnosed("/odometry", words, 2)
     observer.next_status()
@@ -84,10 +84,6 @@ def test_a_topic_whose_package_is_not_installed_is_named_once(
     [
         ({"extra_topics": ("/a b",)}, "extra_topics: '/a b' is no name of a topic"),
         ({"extra_topics_regex": "("}, "extra_topics_regex: no regular expression"),
-        (
-            {"storage_preset": "tiny"},
-            "storage_preset: 'tiny' is none of default, none, fast, small",
-        ),
     ],
 )
 def test_wrong_values_are_refused_in_one_line(values, words: str) -> None:

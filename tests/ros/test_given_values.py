@@ -9,33 +9,26 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from idim_iv_ros.recording.writing.write import PRESETS
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.excitation.passes import KINDS as KINDS_OF_MOTION
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import (
     changed,
     declare,
     refuse_unknown_arguments,
     refuse_unknown_parameters,
 )
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
+from idim_iv_ros.nodes.settings import MOTIONS, STORAGE, RecorderSettings, SimulatorSettings
 from tests.ros.conftest import ARM2
+from tests.ros.processes import SETTINGS
 
-KINDS = {
-    "recorder": RecorderSettings,
-    "identifier": IdentifierSettings,
-    "collector": CollectorSettings,
-    "predictor": PredictorSettings,
-    "simulator": SimulatorSettings,
-}
+KINDS = {name.removeprefix("robot_"): kind for name, kind in SETTINGS.items()}
 WRONG = {bool: 1, int: 2.5, float: "0.5", str: 12, tuple: "a"}
 
 
@@ -100,6 +93,7 @@ def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
         ("record:='true'", ("record", "'true'", "true or false")),
         ("bag_prefix:=2024", ("bag_prefix", "2024", "a text")),
         ("extra_topics:=/tf", ("extra_topics", "'/tf'", "list of texts")),
+        ("storage_preset:=tiny", ("storage_preset", "'tiny'", "default", "small")),
         ("chunk_duraton:=1.0", ("unknown", "chunk_duraton", "chunk_duration?")),
         ("recorder:chunk_duraton:=1.0", ("unknown", "chunk_duraton", "chunk_duration?")),
     ],
@@ -111,6 +105,10 @@ def test_a_wrong_start_names_parameter_value_and_need(
     with pytest.raises(UsageError) as refused:
         declare(node(*arguments[1:]), RecorderSettings, arguments)
     assert all(each in str(refused.value) for each in words), refused.value
+
+
+def test_choices_are_those_of_what_they_choose() -> None:
+    assert (tuple(PRESETS), KINDS_OF_MOTION) == (STORAGE, MOTIONS)
 
 
 def test_what_is_meant_is_taken(node) -> None:
@@ -216,6 +214,37 @@ def test_every_node_ends_before_it_is_ready(start, capfd, name: str) -> None:
             f"{'robot_simulator' if name == 'simulator' else name}: unknown "
         )
         assert "tracking_er" in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "words"),
+    [
+        ("simulator", (), "robot_simulator: parameter configuration: name it: --ros-args"),
+        ("predictor", (), "predictor: parameter configuration: name it: --ros-args"),
+        ("recorder", ("configuration:=/no.yaml",), "parameter configuration: /no.yaml:"),
+        ("collector", ("configuration:=/no.yaml",), "parameter configuration: /no.yaml:"),
+        ("identifier", ("configuration:={wrong}",), "{wrong}: unknown key nonsense"),
+    ],
+)
+def test_a_node_without_its_configuration_ends_in_one_line(
+    start, capfd, tmp_path: Path, monkeypatch, name: str, given: tuple[str, ...], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("robot:\n  joints: [a]\nnonsense: 1\n")
+    arguments = [word.format(wrong=wrong) for text in given for word in ("-p", text)]
+    assert start(name, "--ros-args", *arguments) == 2
+    (line,) = said(capfd)
+    assert words.format(wrong=wrong) in line
+
+
+def test_a_trajectory_that_cannot_be_read_is_refused_when_set(tmp_path: Path) -> None:
+    settings = SimulatorSettings(configuration="arm.yaml")
+    broken = tmp_path / "motion.csv"
+    broken.write_text("nothing\n")
+    for path in (broken, tmp_path / "missing.csv"):
+        with pytest.raises(UsageError, match=path.name):
+            changed(settings, [Parameter("trajectory", value=str(path))])
 
 
 @pytest.mark.parametrize("inside", ["", "deeper/still"])

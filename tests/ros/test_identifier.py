@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
 
-from idim_iv_interfaces.msg import DriftReport, ParameterEstimates
+from idim_iv_interfaces.msg import DriftReport, GapReport, ParameterEstimates
 from idim_iv_interfaces.srv import GetHistory, SetBaseline
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
@@ -21,6 +22,7 @@ from tests.ros.processes import HANG, Process
 from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
+EXAMPLE = Path(__file__).with_name("gap.json")
 
 
 @pytest.fixture(scope="module")
@@ -133,18 +135,39 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
     assert "bag-1.mcap" in sentence
 
 
-def test_last_result_survives_a_kill_and_goals_of_an_interrupted_node_are_answered(
-    identifier, observer
+def test_what_was_found_survives_a_kill_and_an_interrupted_node_answers(
+    identifier, observer, tmp_path: Path
 ) -> None:
     client = identifier()
-    result = client.identify("bag-1.mcap", estimator="idim-ls").result
+    first = client.identify("bag-1.mcap").result
+    other = client.identify("bag-2.mcap", estimator="idim-ls").result
+    assert other.parameters.estimator == "idim-ls"
+    history = client.call("get_history", GetHistory, estimator="")
+    assert [entry.estimator for entry in history.identifications] == ["idim-iv", "idim-ls"]
+    assert client.call("set_baseline", SetBaseline, folder="").success
+    refused = client.call("set_baseline", SetBaseline, folder="nowhere").message
+    assert "no identification in nowhere" in refused
     with client.closed_gate():
         client.goal("bag-1.mcap", "bag-2.mcap")
         worker = client.job()
         client.process.kill()
         observer.until(lambda: not client.process_exists(worker), "the end of the worker")
+    # A diagnosis that was kept.
+    (tmp_path / "results" / "diagnosis").mkdir()
+    shutil.copy(EXAMPLE, tmp_path / "results" / "diagnosis" / "gap.json")
+    record = {"format": "idim_iv_ros/last_gap/1", "stamp": 7 * 10**9, "bags": ["a.mcap"]}
+    record = json.dumps({**record, "folder": "diagnosis"})
+    (tmp_path / "results" / "last_gap.json").write_text(record)
     client = identifier()
-    assert str(client.latched()) == str(result)
+    # Another estimator leaves the result that is published.
+    assert str(client.latched()) == str(first)
+    gap = client.latched("gap", GapReport)
+    assert (gap.header.stamp.sec, list(gap.bags), gap.verdict) == (7, ["a.mcap"], "structural")
+    report = client.latched("drift", DriftReport)
+    assert not report.drifting
+    assert [entry.estimator for entry in report.comparisons] == ["idim-iv", "idim-ls"]
+    history = client.call("get_history", GetHistory, estimator="idim-iv")
+    assert [entry.baseline for entry in history.identifications] == [True]
     with client.closed_gate():
         goal = client.goal("bag-1.mcap", "bag-2.mcap")
         worker = client.job()
@@ -160,7 +183,9 @@ def test_last_result_survives_a_kill_and_goals_of_an_interrupted_node_are_answer
     assert "Traceback" not in client.process.errors.read_text()
 
 
-def test_changed_parameter_is_flagged(identifier, simulated_bags: Path, tmp_path: Path) -> None:
+def test_idim_iv_serve_is_the_identifier_and_flags_a_changed_parameter(
+    simulated_bags: Path, tmp_path: Path, stack, observer
+) -> None:
     text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
     worn = tmp_path / "worn.yaml"
     worn.write_text(text.replace("Fc1: 1.5012", "Fc1: 1.8012"))
@@ -168,29 +193,22 @@ def test_changed_parameter_is_flagged(identifier, simulated_bags: Path, tmp_path
     motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
     simulate(configuration, tmp_path / "worn.mcap", motion)
     (tmp_path / "first.mcap").write_bytes((simulated_bags / "bag-1.mcap").read_bytes())
-    client = identifier(bag_directory=tmp_path)
+    command = [str(Path(sys.executable).parent / "idim-iv"), "serve", "--config", str(ARM2)]
+    folders = ["--bags", str(tmp_path), "--out", str(tmp_path / "out")]
+    process = Process([*command, *folders], tmp_path, "identifier")
+    stack.callback(process.end)
+    client = IdentifierClient(observer, process)
+    stack.callback(client.close)
     for bag in ("first.mcap", "worn.mcap"):
         assert client.identify(bag, estimator="idim-ls").success
-    client.observer.until(lambda: client.diagnostics["drift"][0] == WARN, "the drift")
+    assert len(list((tmp_path / "out").glob("*/result.json"))) == 2
+    observer.until(lambda: client.diagnostics["drift"][0] == WARN, "the drift")
     _, sentence, values = client.diagnostics["drift"]
     assert sentence.endswith("changed since first.mcap")
     statistics = {key: float(value) for key, value in values.items() if key.endswith(" (σ)")}
     limit = statistics.pop("limit (σ)")
     flagged = {key for key, value in statistics.items() if abs(value) > limit}
     assert flagged == {"Fc1 (σ)"}
-
-
-def test_idim_iv_serve_is_the_identifier(
-    simulated_bags: Path, tmp_path: Path, stack, observer
-) -> None:
-    command = [str(Path(sys.executable).parent / "idim-iv"), "serve", "--config", str(ARM2)]
-    folders = ["--bags", str(simulated_bags), "--out", str(tmp_path / "out")]
-    process = Process([*command, *folders], tmp_path, "identifier")
-    stack.callback(process.end)
-    client = IdentifierClient(observer, process)
-    stack.callback(client.close)
-    assert client.identify("bag-1.mcap", estimator="idim-ls").success
-    assert len(list((tmp_path / "out").glob("*/result.json"))) == 1
     assert process.finish() == 0
 
 
@@ -217,28 +235,6 @@ def test_full_disk_is_one_line_and_the_node_goes_on(identifier, small_disk: Path
     ballast.unlink()
     assert client.identify("bag-1.mcap", estimator="idim-ls").success
     assert "Traceback" not in client.process.errors.read_text()
-
-
-def test_a_request_with_another_estimator_leaves_the_latched_result(
-    identifier, simulated_bags: Path
-) -> None:
-    client = identifier()
-    first = client.identify("bag-1.mcap").result
-    other = client.identify("bag-2.mcap", estimator="idim-ls").result
-    assert other.parameters.estimator == "idim-ls"
-    assert str(client.latched()) == str(first)
-    history = client.call("get_history", GetHistory, estimator="")
-    assert [each.estimator for each in history.identifications] == ["idim-iv", "idim-ls"]
-    report = client.latched("drift", DriftReport)
-    assert not report.drifting
-    assert [each.estimator for each in report.comparisons] == ["idim-iv", "idim-ls"]
-    assert client.call("set_baseline", SetBaseline, folder="").success
-    assert (
-        "no identification in nowhere"
-        in client.call("set_baseline", SetBaseline, folder="nowhere").message
-    )
-    history = client.call("get_history", GetHistory, estimator="idim-iv")
-    assert [each.baseline for each in history.identifications] == [True]
 
 
 def kept_process(client: IdentifierClient) -> int:

@@ -10,7 +10,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
-from idim_iv_ros.nodes.identifier.settings import REFUSE, IdentifierSettings
+from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 
 
 class ToldWorker:

@@ -6,7 +6,7 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from idim_iv_ros.nodes.collector.joint_positions import JointPositions
+from idim_iv_ros.nodes.joint_topic import JointPositions
 from tests.ros.processes import HANG, LATCHED, Observer
 
 JOINTS = ["a", "b"]

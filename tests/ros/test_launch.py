@@ -5,13 +5,8 @@ from dataclasses import fields
 
 import pytest
 
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
 from tests.ros.launch_file import Launched, launch, launched_nodes
-from tests.ros.processes import ROOT
+from tests.ros.processes import ROOT, SETTINGS
 
 TWO = ["identifier", "recorder"]
 SIMULATED = [*TWO, "robot_simulator"]
@@ -19,13 +14,6 @@ ALL = ["collector", "predictor", *SIMULATED]
 NODES = {"demo": ALL, "robot": TWO, "robots": TWO * 2}
 GIVEN = {"configuration": "arm.yaml"}
 REQUIRED = {"demo": {}, "robot": GIVEN, "robots": {"robots": "left,right", **GIVEN}}
-PARAMETERS = {
-    "recorder": RecorderSettings,
-    "identifier": IdentifierSettings,
-    "predictor": PredictorSettings,
-    "collector": CollectorSettings,
-    "robot_simulator": SimulatorSettings,
-}
 OF_THE_SIMULATOR = {"controller": "robot_simulator", "start_delay": 60.0, "stale_after": 2.0}
 FILES = {name: ROOT / "launch" / f"{name}.launch.py" for name in NODES}
 
@@ -45,7 +33,7 @@ def test_launch_file_starts_executables_that_exist_with_parameters_they_have(nam
     assert sorted(executable for executable, _ in found.nodes) == sorted(NODES[name])
     for executable, node in found.nodes:
         assert os.access(ROOT / "scripts" / executable, os.X_OK)
-        types = {each.name: type(each.default) for each in fields(PARAMETERS[executable])}
+        types = {each.name: type(each.default) for each in fields(SETTINGS[executable])}
         assert node["name"] == executable
         (parameters,) = node["parameters"]
         if executable == "collector":

@@ -11,7 +11,6 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from tests.ros.conftest import ARM2, start_identifier
 from tests.ros.identifier_client import IdentifierClient
-from tests.ros.processes import HANG, start_node
 
 
 def change(client: IdentifierClient, label: str) -> bool:
@@ -96,11 +95,3 @@ def test_a_folder_of_results_belongs_to_one_identifier(tmp_path: Path) -> None:
     second.take()
     with pytest.raises(UsageError):
         first.take()
-
-
-def test_a_node_that_starts_by_itself_ends_with_what_is_wrong(tmp_path: Path, arm: Path) -> None:
-    process = start_node("identifier", tmp_path, configuration=arm)
-    assert process.process.wait(HANG) == 2
-    assert process.errors.read_text().splitlines() == [
-        f"identifier: parameter configuration: {arm}: unknown key nonsense"
-    ]

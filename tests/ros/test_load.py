@@ -20,9 +20,9 @@ def seven_joints(robot_file: Callable[[str], Path]) -> Path:
 
 @pytest.mark.load
 def test_a_minute_of_seven_joints_and_reference_at_1_khz(
-    recorder, robot, observer, bags: Path, seven_joints: Path
+    mortal_recorder, robot, observer, bags: Path, seven_joints: Path
 ) -> None:
-    process = recorder(configuration=str(seven_joints), status_period=1.0)
+    process = mortal_recorder(configuration=str(seven_joints), status_period=1.0)
     topics = [
         {"name": name, "joints": JOINTS, "depth": 1000}
         for name in ("/joint_states", "/joint_reference")
@@ -44,8 +44,8 @@ def test_a_minute_of_seven_joints_and_reference_at_1_khz(
 
 
 @pytest.mark.load
-def test_20_s_at_10_khz(recorder, robot, observer, bags: Path) -> None:
-    process = recorder(status_period=1.0)
+def test_20_s_at_10_khz(mortal_recorder, robot, observer, bags: Path) -> None:
+    process = mortal_recorder(status_period=1.0)
     states = [{"name": "/joint_states", "joints": JOINTS, "depth": 1000}]
     robot.begin(count=200_000, rate=10_000.0, pace=True, topics=states)
     observer.call("start")

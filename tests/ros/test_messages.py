@@ -204,13 +204,6 @@ def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() 
     assert message.files == ["identification/result.json", "identification/report.html"]
 
 
-def test_last_diagnosis_is_latched_and_survives_a_restart(
-    results: Path, observer, identifier
-) -> None:
-    GapPublisher(observer.node, results).add(7_000_000_000, ["a.mcap"], "diagnosis")
-    assert str(identifier().latched("gap", GapReport)) == str(report(results))
-
-
 @pytest.mark.parametrize("text", ["{", "[]", '{"format": "idim_iv_ros/last_gap/1"}'])
 def test_damaged_record_of_the_last_diagnosis_is_a_warning(
     results: Path, text: str, observer, monkeypatch

@@ -8,22 +8,11 @@ import rclpy
 from rclpy.node import Node
 from ruamel.yaml import YAML
 
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
 from idim_iv_ros.nodes.parameters import Settings, declare
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.simulator.node import SimulatorSettings
-from tests.ros.processes import ROOT
+from idim_iv_ros.nodes.settings import CollectorSettings, RecorderSettings
+from tests.ros.processes import ROOT, SETTINGS
 
 FILE = ROOT / "params" / "nodes.yaml"
-SETTINGS = {
-    "recorder": RecorderSettings,
-    "identifier": IdentifierSettings,
-    "collector": CollectorSettings,
-    "predictor": PredictorSettings,
-    "robot_simulator": SimulatorSettings,
-}
 
 
 def section(node: str) -> dict[str, object]:
@@ -41,6 +30,10 @@ def test_file_lists_every_parameter_with_its_default(node: str) -> None:
         assert defaults.pop("configuration") == ""  # must be given
     assert MISSING not in defaults.values()
     listed = section(node)
+    lines = FILE.read_text().partition(f"/**/{node}:")[2].splitlines()
+    for name in listed.keys() - {"use_sim_time"}:
+        line = next(line for line in lines if line.strip().startswith(f"{name}:"))
+        assert line.partition("# ")[2], f"{name} is not explained"
     # NaN, which means that there is no floor, is not equal to itself.
     assert repr(sorted(listed.items())) == repr(sorted({"use_sim_time": False, **defaults}.items()))
     assert {key: type(value) for key, value in listed.items()} == {

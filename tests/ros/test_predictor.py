@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces.msg import IdentificationResult, Prediction
-from idim_iv_ros.nodes.predictor.messages import colour_of, residual_markers
+from idim_iv_ros.nodes.predictor.node import colour_of, residual_markers
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
 from tests.ros.processes import Observer, Process, start_node
 

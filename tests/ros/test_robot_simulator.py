@@ -1,99 +1,133 @@
-"""The simulated robot in real time, alone and with the recorder."""
+"""The simulated robot in real time: alone, and with all nodes of the demo."""
 
 import json
-import sys
+import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from idim_iv_interfaces.action import Collect
 from idim_iv_ros import load_configuration
+from idim_iv_ros.nodes.simulator import node as simulator_node
 from idim_iv_ros.recording import read_recordings
+from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.launch_file import launched_nodes
-from tests.ros.processes import HANG, LATCHED, ROOT, Process, only_bag, start_launched, start_node
+from tests.ros.processes import HANG, LATCHED, ROOT, Process, start_launched, start_node
 from tests.ros.true_parameters import require_truth
 
-CONFIG = ROOT / "config" / "arm2.yaml"
+LONGEST_SILENCE = 2.0  # s
 
 
 @pytest.fixture
 def simulator(tmp_path: Path, stack):
     def start(**parameters: object) -> Process:
-        process = start_node("robot_simulator", tmp_path, configuration=CONFIG, **parameters)
+        process = start_node("robot_simulator", tmp_path, configuration=ARM2, **parameters)
         stack.callback(process.end)
         return process
 
     return start
 
 
-def move(observer, name: str) -> Trigger.Response:
-    return observer._request(Trigger, f"/{name}/move", Trigger.Request())
-
-
 @pytest.fixture
-def demo(tmp_path: Path, stack, observer) -> IdentifierClient:
-    """The nodes of demo.launch.py; the observer follows its recorder."""
+def demo(tmp_path: Path, stack, observer) -> tuple[IdentifierClient, ActionClient]:
+    """The nodes of demo.launch.py, with a robot that is moved at once and fast."""
     folders = {name: str(tmp_path / name) for name in ("bags", "results")}
-    nodes = launched_nodes(ROOT / "launch" / "demo.launch.py", configuration=str(CONFIG), **folders)
+    nodes = launched_nodes(ROOT / "launch" / "demo.launch.py", configuration=str(ARM2), **folders)
+    del nodes["predictor"]
+    nodes["collector"] |= {
+        "allow_motion": True,
+        "motion": "random",
+        "speed_scale": 1.0,
+        "approach_speed": 0.5,
+        "slow_speed": 1.0,
+        "stale_after": 10.0,
+    }
     processes = {name: start_launched(name, tmp_path, given) for name, given in nodes.items()}
     for process in processes.values():
         stack.callback(process.end)
-    observer.follow(processes["recorder"])
     client = IdentifierClient(observer, processes["identifier"])
     stack.callback(client.close)
-    return client
+    collect = ActionClient(observer.node, Collect, "/collector/collect")
+    stack.callback(collect.destroy)
+    observer.until(collect.server_is_ready, "the collector")
+    observer.be_heard("/collector")
+    return client, collect
 
 
-def test_demo_identifies_the_true_parameters_from_a_recorded_motion(
-    demo, observer, tmp_path: Path
-) -> None:
-    """Simulator, recorder, bag, identifier: as announced, and once more on request."""
+def reach_the_goal(demo, observer, bags: Path) -> list[float]:
+    """Move, record, check, identify; return the times of the feedback, s."""
+    client, collect = demo
     truth = json.loads(observer.latched(String, "/robot_simulator/truth").data)
-    observer.until(lambda: observer.topic("/joint_reference").received > 200, "references")
-    assert observer.call("start").success
-    moving: list[bool] = []
-    heard_moving = observer.node.create_subscription(
-        Bool, "/robot_simulator/moving", lambda message: moving.append(message.data), LATCHED
-    )
-    observer.until(lambda: moving, "that it rests")
-    assert move(observer, "robot_simulator").success
-    observer.until(lambda: moving[-2:] == [True, False], "the motion")
-    observer.node.destroy_subscription(heard_moving)
-    assert observer.call("stop").success
-    bag = only_bag(tmp_path / "bags")
-    configuration = load_configuration(CONFIG)
+    observer.until(lambda: observer.node.count_publishers("/joint_reference"), "references")
+    feedback: list[tuple[float, Collect.Feedback]] = []
+    clock = observer.node.get_clock()
+
+    def keep(message) -> None:
+        feedback.append((clock.now().nanoseconds * 1e-9, message.feedback))
+
+    goal = Collect.Goal(duration=5.0, identify=True)
+    answer = client.wait(client.wait(collect.send_goal_async(goal, keep)).get_result_async()).result
+    assert answer.success, answer.message
+    assert answer.usable
+    assert answer.message.startswith(f"{answer.bag}: ")
+    require_truth(answer.result.parameters, truth)
+    stages = {"moving to the start", "slow pass", "recording", "checking", "validation"}
+    observer.until(lambda: stages <= {message.stage for _, message in feedback}, f"{stages}")
+    configuration = load_configuration(ARM2)
     (recording,) = read_recordings(
-        [bag], joints=configuration.robot.joints, reference="/joint_reference"
+        [bags / answer.bag], joints=configuration.robot.joints, reference="/joint_reference"
     )
     assert abs(recording.rate - 1000.0) < 1.0
-    observer.until(lambda: "joint_2" in demo.diagnostics, "the result of the announced bag")
-    announced = demo.latched().parameters
-    answer = demo.identify(bag.name)
-    assert answer.success, answer.message
-    require_truth(answer.result.parameters, truth)
-    assert list(announced.bags) == [bag.name]
-    assert announced.estimates == answer.result.parameters.estimates
+    # As announced by the recorder, and as the collector asked for: the same bag twice.
+    results = client.process.errors.parent / "results"
+    observer.until(lambda: len(list(results.glob("*/report.html"))) == 2, "both results")
+    announced, asked = (
+        json.loads(path.read_text())["parameters"] for path in results.glob("*/result.json")
+    )
+    assert announced == asked
+    return [time for time, _ in feedback]
 
 
-def test_it_answers_while_it_compiles_and_can_be_interrupted(
-    simulator, observer, monkeypatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    process = simulator()
-    observer.latched(String, "/robot_description")
-    refused = move(observer, process.name)
-    assert not refused.success
-    assert "compiled" in refused.message
-    text = process.errors.read_text
-    observer.until(lambda: "joint states follow" in text(), "a line that says so")
-    assert process.finish() == 0
-    assert "Traceback" not in text()
+def test_one_goal_of_the_demo_identifies_the_true_parameters(demo, observer, tmp_path) -> None:
+    reach_the_goal(demo, observer, tmp_path / "bags")
+
+
+@pytest.mark.load
+def test_a_goal_never_goes_without_a_word_for_long(demo, observer, tmp_path: Path) -> None:
+    heard_at = reach_the_goal(demo, observer, tmp_path / "bags")
+    assert max(after - before for before, after in pairwise(heard_at)) < LONGEST_SILENCE
+
+
+def test_it_answers_before_it_is_ready(monkeypatch: pytest.MonkeyPatch, capfd) -> None:
+    ready = threading.Event()
+    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+    monkeypatch.setattr(simulator_node, "_PATIENCE", 0.0)
+    monkeypatch.setattr(simulator_node.RobotSimulator, "_prepare", lambda node: ready.wait(HANG))
+    rclpy.init(args=["robot_simulator", "--ros-args", "-p", f"configuration:={ARM2}"])
+    robot = simulator_node.RobotSimulator()
+    try:
+        refused = robot._move(Trigger.Request(), Trigger.Response())
+        assert not refused.success
+        assert "compiled" in refused.message
+        executor = SingleThreadedExecutor()
+        executor.add_node(robot.node)
+        robot._report()
+        assert "joint states follow" in capfd.readouterr().err
+    finally:
+        ready.set()
+        robot.close()
+        rclpy.try_shutdown()
 
 
 @pytest.mark.load
@@ -108,72 +142,51 @@ def test_first_move_begins_at_once_where_nothing_was_compiled(
     )
     observer.until(lambda: len(places) > 100, "references")
     begin = time.perf_counter()
-    assert move(observer, process.name).success
+    assert observer.call("move", process.name).success
     observer.until(lambda: abs(places[-1] - places[0]) > 1e-3, "the motion")
     assert time.perf_counter() - begin < 2.0
     observer.node.destroy_subscription(heard)
 
 
-def test_joint_trajectory_is_followed(simulator, recorder, observer, bags: Path) -> None:
-    topic = f"/{simulator().name}/joint_trajectory"
-    recorder(record=True, configuration=str(CONFIG))
-    sender = observer.node.create_publisher(JointTrajectory, topic, 1)
-    observer.until(lambda: sender.get_subscription_count() == 1, "the simulator")
+def test_it_moves_when_asked_to_and_follows_a_joint_trajectory(simulator, observer) -> None:
+    name = simulator(motion_duration=1.0).name
+    references: list[list[float]] = []
+    positions: list[list[float]] = []
+    moving: list[bool] = []
+    subscribe = observer.node.create_subscription
+    subscriptions = [
+        subscribe(Bool, f"/{name}/moving", lambda message: moving.append(message.data), LATCHED),
+        subscribe(
+            JointState,
+            "/joint_reference",
+            lambda message: references.append(list(message.position)),
+            1000,
+        ),
+        subscribe(
+            JointState,
+            "/joint_states",
+            lambda message: positions.append(list(message.position)),
+            1000,
+        ),
+    ]
+    sender = observer.node.create_publisher(JointTrajectory, f"/{name}/joint_trajectory", 1)
+    observer.until(lambda: moving and sender.get_subscription_count() == 1, "the simulator")
+    assert observer.call("move", name).success
+    observer.until(lambda: moving[-2:] == [True, False], "the motion")
+    assert np.ptp(references, axis=0).max() > 0.1
+    references.clear()
     points = []
     for seconds, places in ((0, [0.2, 0.3]), (1, [0.5, 0.1])):
         point = JointTrajectoryPoint(positions=places, velocities=[0.0, 0.0])
         point.time_from_start.sec = seconds
         points.append(point)
-    observer.until(lambda: observer.topic("/joint_states").received > 100, "rest")
     sender.publish(JointTrajectory(joint_names=["joint_1", "joint_2"], points=points))
-    references: list[list[float]] = [[]]
-    heard = observer.node.create_subscription(
-        JointState,
-        "/joint_reference",
-        lambda message: references.__setitem__(0, list(message.position)),
-        10,
-    )
-    observer.until(
-        lambda: references[0] and np.allclose(references[0], [0.5, 0.1]),
-        "the end of the motion",
-    )
-    before = observer.topic("/joint_states").received
-    observer.until(lambda: observer.topic("/joint_states").received > before + 1000, "rest")
-    observer.node.destroy_subscription(heard)
-    observer.call("stop")
+    end = [0.5, 0.1]
+    observer.until(lambda: references and np.allclose(references[-1], end, atol=1e-6), "the end")
+    observer.until(lambda: moving[-4:] == [True, False] * 2, "rest")
+    positions.clear()
+    observer.until(lambda: len(positions) > 500, "joint states")
+    assert np.abs(np.mean(positions, axis=0) - end).max() < 0.1
+    for subscription in subscriptions:
+        observer.node.destroy_subscription(subscription)
     observer.node.destroy_publisher(sender)
-    (recording,) = read_recordings(
-        [only_bag(bags)], joints=["joint_1", "joint_2"], reference="/joint_reference"
-    )
-    assert recording.position_reference is not None
-    reference = recording.position_reference.values
-    assert np.allclose(reference[-1], [0.5, 0.1], atol=1e-6)
-    assert np.abs(np.diff(reference, axis=0)).max() < 0.005
-    assert np.abs(recording.position.values[-500:].mean(axis=0) - reference[-1]).max() < 0.1
-
-
-def test_start_without_configuration_is_one_line(tmp_path: Path) -> None:
-    script = str(ROOT / "scripts" / "robot_simulator")
-    named = ["--ros-args", "-r", "__node:=alone"]
-    process = Process([sys.executable, script, *named], tmp_path, "alone")
-    assert process.process.wait(HANG) == 2
-    lines = process.errors.read_text().splitlines()
-    assert lines == [
-        "robot_simulator: parameter configuration: name it: --ros-args -p configuration:=ROBOT.yaml"
-    ]
-
-
-def test_wrong_parameters_are_refused_when_set(simulator, observer, tmp_path: Path) -> None:
-    name_of_node = simulator().name
-    broken = tmp_path / "motion.csv"
-    broken.write_text("nothing\n")
-    for name, value, words in (
-        ("motion_duration", 0.1, "range"),
-        ("seed", -1, "range"),
-        ("configuration", "other.yaml", "read-only"),
-        ("trajectory", str(tmp_path / "missing.csv"), "missing.csv"),
-        ("trajectory", str(broken), "motion.csv"),
-    ):
-        (result,) = observer.set_on(name_of_node, **{name: value})
-        assert not result.successful
-        assert words in result.reason, result.reason

@@ -6,7 +6,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosbags.highlevel import AnyReader
 
-from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing
+from idim_iv_ros.nodes.recorder.session import SnapshotRing
 from idim_iv_ros.nodes.recorder.snapshot_service import ErrorWatch
 from idim_iv_ros.recording.writing.write import TopicChannel
 from tests.ros.processes import numbers
@@ -61,9 +61,9 @@ def test_an_error_counts_once_until_it_is_over() -> None:
 
 
 def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
-    recorder, robot, observer, bags: Path
+    mortal_recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(snapshot_duration=0.5, bag_prefix="arm")
+    mortal_recorder(snapshot_duration=0.5, bag_prefix="arm")
     robot.begin(count=500, description="<robot name='x'/>").run()
     observer.received(500)
     arrived = observer.status.header.stamp.sec + 1e-9 * observer.status.header.stamp.nanosec
@@ -90,9 +90,9 @@ def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
 
 
 def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
-    recorder, robot, observer, bags: Path
+    mortal_recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(snapshot_duration=30.0, record=True)
+    mortal_recorder(snapshot_duration=30.0, record=True)
     robot.begin(count=2000, rate=1000.0, pace=True)
     robot.say("go")
     observer.until(lambda: observer.topic("/joint_states").received > 500, "500 messages")
@@ -109,9 +109,9 @@ def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
 
 
 def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_one(
-    recorder, robot, observer, bags: Path
+    mortal_recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(snapshot_on_error=True)
+    mortal_recorder(snapshot_on_error=True)
     answer = observer.call("snapshot")
     assert not answer.success
     assert "snapshot_duration is 0" in answer.message
@@ -121,12 +121,14 @@ def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_on
     robot.run()
     observer.received(200)
     publisher = observer.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-    observer.until(lambda: publisher.get_subscription_count() > 1, "the recorder")
     status = DiagnosticStatus(name="drive 3", level=DiagnosticStatus.ERROR, message="too hot")
-    publisher.publish(DiagnosticArray(status=[status]))
-    observer.until(lambda: observer.closed, "the snapshot")
+
+    def announced() -> list:
+        publisher.publish(DiagnosticArray(status=[status]))
+        return observer.closed
+
+    observer.until(announced, "the snapshot")
     assert np.array_equal(numbers(Path(observer.closed[0].bag)), np.arange(200.0))
-    publisher.publish(DiagnosticArray(status=[status]))
     # The error goes on: the next snapshot is the one that is asked for.
     answer = observer.call("snapshot")
     assert answer.success, answer.message

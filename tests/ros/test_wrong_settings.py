@@ -6,15 +6,12 @@ from pathlib import Path
 import pytest
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.collector.controller import Controller
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
-from idim_iv_ros.nodes.parameters import Settings, changed, declare, read_configuration
-from idim_iv_ros.nodes.predictor.node import PredictorSettings
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.recorder.topic_set import TopicSet
+from idim_iv_ros.nodes.collector.neighbours import Controller
+from idim_iv_ros.nodes.parameters import read_configuration
+from idim_iv_ros.nodes.recorder.topics import TopicSet
+from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.conftest import ARM2
 
 
@@ -37,27 +34,14 @@ def no_topic(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("kind", [CollectorSettings, PredictorSettings, RecorderSettings])
-def test_a_file_that_is_not_there_is_named_with_its_parameter(
-    node: Node, kind: type[Settings]
-) -> None:
+def test_a_file_that_is_not_there_is_named_with_its_parameter(node: Node) -> None:
     words = "^parameter configuration: /no/such.yaml: cannot read the configuration"
     with pytest.raises(UsageError, match=words):
-        declare(node, kind)
-
-
-@pytest.mark.parametrize("kind", [CollectorSettings, PredictorSettings, RecorderSettings])
-def test_a_file_that_is_gone_by_now_refuses_only_what_reads_it(kind: type[Settings]) -> None:
-    settings = kind(**{"configuration": "/no/such.yaml"})
-    clock = Parameter("use_sim_time", Parameter.Type.BOOL, True)
-    assert changed(settings, [clock]) is settings
-    file = Parameter("configuration", Parameter.Type.STRING, "/no/other.yaml")
-    with pytest.raises(UsageError, match=r"^configuration: /no/other\.yaml: "):
-        changed(settings, [clock, file])
+        read_configuration(node, "/no/such.yaml")
 
 
 def test_what_is_no_topic_is_named_with_its_file(node: Node, no_topic: Path) -> None:
-    words = f"^configuration: {no_topic}: signals: 'joint states' is no topic of ROS"
+    words = f"^parameter configuration: {no_topic}: signals: 'joint states' is no topic of ROS"
     with pytest.raises(UsageError, match=words):
         read_configuration(node, str(no_topic))
     with pytest.raises(UsageError, match=words):

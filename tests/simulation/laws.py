@@ -1,8 +1,8 @@
-"""Control laws for tests: one torque whatever happens, or a plain pd."""
+"""Control laws for tests, and an arm that follows its reference under them."""
 
 import numpy as np
 
-from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.simulation import ControlLaw, simulate_closed_loop
 
 
 def pd(kp, kd, ki=0.0, *, limit=np.inf, period=None, delay=0.0, feedforward=None):
@@ -27,3 +27,18 @@ def torque(values):
     """Open loop: the torques (n_samples, n_joints) are applied as they are."""
     values = np.asarray(values, dtype=float)
     return pd(np.zeros(values.shape[1]), np.zeros(values.shape[1]), feedforward=values)
+
+
+def followed(arm, *effects, law=None, parameters=None, robot=None, **changes):
+    """Simulate an arm on its reference, from its start; `changes`: other arguments of the loop."""
+    given = {
+        "rate": arm.rate,
+        "position_reference": arm.position_reference,
+        "velocity_reference": arm.velocity_reference,
+        "initial_position": arm.position_reference[0],
+        "initial_velocity": arm.velocity_reference[0],
+        "effects": effects,
+    }
+    return simulate_closed_loop(
+        robot or arm.robot, parameters or arm.truth, law or arm.law, **(given | changes)
+    )

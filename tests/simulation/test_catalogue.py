@@ -26,9 +26,10 @@ from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves
-from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, simulate_closed_loop
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics
 from idim_iv_ros.simulation.effects import joint_effects
 from tests.diagnosis.motions import smooth_motion
+from tests.simulation.laws import followed
 
 BY_NAME = {effect.name: effect for effect in STRUCTURAL}
 JOINTS = ("joint_1", "joint_2")
@@ -70,8 +71,8 @@ EXTENT = OperatingRange(
 
 def reported(effect, place, shape, coefficients):
     """What a gap.json would hold."""
-    found = effect.parameters(shape, np.asarray(coefficients), np.zeros(len(coefficients)))
-    return {name: parameter.value for name, parameter in found.items()}
+    completed = effect.parameters(shape, np.asarray(coefficients), np.zeros(len(coefficients)))
+    return {name: parameter.value for name, parameter in completed.items()}
 
 
 def simulated(effect, place, parameters):
@@ -89,8 +90,8 @@ def test_each_effect_is_compared():
 @pytest.mark.parametrize("effect", PARAMETRIC, ids=lambda effect: effect.name)
 def test_simulator_knows_the_parameters_that_may_be_in_error(effect):
     """As an effect, or as what the base parameters hold."""
-    found = joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
-    assert bool(found) != effect.in_base_parameters
+    completed = joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
+    assert bool(completed) != effect.in_base_parameters
 
 
 @pytest.mark.parametrize("name", sorted(BY_NAME))
@@ -105,9 +106,9 @@ def test_what_is_reported_is_what_is_simulated(name):
         values = reported(effect, place, shape, np.ones(columns.shape[1]))
         joint_effects([simulated(effect, place, values)], JOINTS)
         names |= set(values)
-    known = {spec.name for spec in effect.specs}
-    assert known >= CONSTANTS.get(name, set())
-    assert {effect.spec(key).name for key in names} == known - CONSTANTS.get(name, set())
+    names_of_specs = {spec.name for spec in effect.specs}
+    assert names_of_specs >= CONSTANTS.get(name, set())
+    assert {effect.spec(key).name for key in names} == names_of_specs - CONSTANTS.get(name, set())
 
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()
@@ -197,20 +198,15 @@ CASES = [
 def started_at_rest(one):
     """The law with the torque that holds the arm at its start: no fall that lets shafts ring."""
     still = np.zeros((1, 2))
-    held = inverse_dynamics(one.robot, one.truth, one.position_reference[:1], still, still)
-    feedforward = np.repeat(held, len(one.position_reference), axis=0)
+    resting = inverse_dynamics(one.robot, one.truth, one.position_reference[:1], still, still)
+    feedforward = np.repeat(resting, len(one.position_reference), axis=0)
     return dataclasses.replace(one.law, feedforward=feedforward)
 
 
 def compare(case):
     one, effect = arm(), BY_NAME[case.effect]
     values = reported(effect, case.place, case.shape, case.coefficients)
-    result = simulate_closed_loop(
-        one.robot, one.truth, started_at_rest(one), rate=one.rate,
-        position_reference=one.position_reference, velocity_reference=one.velocity_reference,
-        initial_position=one.position_reference[0], initial_velocity=one.velocity_reference[0],
-        effects=[simulated(effect, case.place, values)],
-    )  # fmt: skip
+    result = followed(one, simulated(effect, case.place, values), law=started_at_rest(one))
     assert result.diverged is None
     velocity = result.measured_velocity
     acceleration = result.acceleration

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix, simulate_closed_loop
-from tests.simulation.laws import pd, torque
+from tests.simulation.laws import followed, pd, torque
 from tests.simulation.trees import TREES, random_robot
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -85,19 +85,8 @@ def arm():
     return arm7(seconds=3.0)
 
 
-def followed(arm, law, **changes):
-    given = {
-        "rate": arm.rate,
-        "position_reference": arm.position_reference,
-        "velocity_reference": arm.velocity_reference,
-        "initial_position": arm.position_reference[0],
-        "initial_velocity": arm.velocity_reference[0],
-    }
-    return simulate_closed_loop(arm.robot, arm.truth, law, **(given | changes))
-
-
 def test_acceleration_belongs_to_the_torque_on_the_joints(arm):
-    result = followed(arm, arm.law)
+    result = followed(arm)
     needed = inverse_dynamics(
         arm.robot, arm.truth, result.position, result.velocity, result.acceleration
     )
@@ -107,7 +96,7 @@ def test_acceleration_belongs_to_the_torque_on_the_joints(arm):
 
 
 def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
-    whole, motion = followed(arm, arm.law), followed(arm, arm.law, accelerations=False)
+    whole, motion = followed(arm), followed(arm, accelerations=False)
     assert motion.acceleration.shape == (0, 7)
     for name in ("position", "velocity", "torque", "applied_torque"):
         np.testing.assert_array_equal(getattr(motion, name), getattr(whole, name))
@@ -116,7 +105,7 @@ def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
 def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
     random = np.random.default_rng(5)
     disturbance = random.normal(size=arm.position_reference.shape) * 2.0
-    result = followed(arm, arm.law, disturbance=disturbance)
+    result = followed(arm, disturbance=disturbance)
     needed = inverse_dynamics(
         arm.robot, arm.truth, result.position, result.velocity, result.acceleration
     )
@@ -131,22 +120,14 @@ def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
 
 def test_acceleration_is_what_central_differences_of_the_velocity_approach(arm):
     smooth = dataclasses.replace(arm.truth, coulomb=np.zeros(7))
-    result = simulate_closed_loop(
-        arm.robot,
-        smooth,
-        arm.law,
-        rate=arm.rate,
-        position_reference=arm.position_reference,
-        initial_position=arm.position_reference[0],
-        initial_velocity=np.zeros(7),
-    )
+    result = followed(arm, parameters=smooth, velocity_reference=None, initial_velocity=np.zeros(7))
     difference = np.gradient(result.velocity, 1.0 / arm.rate, axis=0)[1000:-1]
     error = np.abs(difference - result.acceleration[1000:-1]).max()
     assert error < 2e-3 * np.abs(result.acceleration[1000:]).max()
 
 
 def test_torque_is_the_law_evaluated_at_the_sample(arm):
-    result = followed(arm, arm.law)
+    result = followed(arm)
     expected = arm.law.kp * (arm.position_reference - result.position) + arm.law.kd * (
         arm.velocity_reference - result.velocity
     )
@@ -157,8 +138,8 @@ def test_torque_is_the_law_evaluated_at_the_sample(arm):
 
 def test_missing_velocity_reference_is_the_central_difference_of_the_position(arm):
     slope = np.gradient(arm.position_reference, 1.0 / arm.rate, axis=0)
-    given = followed(arm, arm.law, velocity_reference=slope)
-    missing = followed(arm, arm.law, velocity_reference=None, initial_velocity=np.zeros(7))
+    given = followed(arm, velocity_reference=slope)
+    missing = followed(arm, velocity_reference=None, initial_velocity=np.zeros(7))
     np.testing.assert_array_equal(given.position, missing.position)
 
 
@@ -169,45 +150,41 @@ def test_cascade_is_a_pd_law_without_velocity_reference(arm):
         law, type="cascade", kp=law.kp / law.kd, kv=law.kd / gain, drive_gain=gain
     )
     np.testing.assert_allclose(
-        followed(arm, law).position, followed(arm, cascade).position, atol=1e-12
+        followed(arm, law=law).position, followed(arm, law=cascade).position, atol=1e-12
     )
 
 
 def test_scaled_gains_keep_the_bandwidth_of_a_heavier_robot(arm):
-    n = 7
     light = dataclasses.replace(
         arm.truth, **{
             name: getattr(arm.truth, name) * 0.25
             for name in ("inertial", "drive_inertia", "viscous", "coulomb", "offset")
         }
     )  # fmt: skip
-    expected = followed(arm, arm.law).position
-    scaled = simulate_closed_loop(
-        arm.robot,
-        light,
-        arm.law.scaled(np.full(n, 0.25)),
-        rate=arm.rate,
-        position_reference=arm.position_reference,
-        velocity_reference=arm.velocity_reference,
-        initial_position=arm.position_reference[0],
-        initial_velocity=arm.velocity_reference[0],
-    )
+    expected = followed(arm).position
+    scaled = followed(arm, law=arm.law.scaled(np.full(7, 0.25)), parameters=light)
     np.testing.assert_allclose(scaled.position, expected, atol=1e-9)
+
+
+def free_mass(coulomb=0.0):
+    """One kilogram on a slide without gravity."""
+    robot = random_robot(0, [0], [True])
+    robot.pinocchio.gravity.linear = np.zeros(3)
+    inertial = np.zeros((1, 10))
+    inertial[0, 0] = 1.0
+    return robot, dataclasses.replace(robot.given, inertial=inertial, coulomb=np.array([coulomb]))
 
 
 @pytest.mark.parametrize("periods", [1.0, 2.5, 0.25])
 def test_delayed_command_reaches_the_joint_that_much_later(periods):
     # A free mass under a force that is one from the fourth control instant on.
-    robot = random_robot(0, [0], [True])
-    robot.pinocchio.gravity.linear = np.zeros(3)
-    inertial = np.zeros((1, 10))
-    inertial[0, 0] = 1.0
+    robot, parameters = free_mass()
     force = np.zeros((12, 1))
     force[4:] = 1.0
     law = dataclasses.replace(torque(force), delay=periods * 0.01)
     result = simulate_closed_loop(
         robot,
-        dataclasses.replace(robot.given, inertial=inertial),
+        parameters,
         law,
         rate=100.0,
         position_reference=np.zeros((12, 1)),
@@ -222,22 +199,19 @@ def test_delayed_command_reaches_the_joint_that_much_later(periods):
 @pytest.mark.parametrize("ratio", [0.2, 0.3, 3.0])
 def test_control_may_run_at_another_rate_than_the_recording(arm, ratio):
     law = dataclasses.replace(arm.law, period=ratio / arm.rate)
-    result = followed(arm, law)
+    result = followed(arm, law=law)
     assert result.diverged is None
-    assert np.abs(result.position - followed(arm, arm.law).position).max() < 2e-3
+    assert np.abs(result.position - followed(arm).position).max() < 2e-3
 
 
 def test_saturated_torque_stays_at_its_limit_and_the_integral_does_not_wind_up():
     # Friction holds the block against all that the drive can do; then the reference returns.
-    robot = random_robot(0, [0], [True])
-    robot.pinocchio.gravity.linear = np.zeros(3)
-    inertial = np.zeros((1, 10))
-    inertial[0, 0] = 1.0
+    robot, parameters = free_mass(coulomb=10.0)
     reference = np.ones((4000, 1))
     reference[3000:] = 0.0
     result = simulate_closed_loop(
         robot,
-        dataclasses.replace(robot.given, inertial=inertial, coulomb=np.array([10.0])),
+        parameters,
         pd([100.0], [20.0], ki=200.0, limit=2.0),
         rate=1000.0,
         position_reference=reference,
@@ -252,7 +226,7 @@ def test_saturated_torque_stays_at_its_limit_and_the_integral_does_not_wind_up()
 
 def test_a_loop_that_runs_away_says_which_joint_and_when(arm):
     law = dataclasses.replace(arm.law, kd=-arm.law.kd, torque_limit=np.full(7, np.inf))
-    result = followed(arm, law)
+    result = followed(arm, law=law)
     assert result.diverged is not None
     assert result.diverged.startswith("joint joint_") and "passed 1000 rad/s at " in result.diverged
     assert len(result.position) < len(arm.position_reference)
@@ -266,14 +240,8 @@ def test_parameters_without_positive_inertia_end_the_simulation_with_that_reason
     parameters = dataclasses.replace(arm.truth, inertial=inertial, drive_inertia=np.zeros(7))
     mass = mass_matrix(arm.robot, parameters, arm.position_reference[:1])
     assert np.linalg.eigvalsh(mass[0])[0] < 0.0
-    result = simulate_closed_loop(
-        arm.robot,
-        parameters,
-        arm.law,
-        rate=arm.rate,
-        position_reference=arm.position_reference,
-        initial_position=arm.position_reference[0],
-        initial_velocity=np.zeros(7),
+    result = followed(
+        arm, parameters=parameters, velocity_reference=None, initial_velocity=np.zeros(7)
     )
     assert result.diverged == "the mass matrix is not positive definite at 0.000 s"
 
@@ -281,6 +249,6 @@ def test_parameters_without_positive_inertia_end_the_simulation_with_that_reason
 def test_a_reference_that_is_not_finite_ends_the_simulation(arm):
     reference = arm.position_reference.copy()
     reference[500, 3] = np.nan
-    result = followed(arm, arm.law, position_reference=reference)
+    result = followed(arm, position_reference=reference)
     assert result.diverged is not None
     assert np.all(np.isfinite(result.position))

@@ -133,9 +133,7 @@ def excited(robot, parameters, seed=0, seconds=4.0, amplitude=20.0):
         plant_step=1e-3,
     )
     frictionless = dataclasses.replace(
-        parameters,
-        coulomb=np.zeros(n),
-        coupling_coulomb=np.zeros_like(parameters.coupling_coulomb),
+        parameters, coulomb=np.zeros(n), coupling_coulomb=np.zeros_like(parameters.coupling_coulomb)
     )
     needed = inverse_dynamics(
         robot, frictionless, result.position, result.velocity, result.acceleration
@@ -186,13 +184,13 @@ def test_a_stuck_transmission_coupling_moves_two_joints_against_each_other():
     dq = result.velocity
     slip = dq[:, a] + dq[:, b]
     both = (dq[:, a] != 0.0) & (dq[:, b] != 0.0)
-    held, slipping = both & (slip == 0.0), both & (slip != 0.0)
-    assert held.sum() > 20 and slipping.sum() > 100
+    sticking, slipping = both & (slip == 0.0), both & (slip != 0.0)
+    assert sticking.sum() > 20 and slipping.sum() > 100
     share = friction - level * np.sign(dq)
     np.testing.assert_allclose(share[slipping, a], coupled * np.sign(slip[slipping]), atol=1e-9)
     np.testing.assert_allclose(share[slipping, b], coupled * np.sign(slip[slipping]), atol=1e-9)
-    np.testing.assert_allclose(share[held, a], share[held, b], atol=1e-8)
-    assert np.all(np.abs(share[held, a]) <= coupled * (1.0 + 1e-9))
+    np.testing.assert_allclose(share[sticking, a], share[sticking, b], atol=1e-8)
+    assert np.all(np.abs(share[sticking, a]) <= coupled * (1.0 + 1e-9))
     stuck = (dq[:, a] == 0.0) & (dq[:, b] == 0.0)
     low = np.maximum(friction[stuck, a] - level[a], friction[stuck, b] - level[b])
     high = np.minimum(friction[stuck, a] + level[a], friction[stuck, b] + level[b])

@@ -11,7 +11,7 @@ from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
-from tests.simulation.laws import pd, torque
+from tests.simulation.laws import followed, pd, torque
 from tests.simulation.trees import random_robot
 
 
@@ -63,8 +63,8 @@ def test_a_resting_joint_breaks_away_at_the_raised_level_only(effect):
     robot, parameters = disc(coulomb=2.0)
     raised = on(robot, **effect)
     push = np.linspace(0.0, 2.999, 2000)
-    held = driven(robot, parameters, push, raised)
-    assert np.all(held.position == 0.0)
+    resting = driven(robot, parameters, push, raised)
+    assert np.all(resting.position == 0.0)
     assert np.all(driven(robot, parameters, -push, raised).position == 0.0)
     moved = driven(robot, parameters, np.linspace(2.0, 3.05, 2000), raised)
     first = np.flatnonzero(moved.velocity)[0]
@@ -238,12 +238,7 @@ def test_grouped_drive_inertia_is_split_as_the_given_model_says():
     ]
 
     def run(robot, parameters):
-        return simulate_closed_loop(
-            robot, parameters, arm.law, rate=arm.rate,
-            position_reference=arm.position_reference, velocity_reference=arm.velocity_reference,
-            initial_position=arm.position_reference[0], initial_velocity=arm.velocity_reference[0],
-            effects=elastic,
-        )  # fmt: skip
+        return followed(arm, *elastic, robot=robot, parameters=parameters)
 
     np.testing.assert_allclose(
         run(arm.robot, grouped).position, run(arm.robot, arm.robot.given).position, atol=1e-5
@@ -319,12 +314,7 @@ def test_the_motor_gives_what_gain_and_saturation_leave_of_the_command():
 def test_encoder_error_is_what_the_control_sees():
     arm = arm2(seconds=2.0)
     bent = {"sine": 2e-3, "cosine": -1e-3, "sine_2": 5e-4, "cosine_2": 3e-4}
-    result = simulate_closed_loop(
-        arm.robot, arm.truth, arm.law, rate=arm.rate,
-        position_reference=arm.position_reference, velocity_reference=arm.velocity_reference,
-        initial_position=arm.position_reference[0], initial_velocity=arm.velocity_reference[0],
-        effects=[SimulatedEffect("encoder_eccentricity", "joint_1", bent)],
-    )  # fmt: skip
+    result = followed(arm, SimulatedEffect("encoder_eccentricity", "joint_1", bent))
     q = result.position[:, 0]
     shown = q + 2e-3 * np.sin(q) - 1e-3 * np.cos(q) + 5e-4 * np.sin(2 * q) + 3e-4 * np.cos(2 * q)
     np.testing.assert_allclose(result.measured_position[:, 0], shown, atol=1e-14)
@@ -340,13 +330,8 @@ def test_encoder_error_is_what_the_control_sees():
 
 def test_the_robots_own_gains_and_feedforward_replace_those_configured():
     arm = arm2(seconds=2.0)
-    own = {"kp": 900.0, "feedforward_acceleration": 0.5, "feedforward_velocity": 1.5}
-    result = simulate_closed_loop(
-        arm.robot, arm.truth, arm.law, rate=arm.rate,
-        position_reference=arm.position_reference, velocity_reference=arm.velocity_reference,
-        initial_position=arm.position_reference[0], initial_velocity=arm.velocity_reference[0],
-        effects=[SimulatedEffect("controller_mismatch", "joint_1", own)],
-    )  # fmt: skip
+    gains = {"kp": 900.0, "feedforward_acceleration": 0.5, "feedforward_velocity": 1.5}
+    result = followed(arm, SimulatedEffect("controller_mismatch", "joint_1", gains))
     kp = np.array([900.0, arm.law.kp[1]])
     command = kp * (arm.position_reference - result.position) + arm.law.kd * (
         arm.velocity_reference - result.velocity
@@ -358,12 +343,7 @@ def test_the_robots_own_gains_and_feedforward_replace_those_configured():
 
 def test_the_command_lags_behind_the_law_as_through_a_first_order_filter():
     arm = arm2(seconds=2.0)
-    result = simulate_closed_loop(
-        arm.robot, arm.truth, arm.law, rate=arm.rate,
-        position_reference=arm.position_reference, velocity_reference=arm.velocity_reference,
-        initial_position=arm.position_reference[0], initial_velocity=arm.velocity_reference[0],
-        effects=[SimulatedEffect("controller_mismatch", "joint_2", {"lag": 4e-3})],
-    )  # fmt: skip
+    result = followed(arm, SimulatedEffect("controller_mismatch", "joint_2", {"lag": 4e-3}))
     law = arm.law.kp * (arm.position_reference - result.position) + arm.law.kd * (
         arm.velocity_reference - result.velocity
     )

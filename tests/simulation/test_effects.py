@@ -7,12 +7,8 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import (
-    SimulatedEffect,
-    inverse_dynamics,
-    mass_matrix,
-    simulate_closed_loop,
-)
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
+from tests.simulation.laws import followed
 
 JOINTS = ("joint_1", "joint_2")
 
@@ -20,20 +16,6 @@ JOINTS = ("joint_1", "joint_2")
 @pytest.fixture(scope="module")
 def arm():
     return arm2(seconds=3.0)
-
-
-def followed(arm, *effects, **changes):
-    law = changes.pop("law", arm.law)
-    parameters = changes.pop("parameters", arm.truth)
-    given = {
-        "rate": arm.rate,
-        "position_reference": arm.position_reference,
-        "velocity_reference": arm.velocity_reference,
-        "initial_position": arm.position_reference[0],
-        "initial_velocity": arm.velocity_reference[0],
-        "effects": effects,
-    }
-    return simulate_closed_loop(arm.robot, parameters, law, **(given | changes))
 
 
 def on(joint, effect, other=None, **parameters):
@@ -171,63 +153,48 @@ def test_coupling_with_a_power_resists_with_the_sum_of_its_parts(arm, coulomb, v
     np.testing.assert_allclose(extra[slipping], np.column_stack([f, -f])[slipping], atol=1e-8)
 
 
+def torque_of_motor(arm, result):
+    """Of the model: other effects are not in it, nor is the friction itself."""
+    return inverse_dynamics(
+        arm.robot, arm.truth, result.position, result.velocity, result.acceleration
+    )
+
+
+def torque_of_links(arm, result):
+    return inverse_dynamics(
+        arm.robot, arm.truth.of_links, result.position, result.velocity, result.acceleration
+    )
+
+
+def gravity_and_coriolis(arm, result):
+    inertia = mass_matrix(arm.robot, arm.truth.of_links, result.position)
+    moving = np.einsum("sij,sj->si", inertia, result.acceleration)
+    return torque_of_links(arm, result) - moving
+
+
+# The load is that of an instant before: wrong where it changes sign, small elsewhere.
+LOADS = {
+    "motor": ({"motor_torque": 1.0}, torque_of_motor, None),
+    "links": ({}, torque_of_links, None),
+    "static": ({"static_torque": 1.0}, gravity_and_coriolis, 1e-9),
+}
+
+
 @pytest.mark.parametrize("joint", [0, 1])
-def test_friction_follows_the_torque_of_the_motor(arm, joint):
-    """That of the model: other effects are not in it, nor is the friction itself."""
-    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, "motor_torque": 1.0}
+@pytest.mark.parametrize("kind", LOADS)
+def test_friction_follows_its_load(arm, kind, joint):
+    chosen, load_of, tolerance = LOADS[kind]
+    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, **chosen}
     spring = on(joint, "spring", constant=1.0)
     result = followed(arm, on(joint, "load_dependent_friction", **law), spring)
     extra, moving = surplus(arm, result)
-    motion = (result.position, result.velocity, result.acceleration)
-    load = inverse_dynamics(arm.robot, arm.truth, *motion)[moving, joint]
-    v = result.velocity[moving, joint]
-    share = np.where(load * v > 0.0, 0.15, 0.05)
-    expected = 1.0 + np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8 * share
-    error = extra[:, joint] - expected
-    assert np.sqrt(np.mean(error**2)) < 0.01 * np.std(expected)
-    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-def test_friction_follows_the_load_of_the_links(arm, joint):
-    effect = on(
-        joint, "load_dependent_friction", driving=0.1, driven=0.05, exponent=0.8, scale=10.0
-    )
-    result = followed(arm, effect)
-    extra, moving = surplus(arm, result)
-    zero = np.zeros(2)
-    links = dataclasses.replace(
-        arm.truth, drive_inertia=zero, viscous=zero, coulomb=zero, offset=zero
-    )
-    motion = (result.position, result.velocity, result.acceleration)
-    load = inverse_dynamics(arm.robot, links, *motion)[moving, joint]
-    v = result.velocity[moving, joint]
-    share = np.where(load * v > 0.0, 0.1, 0.05)
-    expected = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8 * share
-    error = extra[:, joint] - expected
-    # The load is that of an instant before: wrong where it changes sign, small elsewhere.
-    assert np.sqrt(np.mean(error**2)) < 0.01 * np.sqrt(np.mean(expected**2))
-    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-def test_friction_follows_gravity_and_coriolis_alone(arm, joint):
-    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, "static_torque": 1.0}
-    result = followed(arm, on(joint, "load_dependent_friction", **law))
-    extra, moving = surplus(arm, result)
-    zero = np.zeros(2)
-    links = dataclasses.replace(
-        arm.truth, drive_inertia=zero, viscous=zero, coulomb=zero, offset=zero
-    )
-    motion = (result.position, result.velocity, result.acceleration)
-    inertia = mass_matrix(arm.robot, links, result.position)
-    load = inverse_dynamics(arm.robot, links, *motion)
-    load -= np.einsum("sij,sj->si", inertia, result.acceleration)
-    load, v = load[moving, joint], result.velocity[moving, joint]
-    expected = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8
-    expected *= np.where(load * v > 0.0, 0.15, 0.05)
-    assert np.ptp(expected) > 0.1
-    np.testing.assert_allclose(extra[:, joint], expected, atol=1e-9)
+    load, v = load_of(arm, result)[moving, joint], result.velocity[moving, joint]
+    friction = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8
+    friction *= np.where(load * v > 0.0, 0.15, 0.05)
+    assert np.ptp(friction) > 0.1
+    error = extra[:, joint] - 1.0 - friction
+    assert np.sqrt(np.mean(error**2)) < 0.01 * np.std(friction)
+    assert tolerance is None or np.abs(error).max() < tolerance
     np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
 
 
@@ -292,7 +259,7 @@ def test_neutral_parameters_change_nothing(arm, effect):
     }
     other = "joint_2" if effect == "joint_coupling" else None
     result = followed(arm, on(0, effect, other, **NEUTRAL[effect]), **short)
-    plain = followed(arm, effects=None, **short)
+    plain = followed(arm, **short)
     for name in ("position", "velocity", "acceleration", "torque", "applied_torque"):
         np.testing.assert_allclose(
             getattr(result, name), getattr(plain, name), rtol=1e-10, atol=1e-9

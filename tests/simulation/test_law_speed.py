@@ -7,13 +7,8 @@ import pytest
 import scipy
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.simulation import (
-    ClosedLoopResult,
-    ControlLaw,
-    SimulatedEffect,
-    factor_of_lateness,
-    simulate_closed_loop,
-)
+from idim_iv_ros.simulation import ClosedLoopResult, SimulatedEffect, factor_of_lateness
+from tests.simulation.laws import followed
 
 
 @pytest.fixture(scope="module")
@@ -21,20 +16,9 @@ def arm() -> SimulatedArm:
     return arm2(seconds=2.0)
 
 
-def followed(
-    arm: SimulatedArm, law: ControlLaw, effects: list[SimulatedEffect] | None = None
-) -> ClosedLoopResult:
-    return simulate_closed_loop(
-        arm.robot,
-        arm.truth,
-        law,
-        rate=arm.rate,
-        position_reference=arm.position_reference,
-        velocity_reference=arm.velocity_reference,
-        initial_position=arm.position_reference[0],
-        initial_velocity=arm.velocity_reference[0] + 0.1,
-        effects=effects,
-    )
+def pushed(arm: SimulatedArm) -> np.ndarray:
+    """A start at another speed than that of the reference."""
+    return arm.velocity_reference[0] + 0.1
 
 
 def filtered(result: ClosedLoopResult, rate: float, factor: float) -> np.ndarray:
@@ -62,7 +46,7 @@ def test_commands_are_those_of_a_drive_with_that_filter(
     arm: SimulatedArm, factor: float, effects: str
 ) -> None:
     law = dataclasses.replace(arm.law, period=None, speed_factor=factor)
-    result = followed(arm, law, EFFECTS[effects])
+    result = followed(arm, *EFFECTS[effects], law=law, initial_velocity=pushed(arm))
     assert result.diverged is None
     error = arm.position_reference - result.measured_position
     slip = arm.velocity_reference - filtered(result, arm.rate, factor)
@@ -72,7 +56,7 @@ def test_commands_are_those_of_a_drive_with_that_filter(
 
 def test_a_law_without_a_filter_sees_the_exact_speed(arm: SimulatedArm) -> None:
     law = dataclasses.replace(arm.law, period=None)
-    result = followed(arm, law)
+    result = followed(arm, law=law, initial_velocity=pushed(arm))
     error = arm.position_reference - result.position
     wanted = law.kp * error + law.kd * (arm.velocity_reference - result.velocity)
     wanted = np.clip(wanted, -law.torque_limit, law.torque_limit)

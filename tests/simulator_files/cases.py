@@ -18,6 +18,11 @@ from idim_iv_ros.simulator_files import Exported
 from tests.gap_files import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+# Attributes of an MJCF that an export changes.
+CHANGING = {
+    "inertial": ("mass", "pos", "fullinertia", "diaginertia", "quat"),
+    "joint": ("armature", "damping", "frictionloss", "solreffriction", "solimpfriction"),
+}
 
 
 @dataclass(frozen=True)

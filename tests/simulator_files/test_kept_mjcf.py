@@ -19,13 +19,10 @@ from idim_iv_ros.model import build_inverse_model, read_urdf_file
 from idim_iv_ros.simulator_files.mjcf_kept import with_included
 from tests.model.mjcf_robots import ARMS, GEN3
 from tests.model.test_mjcf import ARM2, simulator
-from tests.simulator_files.cases import Case, bare, case, cause
+from tests.simulator_files.cases import CHANGING, Case, bare, case, cause
 
 # Each with one joint to a body.
 ONE_EACH = ("ur5e", "panda", "iiwa14", "xarm7")
-INERTIAL = ("mass", "pos", "fullinertia", "diaginertia", "quat")
-DRIVE = ("armature", "damping", "frictionloss", "solreffriction", "solimpfriction")
-CHANGING = {"inertial": INERTIAL, "joint": DRIVE}
 
 
 def configured(path: Path, joints: tuple[str, ...]) -> Configuration:
@@ -197,14 +194,6 @@ def test_effects_are_all_for_the_callbacks(tmp_path: Path) -> None:
     assert "URDF" not in page.replace("needs a URDF", "") and "torque_offset: [" in page
 
 
-def test_the_input_is_never_written_over(tmp_path: Path) -> None:
-    arm = two_joints(tmp_path, ARM2)
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(UsageError, match=r"arm\.xml: was read for this export"):
-        arm.export(tmp_path, force=True)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
 def refused(arm: Case, out: Path, match: str) -> None:
     with pytest.raises(UsageError, match=match) as refusal:
         arm.export(out)
@@ -250,35 +239,40 @@ def test_files_that_cannot_be_included_are_refused(inner: str, tmp_path: Path) -
         with_included(b'<mujoco>\n<include file="loop.xml"/></mujoco>', tmp_path / "arm.xml")
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({'<body name="link_2"': "<body"}, "body_2 is no named <body>"),
+        (
+            {
+                "</worldbody>": '<replicate count="2" offset="1 0 0"><body><geom size="0.1"/></body>'
+                "</replicate></worldbody>"
+            },
+            "<replicate>.*write them out",
+        ),
+        # Its own damping would be counted again by the effects of the new result.
+        (
+            {
+                'damping="0.5"': 'damping="0.5 0.3 0"',
+                "<worldbody>": '<custom><tuple name="nonlinear_viscous"><element objtype="joint" objname="joint_2"/></tuple></custom><worldbody>',
+            },
+            "nonlinear_viscous of an earlier export",
+        ),
+    ],
+)
+def test_bodies_and_values_without_a_place_are_refused(
+    changes: dict[str, str], words: str, tmp_path: Path
+) -> None:
+    text = ARM2
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    refused(two_joints(tmp_path, text), tmp_path / "out", words)
+
+
 def test_two_joints_of_one_body_are_refused(tmp_path: Path) -> None:
     arm = arm_of(tmp_path, GEN3, ARMS["gen3"][1])
     refused(arm, tmp_path / "out", "body tool has 2 joints.*a body of its own")
-
-
-def test_a_body_without_a_name_is_refused(tmp_path: Path) -> None:
-    text = ARM2.replace('<body name="link_2"', "<body")
-    refused(two_joints(tmp_path, text), tmp_path / "out", "body_2 is no named <body>")
-
-
-def test_bodies_that_are_made_by_an_element_are_refused(tmp_path: Path) -> None:
-    more = '<replicate count="2" offset="1 0 0"><body><geom size="0.1"/></body></replicate>'
-    text = ARM2.replace("</worldbody>", f"{more}</worldbody>")
-    refused(two_joints(tmp_path, text), tmp_path / "out", "<replicate>.*write them out")
-
-
-def test_an_mjcf_that_holds_effects_of_an_export_is_refused(tmp_path: Path) -> None:
-    """Its own damping would be counted again by the effects of the new result."""
-    text = ARM2.replace('damping="0.5"', 'damping="0.5 0.3 0"').replace(
-        "<worldbody>",
-        '<custom><tuple name="nonlinear_viscous"><element objtype="joint" objname="joint_2"/></tuple></custom><worldbody>',
-    )
-    refused(two_joints(tmp_path, text), tmp_path / "out", "nonlinear_viscous of an earlier export")
-
-
-def test_joints_that_were_moved_since_are_refused(tmp_path: Path) -> None:
-    arm = two_joints(tmp_path, ARM2)
-    (tmp_path / "arm.xml").write_text(ARM2.replace('pos="0.42 0 0"', 'pos="0.43 0 0"'))
-    refused(arm, tmp_path / "out", "joints are placed or turned differently")
 
 
 def test_a_coupled_transmission_is_refused(tmp_path: Path) -> None:

@@ -37,31 +37,31 @@ def test_a_change_is_found_with_its_date_and_size(kind: str) -> None:
         shape[place - 1 :] /= TIMES[-1] - TIMES[place - 1]
     dates = sizes = 0
     for seed in range(40):
-        found = change_of(*series(seed, shape), TIMES)
-        assert found is not None and found.p_value < 1e-3 and found.kind == kind
-        assert abs(found.place - place) <= 2
-        dates += found.place_low <= place <= found.place_high
-        sizes += found.size_low <= shape[-1] <= found.size_high
+        change = change_of(*series(seed, shape), TIMES)
+        assert change is not None and change.p_value < 1e-3 and change.kind == kind
+        assert abs(change.place - place) <= 2
+        dates += change.place_low <= place <= change.place_high
+        sizes += change.size_low <= shape[-1] <= change.size_high
     assert dates >= 34 and sizes >= 34
 
 
 def test_level_and_size_are_those_of_weighted_least_squares() -> None:
     shape = np.where(np.arange(BAGS) >= 5, 40.0, 0.0)
     values, variances = series(1, shape)
-    found = change_of(values, variances, TIMES)
-    assert found is not None and found.place == found.place_low == found.place_high == 5
+    change = change_of(values, variances, TIMES)
+    assert change is not None and change.place == change.place_low == change.place_high == 5
     columns = sm.add_constant((shape > 0).astype(float))
     theirs = sm.WLS(values, columns, weights=1.0 / variances).fit()
-    assert (found.before, found.size) == pytest.approx(tuple(theirs.params))
-    assert found.before_std == pytest.approx(theirs.bse[0])
-    assert (found.size_low, found.size_high) == pytest.approx(tuple(theirs.conf_int()[1]))
+    assert (change.before, change.size) == pytest.approx(tuple(theirs.params))
+    assert change.before_std == pytest.approx(theirs.bse[0])
+    assert (change.size_low, change.size_high) == pytest.approx(tuple(theirs.conf_int()[1]))
 
 
 def test_one_odd_value_is_no_change() -> None:
     values, variances = series(4, np.zeros(BAGS))
     values[6] += 60.0
-    found = change_of(values, variances, TIMES)
-    assert found is not None and found.p_value > 0.05
+    change = change_of(values, variances, TIMES)
+    assert change is not None and change.p_value > 0.05
 
 
 @pytest.mark.parametrize("count", [0, 1, 4])
@@ -96,10 +96,10 @@ def test_what_is_known_of_the_scatter_finds_smaller_changes_of_few_values() -> N
     p_values = {0.0: [], 20.0: []}
     for _ in range(10):
         values = shape + random.normal(size=6)
-        for prior, found in p_values.items():
+        for prior, of_prior in p_values.items():
             change = change_of(values, np.ones(6), np.arange(6.0), prior)
             assert change is not None
-            found.append(change.p_value)
+            of_prior.append(change.p_value)
     assert np.median(p_values[0.0]) > 1e-3
     assert np.median(p_values[20.0]) < 1e-4
 

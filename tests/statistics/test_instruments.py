@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,13 @@ def white_joint(seed, n_rows=800, n_columns=4, factor=1.0, joint="joint", first=
     x = factor * z + 0.1 * rng.standard_normal(z.shape)
     columns = np.arange(n_columns) + first
     return joint_rows(joint, x, z, x.sum(axis=1), columns, [slice(0, n_rows)])
+
+
+def with_columns(rows, chosen, places):
+    """The rows with some of their columns, at other places among the parameters."""
+    chosen = np.asarray(chosen, dtype=int)
+    matrix, instruments = rows.matrix[:, chosen], rows.instruments[:, chosen]
+    return replace(rows, matrix=matrix, instrument_matrix=instruments, columns=places)
 
 
 def test_statistic_on_white_rows_is_the_textbook_f():
@@ -46,14 +55,7 @@ def test_the_wrong_joint_is_named_and_the_right_one_is_not():
 def test_units_of_the_columns_change_neither_statistic_nor_effect_size():
     rows = white_joint(5, factor=1.02)
     units = np.array([1e-5, 1.0, 1e5, 1e-2])
-    scaled = joint_rows(
-        "joint",
-        rows.matrix * units,
-        rows.instruments * units,
-        rows.torque,
-        rows.columns,
-        rows.segments,
-    )
+    scaled = replace(rows, matrix=rows.matrix * units, instrument_matrix=rows.instruments * units)
     plain = wald_test_of_instruments([rows], np.ones(4))[1]
     other = wald_test_of_instruments([scaled], 1.0 / units)[1]
     assert other.statistic == pytest.approx(plain.statistic, rel=1e-8)
@@ -64,14 +66,7 @@ def test_units_of_the_columns_change_neither_statistic_nor_effect_size():
 def test_columns_that_one_joint_cannot_tell_apart_are_one_restriction():
     rows = white_joint(6)
     twice = [0, 1, 2, 3, 3]
-    wide = joint_rows(
-        "joint",
-        rows.matrix[:, twice],
-        rows.instruments[:, twice],
-        rows.torque,
-        np.arange(5),
-        rows.segments,
-    )
+    wide = with_columns(rows, twice, np.arange(5))
     narrow = wald_test_of_instruments([rows], np.ones(4))[1]
     test = wald_test_of_instruments([wide], np.array([1.0, 1.0, 1.0, 0.5, 0.5]))[1]
     assert test.df == narrow.df == 4
@@ -88,21 +83,12 @@ def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
 
 def test_what_cannot_be_tested_is_a_value_with_a_reason():
     rows = white_joint(8)
-    same = joint_rows(
-        "joint", rows.instruments, rows.instruments, rows.torque, rows.columns, rows.segments
-    )
+    same = replace(rows, matrix=rows.instruments)
     assert "equal the regressor" in wald_test_of_instruments([same], np.ones(4))[1].reason
     few = white_joint(9, n_rows=12)
     assert "12 rows" in wald_test_of_instruments([few], np.ones(4))[1].reason
     assert "no torque" in wald_test_of_instruments([rows], np.zeros(4))[1].reason
-    empty = joint_rows(
-        "joint",
-        rows.matrix[:, :0],
-        rows.instruments[:, :0],
-        rows.torque,
-        np.zeros(0, int),
-        rows.segments,
-    )
+    empty = with_columns(rows, [], np.zeros(0, int))
     assert "no parameter" in wald_test_of_instruments([empty], np.ones(4))[0].reason
     assert wald_test_of_instruments([], np.ones(4))[0].accepted is None
 
@@ -117,14 +103,7 @@ def test_a_joint_that_cannot_be_tested_does_not_keep_the_others_from_it():
 def test_the_result_does_not_depend_on_the_order_of_columns_or_joints():
     rows, estimate = autocorrelated_world(np.random.default_rng(12), [-0.8], [-0.8])
     order = np.random.default_rng(13).permutation(len(estimate))
-    shuffled = joint_rows(
-        "joint",
-        rows.matrix[:, order],
-        rows.instruments[:, order],
-        rows.torque,
-        rows.columns[order],
-        rows.segments,
-    )
+    shuffled = with_columns(rows, order, rows.columns[order])
     plain = wald_test_of_instruments([rows], estimate)
     other = wald_test_of_instruments([shuffled], estimate)
     for a, b in zip(plain, other, strict=True):

@@ -18,18 +18,18 @@ def autoregressive(rows: int, coefficient: float, seed: int) -> np.ndarray:
 def test_freedom_is_that_of_an_autoregressive_process(coefficient: float) -> None:
     """Σ ρ_k² = (1 + φ²) / (1 - φ²): n rows are worth n (1 - φ²) / (1 + φ²)."""
     time = np.arange(8000) / RATE
-    found = [mean_square_freedom(time, autoregressive(8000, coefficient, k)) for k in range(24)]
+    freedom = [mean_square_freedom(time, autoregressive(8000, coefficient, k)) for k in range(24)]
     expected = (1.0 - coefficient**2) / (1.0 + coefficient**2)
     # Each is from 200 seconds; above 1 it is cut off.
-    assert np.mean(found) == pytest.approx(expected, rel=0.12)
+    assert np.mean(freedom) == pytest.approx(expected, rel=0.12)
 
 
 def test_heavy_motion_at_times_lowers_the_freedom() -> None:
     time = np.arange(8000) / RATE
     residual = autoregressive(8000, 0.0, 1) * np.where(np.sin(time) > 0.0, 3.0, 1.0)
-    found = mean_square_freedom(time, residual)
+    freedom = mean_square_freedom(time, residual)
     # Independent rows of these two sizes: (E s²)² / E s⁴ = 25 / 41; their order lowers it more.
-    assert found is not None and found < 25.0 / 41.0
+    assert freedom is not None and freedom < 25.0 / 41.0
 
 
 def test_too_short_or_no_residual_says_nothing() -> None:

@@ -29,8 +29,8 @@ def test_the_band_holds_the_mean_in_about_95_percent_though_samples_are_correlat
         x = np.sin(0.9 * time + phase[0]) + 0.5 * np.sin(2.3 * time + phase[1])
         noise = lfilter([1.0], [1.0, -memory], random.normal(size=len(x)))
         curve = smooth(x, noise, time)
-        known = np.isfinite(curve.low) & (np.abs(curve.x) < 1.1)
-        inside.append(np.mean((curve.low[known] < 0.0) & (curve.high[known] > 0.0)))
+        certain = np.isfinite(curve.low) & (np.abs(curve.x) < 1.1)
+        inside.append(np.mean((curve.low[certain] < 0.0) & (curve.high[certain] > 0.0)))
     assert 0.85 < np.mean(inside) < 0.99
 
 

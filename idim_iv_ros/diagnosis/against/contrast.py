@@ -1,6 +1,7 @@
 """What changed between two sets of recordings: the whole of `diagnose --against`."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -99,7 +100,7 @@ def contrast_of(
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = tuple(
         words.unattributed(data, term, _side(sets, term), _torques(sets, [term])[0])
-        for term in changes.confirmed
+        for term in changes.accepted
         if term.candidate.kind is Kind.CURVE
     )
     joints, of_reference = _joints(sets, changes)
@@ -152,7 +153,7 @@ def _side(sets: TwoSets, term: Term) -> Side:
 def _evidence(changes: Changes, terms: Sequence[Term]) -> Evidence:
     return Evidence(
         sum(max(2.0 * term.evidence, 0.0) for term in terms),
-        chosen_in_folds=min(changes.confirmed[term] for term in terms),
+        chosen_in_folds=min(changes.accepted[term] for term in terms),
     )
 
 
@@ -176,7 +177,7 @@ def _torques(
 def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
     places: dict[tuple[str, int | None, int | None], list[Term]] = {}
-    for term in changes.confirmed:
+    for term in changes.accepted:
         if term.candidate.kind is Kind.EFFECT:
             places.setdefault(term.key[:3], []).append(term)
     return [_structural_cause(sets, changes, terms) for _, terms in sorted(places.items())]
@@ -186,15 +187,14 @@ def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) ->
     data, first = sets.data, terms[0]
     numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
     for term in terms:
-        found = term.effect.parameters(term.shape, term.coefficients, term.deviations)
-        numbers[_side(sets, term)] = data.in_units_at(term.place.joint, found)
+        fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
+        numbers[_side(sets, term)] = data.in_units_at(term.place.joint, fitted)
     one, other = numbers["reference"], numbers["against"]
     change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
     if (one and other) or any(term.key[:3] == first.key[:3] for term in changes.common):
         change = "changed"
-    torques, others = _torques(sets, terms), rivals_of(data.joints, terms)
     second_joint = first.place.other
-    return ContrastCause(
+    cause = ContrastCause(
         effect=first.effect.name,
         kind="structural",
         joint=data.joints[first.place.joint],
@@ -205,10 +205,11 @@ def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) ->
         reference=one,
         against=other,
         evidence=_evidence(changes, terms),
-        indistinguishable_from=others,
-        torques=torques,
-        sentence=words.structural(data, first, change, one, other, torques, others),
+        indistinguishable_from=rivals_of(data.joints, terms),
+        torques=_torques(sets, terms),
+        sentence="",
     )
+    return replace(cause, sentence=words.structural(data, cause))
 
 
 def _parametric_cause(
@@ -216,24 +217,20 @@ def _parametric_cause(
 ) -> ContrastCause:
     """Numbers that changed; `several`: not all recordings of the second set have these."""
     data, joint, parameters = sets.data, change.joint, change.parameters
-    if joint is not None:
-        parameters = data.in_units_at(joint, parameters)
-    torques, bags = _torques(sets, change.terms, change.recordings), sets.bags(change.recordings)
-    others = rivals_of(data.joints, change.terms)
-    return ContrastCause(
+    cause = ContrastCause(
         effect=change.effect.name,
         kind="parametric",
         joint=None if joint is None else data.joints[joint],
         change="changed",
-        bags=bags,
-        parameters=parameters,
+        bags=sets.bags(change.recordings),
+        parameters=parameters if joint is None else data.in_units_at(joint, parameters),
         evidence=_evidence(changes, change.terms),
-        indistinguishable_from=others,
-        torques=torques,
-        sentence=words.parametric(
-            data, change.effect, joint, parameters, torques, others, bags if several else ()
-        ),
+        indistinguishable_from=rivals_of(data.joints, change.terms),
+        torques=_torques(sets, change.terms, change.recordings),
+        sentence="",
     )
+    which = "" if joint is None else change.effect.which(joint)
+    return replace(cause, sentence=words.parametric(data, cause, which, several=several))
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:

@@ -1,6 +1,7 @@
 """Changes of the control law and of the effort's shift between two sets of recordings."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCa
             return [], f"the control laws of the sets were not compared: {reason} ({name})"
     one, other = (shown_law(refit.data) for refit in sets.refits)
     causes = [
-        _cause(sets, one.law, joint, one.joints[joint][0].above(other.joints[joint][0]))
+        _cause(sets, one.law, joint, one.joints[joint][0].followed_by(other.joints[joint][0]))
         for joint in sorted(set(one.joints) & set(other.joints))
     ]
     return [cause for cause in causes if cause is not None], ""
@@ -68,7 +69,7 @@ def _cause(sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows) -> Con
     # What the change makes on the second set's motion.
     rms = float(np.std(torque[rows.second]))
     made = JointTorque(sets.data.joints[joint], rms, rms / float(sets.sizes[joint]))
-    return ContrastCause(
+    cause = ContrastCause(
         effect=CONTROL_LAW.name,
         kind="structural",
         joint=made.joint,
@@ -79,8 +80,9 @@ def _cause(sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows) -> Con
         against=against,
         evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
         torques=(made,),
-        sentence=words.law(made, reference, against),
+        sentence="",
     )
+    return replace(cause, sentence=words.law(cause))
 
 
 def effort_shifts(sets: TwoSets) -> dict[str, EffectParameter]:

@@ -123,16 +123,10 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
         cutoffs=replace(one.cutoffs, factors=factors),
         motions=(*one.motions, *other.motions),
     )
-    count = len(first.motions)
     return replace(
         first,
         prepared=prepared,
         rows=tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True)),
-        recordings=tuple(
-            np.concatenate([a, b + count])
-            for a, b in zip(first.recordings, second.recordings, strict=True)
-        ),
-        places=tuple(map(np.concatenate, zip(first.places, second.places, strict=True))),
         motions=(*first.motions, *second.motions),
         sticking=first.sticking and second.sticking,
     )

@@ -10,7 +10,6 @@ from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
     EffectParameter,
-    Indistinguishable,
     JointContrast,
     JointTorque,
 )
@@ -19,9 +18,9 @@ from idim_iv_ros.diagnosis.sentences import (
     listed_numbers,
     or_else,
     spaced,
+    torque,
     with_interval,
 )
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 _WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
@@ -41,15 +40,15 @@ def no_difference(
     """
     named = ", ".join(against)
     worst = max(joints, key=lambda joint: joint.after)
-    left = _torque(data, worst.after, worst.joint)
+    left = torque(data, worst.after, worst.joint)
     text = (
         f"No difference: parts of {named} are predicted as well by the numbers of all recordings "
         f"as by numbers of their own, fitted to the other parts ({left} rms at {worst.joint} are "
         "left either way)."
     )
     more = ", ".join(
-        f"at {joint.joint} {_torque(data, joint.after, joint.joint)} rms against "
-        f"{_torque(data, noisier[joint.joint], joint.joint)}"
+        f"at {joint.joint} {torque(data, joint.after, joint.joint)} rms against "
+        f"{torque(data, noisier[joint.joint], joint.joint)}"
         for joint in joints
         if joint.joint in noisier
     )
@@ -79,7 +78,7 @@ def changes(
     parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
     parts += [f"{capitalised(text)}." for text in (*(c.sentence for c in causes), *unattributed)]
     left = ", ".join(
-        f"at {joint.joint} by {_torque(data, joint.unexplained, joint.joint)}"
+        f"at {joint.joint} by {torque(data, joint.unexplained, joint.joint)}"
         for joint in unexplained
     )
     if left:
@@ -94,63 +93,49 @@ def changes(
     return " ".join(parts)
 
 
-def structural(
-    data: Baseline,
-    term: Term,
-    change: str,
-    reference: Mapping[str, EffectParameter],
-    against: Mapping[str, EffectParameter],
-    torques: Sequence[JointTorque],
-    others: Sequence[Indistinguishable],
-) -> str:
+def structural(data: Baseline, cause: ContrastCause) -> str:
     """An effect that one set has, or that the sets have otherwise, with its numbers in each."""
-    name, place = term.effect.name, term.place
-    effect = f"{spaced(name)} at {' and '.join(data.joints[joint] for joint in place.joints)}"
-    one, other = (listed_numbers(name, numbers) for numbers in (reference, against))
-    if change == "changed" and one and other:
+    where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
+    effect = f"{spaced(cause.effect)} at {where}"
+    one, other = (
+        listed_numbers(cause.effect, numbers) for numbers in (cause.reference, cause.against)
+    )
+    if cause.change == "changed" and one and other:
         text = f"{effect} changed: {one} in the reference, {other} in the second set"
-    elif change == "changed":
+    elif cause.change == "changed":
         more = "reference recordings" if one else "second set"
         text = f"{effect} changed: more of it in the {more} ({one or other})"
     else:
         text = f"{effect} {_WHERE['reference' if one else 'against']}: {one or other}"
-    return f"{text}{_torques(data, torques)}{or_else(others)}"
+    return f"{text}{_torques(data, cause.torques)}{or_else(cause.indistinguishable_from)}"
 
 
-def parametric(
-    data: Baseline,
-    effect: ParametricEffect,
-    joint: int | None,
-    parameters: dict[str, EffectParameter],
-    torques: Sequence[JointTorque],
-    others: Sequence[Indistinguishable],
-    bags: Sequence[str],
-) -> str:
-    """Numbers that changed, as second set less reference."""
-    place = "" if joint is None else f" of {data.joints[joint]}{effect.which(joint)}"
-    text = (
-        f"{spaced(effect.name)}{place} changed, second set less reference: "
-        f"{listed_numbers(effect.name, parameters)}"
+def parametric(data: Baseline, cause: ContrastCause, which: str, *, several: bool) -> str:
+    """Numbers that changed, as second set less reference.
+
+    Parameters
+    ----------
+    which
+        More words for its joint.
+    several
+        Whether not all recordings of the second set have these.
+    """
+    place = "" if cause.joint is None else f" of {cause.joint}{which}"
+    return (
+        f"{', '.join(cause.bags) + ': ' if several else ''}{spaced(cause.effect)}{place} changed, "
+        f"second set less reference: {listed_numbers(cause.effect, cause.parameters)}"
+        f"{_torques(data, cause.torques)}{or_else(cause.indistinguishable_from)}"
     )
-    if bags:
-        text = f"{', '.join(bags)}: {text}"
-    return f"{text}{_torques(data, torques)}{or_else(others)}"
 
 
-def law(
-    torque: JointTorque,
-    reference: Mapping[str, EffectParameter],
-    against: Mapping[str, EffectParameter],
-) -> str:
+def law(cause: ContrastCause) -> str:
     """Gains and feedforward that changed."""
     changed = ", ".join(
-        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(number)}"
-        for name, number in against.items()
+        f"{spaced(name)} from {with_interval(cause.reference[name])} to {with_interval(number)}"
+        for name, number in cause.against.items()
     )
-    return (
-        f"control law of {torque.joint} changed: {changed} "
-        f"({100.0 * torque.share_of_torque:.3g} % of its torque)"
-    )
+    share = 100.0 * cause.torques[0].share_of_torque
+    return f"control law of {cause.joint} changed: {changed} ({share:.3g} % of its torque)"
 
 
 def delay(change: EffectParameter) -> str:
@@ -207,14 +192,13 @@ def reference_disagrees(bags: Sequence[str]) -> str:
     )
 
 
-def unattributed(data: Baseline, term: Term, scope: str, torque: JointTorque) -> str:
+def unattributed(data: Baseline, term: Term, side: str, made: JointTorque) -> str:
     """A difference outside the catalogue."""
     effect = term.candidate.effect
     assert isinstance(effect, Nonparametric)
-    rms = _torque(data, torque.rms, torque.joint)
     return (
-        f"the recordings differ at {torque.joint} by {rms}, a torque that "
-        f"{effect.words}, {_WHERE[scope]}; nothing in the catalogue explains it"
+        f"the recordings differ at {made.joint} by {torque(data, made.rms, made.joint)}, a torque "
+        f"that {effect.words}, {_WHERE[side]}; nothing in the catalogue explains it"
     )
 
 
@@ -227,14 +211,10 @@ def common(data: Baseline, term: Term) -> str:
     return f"{spaced(effect.name)}{where}"
 
 
-def _torque(data: Baseline, value: float, joint: str) -> str:
-    return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
-
-
 def _torques(data: Baseline, torques: Sequence[JointTorque]) -> str:
     listed = ", ".join(
-        f"{_torque(data, torque.rms, torque.joint)} at {torque.joint} "
-        f"({100.0 * torque.share_of_torque:.3g} % of its torque)"
-        for torque in torques
+        f"{torque(data, made.rms, made.joint)} at {made.joint} "
+        f"({100.0 * made.share_of_torque:.3g} % of its torque)"
+        for made in torques
     )
     return listed and f"; that is {listed}"

@@ -44,7 +44,7 @@ def rivals_of(joints: Sequence[str], terms: Sequence[Term]) -> tuple[Indistingui
 
 
 def structural_causes(
-    data: Baseline, found: Explained, simulations: Sequence[SimulationGap | None]
+    data: Baseline, explanation: Explained, simulations: Sequence[SimulationGap | None]
 ) -> list[Cause]:
     """One cause for each structural effect.
 
@@ -53,47 +53,46 @@ def structural_causes(
     simulations
         Gap of the simulated motion before and after each effect.
     """
-    causes, tested = [], found.tested
+    causes, tested = [], explanation.tested
     # The refit with the coefficients that effects have beside the errors of the nominal model.
-    coefficients = [effect.term.coefficients for effect in found.effects]
-    fit = replace(found.fit, coefficients=np.concatenate([np.zeros(0), *coefficients]))
-    for number, (judged, simulation) in enumerate(zip(found.effects, simulations, strict=True)):
-        term, place = judged.term, judged.term.place
+    coefficients = [effect.term.coefficients for effect in explanation.effects]
+    fit = replace(explanation.fit, coefficients=np.concatenate([np.zeros(0), *coefficients]))
+    for number, (judgement, simulation) in enumerate(
+        zip(explanation.effects, simulations, strict=True)
+    ):
+        term, place = judgement.term, judgement.term.place
         stage = tested.refit + number
         gap = tested.gap(stage, stage + 1, place.joint)
         gain, helped, folds = tested.gain(number)
-        start = found.block(number).start
-        numbers = parameters_of(data, found.regression, fit, term, start)
-        numbers = data.in_units_at(place.joint, numbers)
-        others = rivals_of(data.joints, [term])
-        causes.append(
-            Cause(
-                effect=term.effect.name,
-                kind="structural",
-                joint=data.joints[place.joint],
-                other_joint=None if place.other is None else data.joints[place.other],
-                parameters=numbers,
-                probability=judged.probability,
-                evidence=Evidence(
-                    statistic=max(2.0 * term.evidence, 0.0),
-                    held_out_gain=gain,
-                    folds_positive=f"{helped} of {folds}",
-                    chosen_in_folds=judged.chosen,
-                ),
-                indistinguishable_from=others,
-                torque_gap=gap,
-                simulation_gap=simulation,
-                sentence=sentences.structural_cause(
-                    data, term, numbers, others, gap, judged.probability
-                ),
-                joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
-            )
+        start = explanation.block(number).start
+        numbers = parameters_of(data, explanation.regression, fit, term, start)
+        cause = Cause(
+            effect=term.effect.name,
+            kind="structural",
+            joint=data.joints[place.joint],
+            other_joint=None if place.other is None else data.joints[place.other],
+            sentence="",
+            parameters=data.in_units_at(place.joint, numbers),
+            probability=judgement.probability,
+            evidence=Evidence(
+                statistic=max(2.0 * term.evidence, 0.0),
+                held_out_gain=gain,
+                folds_positive=f"{helped} of {folds}",
+                chosen_in_folds=judgement.chosen,
+            ),
+            indistinguishable_from=rivals_of(data.joints, [term]),
+            torque_gap=gap,
+            simulation_gap=simulation,
+            joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
         )
+        meaning = term.effect.meaning(term.shape)
+        said = sentences.structural_cause(data, cause, meaning)
+        causes.append(replace(cause, sentence=said))
     return causes
 
 
 def parametric_causes(
-    data: Baseline, found: Explained
+    data: Baseline, explanation: Explained
 ) -> tuple[list[Cause], tuple[ParameterError, ...]]:
     """One cause for each wrong number, and what parameter errors make of the gap at each joint.
 
@@ -101,19 +100,23 @@ def parametric_causes(
     configuration itself leaves out. The gap is that of the nominal model beside the structural
     causes; errors are empty without a nominal model.
     """
-    ledger = found.selection.comparison.options.ledger
-    signals = [term for term in found.selection.terms if term.candidate.kind is Kind.SIGNAL]
+    ledger = explanation.selection.comparison.options.ledger
+    signals = [term for term in explanation.selection.terms if term.candidate.kind is Kind.SIGNAL]
     gap = list(ledger.gap)
-    for term in (*(effect.term for effect in found.effects), *signals, *found.selection.curves):
+    for term in (
+        *(effect.term for effect in explanation.effects),
+        *signals,
+        *explanation.selection.curves,
+    ):
         gap = _without(gap, term)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
-    left, before, causes = list(found.numbers), first, []
+    left, before, causes = list(explanation.numbers), first, []
     while left:
-        judged = _next(found, left, gap)
-        left = [other for other in left if other is not judged]
-        gap = _without(gap, judged.term)
+        judgement = _next(explanation, left, gap)
+        left = [other for other in left if other is not judgement]
+        gap = _without(gap, judgement.term)
         after = _rms(gap)
-        causes.append(_parametric_cause(data, found, judged, before, after))
+        causes.append(_parametric_cause(data, explanation, judgement, before, after))
         before = after
     if data.prepared.given is None:
         return causes, ()
@@ -127,14 +130,14 @@ def parametric_causes(
     )
 
 
-def _next(found: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]) -> JudgedTerm:
+def _next(explanation: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]) -> JudgedTerm:
     """The number that takes most of a gap; before it what the configuration itself leaves out."""
-    comparison = found.selection.comparison
+    comparison = explanation.selection.comparison
 
-    def rank(judged: JudgedTerm) -> tuple[bool, float]:
-        effect = judged.term.candidate.effect
+    def rank(judgement: JudgedTerm) -> tuple[bool, float]:
+        effect = judgement.term.candidate.effect
         assert isinstance(effect, ParametricEffect)
-        rest = _rms(_without(gap, judged.term)) / comparison.options.ledger.sizes
+        rest = _rms(_without(gap, judgement.term)) / comparison.options.ledger.sizes
         return effect.known_to_be_left_out(comparison.catalogue.space), -float(rest @ rest)
 
     return max(left, key=rank)
@@ -153,12 +156,16 @@ def _rms(gap: Sequence[FloatArray]) -> FloatArray:
 
 
 def _parametric_cause(
-    data: Baseline, found: Explained, judged: JudgedTerm, before: FloatArray, after: FloatArray
+    data: Baseline,
+    explanation: Explained,
+    judgement: JudgedTerm,
+    before: FloatArray,
+    after: FloatArray,
 ) -> Cause:
     """One wrong number, with the gap (n_joints,) before and after it is corrected, N m (N)."""
-    term, effect = judged.term, judged.term.candidate.effect
+    term, effect = judgement.term, judgement.term.candidate.effect
     assert isinstance(effect, ParametricEffect)
-    space = found.selection.comparison.catalogue.space
+    space = explanation.selection.comparison.catalogue.space
     joint = None if term.candidate.place is None else term.candidate.place.joint
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
@@ -175,25 +182,23 @@ def _parametric_cause(
         if change.joint == name or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
-    numbers = numbers_of(term, found)
     which = list(range(len(data.joints))) if joint is None else [joint]
     one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
-    floor = common_floor([found.floors[number] for number in which])
+    floor = common_floor([explanation.floors[number] for number in which])
     taken = float(shrinkage(np.array(one), np.array(two), floor))
-    return Cause(
+    cause = Cause(
         effect=effect.name,
         kind="parametric",
         joint=name,
-        parameters=numbers,
-        probability=judged.probability,
-        evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judged.chosen),
+        sentence="",
+        parameters=numbers_of(term, explanation),
+        probability=judgement.probability,
+        evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
         torque_gap=Gap(one, two, floor, taken if np.isfinite(taken) else None, None),
-        sentence=sentences.parametric_cause(
-            data, effect, name, numbers, others, changed, judged.probability
-        ),
         joint_gaps=tuple(changed),
     )
+    return replace(cause, sentence=sentences.parametric_cause(data, cause, effect))
 
 
 def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterError]:
@@ -209,26 +214,26 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
     )
 
 
-def hints_of(data: Baseline, found: Explained) -> tuple[Hint, ...]:
+def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
     made = []
-    for judged in found.doubtful:
-        term, place = judged.term, judged.term.candidate.place
+    for judgement in explanation.doubtful:
+        term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
             continue
         joints = [data.joints[joint] for joint in place.joints]
-        numbers = data.in_units_at(place.joint, numbers_of(term, found))
+        numbers = data.in_units_at(place.joint, numbers_of(term, explanation))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
-        rest = found.tested.rms(len(found.tested.names) - 1, place.joint)[0]
+        rest = explanation.tested.rms(-1, place.joint)
         made.append(
             Hint(
                 effect=term.key[0],
                 joint=joints[0],
                 other_joint=joints[1] if len(joints) > 1 else None,
-                sentence=sentences.hint(term.key[0], joints, numbers, judged.reason),
-                reason=judged.reason,
+                sentence=sentences.hint(term.key[0], joints, numbers, judgement.reason),
+                reason=judgement.reason,
                 parameters=numbers,
-                chosen_in_folds=judged.chosen if term.candidate.kind is Kind.EFFECT else "",
+                chosen_in_folds=judgement.chosen if term.candidate.kind is Kind.EFFECT else "",
                 torque_gap=Gap(float(np.hypot(rest, share)), rest, None, None, None),
             )
         )

@@ -114,35 +114,35 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judged = judged_terms(data, regression, selection)
+    judgements = _judged_terms(data, regression, selection)
     while True:
-        found = _tested(data, regression, selection, judged)
+        explanation = _tested(data, regression, selection, judgements)
         idle = {
             effect.term.key
-            for number, effect in enumerate(found.effects)
-            if found.tested.gain(number)[0] <= 0.0
+            for number, effect in enumerate(explanation.effects)
+            if explanation.tested.gain(number)[0] <= 0.0
         }
         if not idle:
-            return found
-        judged = [
+            return explanation
+        judgements = [
             replace(judgement, reason=NO_HELP) if judgement.term.key in idle else judgement
-            for judgement in judged
+            for judgement in judgements
         ]
 
 
 def _tested(
-    data: Baseline, regression: Regression, selection: Selection, judged: Sequence[JudgedTerm]
+    data: Baseline, regression: Regression, selection: Selection, judgements: Sequence[JudgedTerm]
 ) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
-    judged = [
-        *_without_doubtful(selection, [term for term in judged if not term.reason]),
-        *(term for term in judged if term.reason),
+    judgements = [
+        *_without_doubtful(selection, [term for term in judgements if not term.reason]),
+        *(term for term in judgements if term.reason),
     ]
     effects, numbers = (
-        tuple(term for term in judged if not term.reason and term.term.candidate.kind is kind)
+        tuple(term for term in judgements if not term.reason and term.term.candidate.kind is kind)
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
-    doubtful = tuple(term for term in judged if term.reason)
+    doubtful = tuple(term for term in judgements if term.reason)
     fits = [regression.fit()]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
@@ -204,7 +204,7 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
     return made
 
 
-def judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first."""
     terms = [
         (number, term)
@@ -214,7 +214,7 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
     if not terms:
         return []
     chosen = chosen_without(selection)
-    remaining = beyond_noise(data, regression, selection)
+    remaining = _beyond_noise(data, regression, selection)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
@@ -223,10 +223,10 @@ def judged_terms(data: Baseline, regression: Regression, selection: Selection) -
         reason, outside = _why_no_cause(term, of_set(values, term.key[0]), beyond, times)
         odds = probability(values, term.key[0])
         made.append(JudgedTerm(term, values, odds, times, reason, outside))
-    return sorted(made, key=lambda judged: -float(judged.term.visible.max()))
+    return sorted(made, key=lambda judgements: -float(judgements.term.visible.max()))
 
 
-def beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
+def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
     floors = noise_floors(data, regression, regression.fit(), repeats_of(data))
     ledger = selection.comparison.options.ledger

@@ -27,7 +27,7 @@ _USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anyth
 _COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
-def numbers_of(term: Term, found: Explained) -> dict[str, EffectParameter]:
+def numbers_of(term: Term, explanation: Explained) -> dict[str, EffectParameter]:
     """Parameters of a term at its shape, with the deviations beside all other errors."""
     effect, values, deviations = term.candidate.effect, term.coefficients, term.deviations
     if not isinstance(effect, ParametricEffect):
@@ -37,7 +37,7 @@ def numbers_of(term: Term, found: Explained) -> dict[str, EffectParameter]:
         Estimated(change, float(value), float(std))
         for change, value, std in zip(term.candidate.changes, values, deviations, strict=True)
     ]
-    return effect.parameters(found.selection.comparison.catalogue.space, joint, estimates)
+    return effect.parameters(explanation.selection.comparison.catalogue.space, joint, estimates)
 
 
 def parameters_of(
@@ -56,31 +56,31 @@ def parameters_of(
     """
     effect, shape = term.effect, term.shape
     assert shape is not None
-    own = np.arange(start, start + term.width)
-    coefficients = fit.coefficients[own]
-    inner = fit.coefficient_covariance[np.ix_(own, own)]
+    block = np.arange(start, start + term.width)
+    coefficients = fit.coefficients[block]
+    inner = fit.coefficient_covariance[np.ix_(block, block)]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
-    found = effect.parameters(shape, coefficients, fixed)
+    numbers = effect.parameters(shape, coefficients, fixed)
     near = _near(effect, shape, term.place, operating_range(data)) if effect.free_shape else []
     if not near:
-        return found
-    covariance, further = _with_free_shape(data, regression, fit, term, own, near)
+        return numbers
+    covariance, further = _with_free_shape(data, regression, fit, term, block, near)
     slopes = _slopes(effect, shape, coefficients, fixed, near)
     variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
     return {
         name: replace(number, std=float(np.sqrt(max(variance, 0.0))) if slope.any() else None)
-        for (name, number), slope, variance in zip(found.items(), slopes, variances, strict=True)
+        for (name, number), slope, variance in zip(numbers.items(), slopes, variances, strict=True)
     }
 
 
 def _with_free_shape(
-    data: Baseline, regression: Regression, fit: Fit, term: Term, own: IntArray, near: list[Shape]
+    data: Baseline, regression: Regression, fit: Fit, term: Term, block: IntArray, near: list[Shape]
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
 
     And by how much the fit would still move each of them, (k + m,).
     """
-    effect, shape, coefficients = term.effect, term.shape, fit.coefficients[own]
+    effect, shape, coefficients = term.effect, term.shape, fit.coefficients[block]
     assert shape is not None
     # Of the torque that the fit leaves to the model, as `knee` has it.
     own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
@@ -90,9 +90,9 @@ def _with_free_shape(
         for joint in here
     }
     wider = regression.with_columns(changes).fit(fit.noise_models, steps=0)
-    places = np.concatenate([own, len(wider.coefficients) - len(near) + np.arange(len(near))])
+    places = np.concatenate([block, len(wider.coefficients) - len(near) + np.arange(len(near))])
     further = wider.coefficients[places]
-    further[: len(own)] -= coefficients
+    further[: len(block)] -= coefficients
     covariance = wider.coefficient_covariance[np.ix_(places, places)]
     # Directions that the recording leaves open end where sizes and shapes usually do.
     usual = scipy.linalg.block_diag(
@@ -123,8 +123,8 @@ def _slopes(
     """Change of each parameter (p, k + m) with each coefficient and with each move of the shape."""
 
     def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
-        found = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
-        return np.array([number.value for number in found.values()])
+        numbers = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return np.array([number.value for number in numbers.values()])
 
     here = values(shape, coefficients)
     slopes = []

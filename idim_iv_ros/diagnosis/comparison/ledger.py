@@ -8,6 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
 from idim_iv_ros.diagnosis.likelihood import Regression, noise_model
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -81,7 +82,7 @@ def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False)
         refit = model.dynamic_parameters(data.estimate.linear.values)
         links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model, refit)
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
-    blocks, nominal = blocks_of(data), given is not None
+    blocks, nominal = row_blocks(data, BLOCK), given is not None
     return Ledger(joints, gap, sizes, links, drives, blocks, nominal, _unsampled(data))
 
 
@@ -97,17 +98,6 @@ def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:
         rows.append(motion.decimation.whole(torque[motion.span]))
     joints = range(len(data.joints))
     return tuple(data.counting(joint, [table[:, joint] for table in rows]) for joint in joints)
-
-
-def blocks_of(data: Baseline, length: float = BLOCK) -> tuple[IntArray, ...]:
-    """Equal stretches of about `length` seconds of each recording: (r_j,) of each joint."""
-    rows = np.array([len(motion.kept) for motion in data.motions])
-    counts = np.maximum(np.round(rows / data.row_rate / length), 1).astype(np.int64)
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    return tuple(
-        starts[recording] + place * counts[recording] // rows[recording]
-        for recording, place in zip(data.recordings, data.places, strict=True)
-    )
 
 
 def _free_sizes(joints: tuple[JointRows, ...], sizes: FloatArray, parameters: int) -> FloatArray:

@@ -60,7 +60,7 @@ class LawCheck:
     beyond: tuple[str, ...] = ()
     delay: tuple[Cause, ...] = ()
 
-    def beside(
+    def not_shown_by_torque(
         self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
     ) -> "LawCheck":
         """Leave out other laws that what the torque shows explains.
@@ -222,18 +222,17 @@ def _cause(
         before = change.left((), longest)
     if not changes:
         return changes, None
-    parameters = data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes))
     one, two = _rms(before), _rms(after)
-    gap = Gap(one, two, None, 1.0 - two / one, None)
-    return changes, Cause(
+    cause = Cause(
         effect=CONTROL_LAW.name,
         kind="structural",
         joint=data.joints[joint],
-        parameters=parameters,
+        sentence="",
+        parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
         evidence=Evidence(statistic),
-        torque_gap=gap,
-        sentence=sentences.controller_cause(data, joint, gap, CONTROL_LAW.name, parameters),
+        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
     )
+    return changes, replace(cause, sentence=sentences.controller_cause(data, cause))
 
 
 def _rms(values: FloatArray) -> float:

@@ -38,6 +38,7 @@ _SECOND: Scope = frozenset({1})  # what differs in the second set
 _BLOCKS = 20  # stretches of time by which a change of the law is judged
 TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
+_ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
 _FREE = 100.0  # torque that a constant may have, times that of the commands
 _LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
 
@@ -88,16 +89,12 @@ class CommandRows:
         """Leave out the rows that are not `kept` (r,)."""
         return replace(
             self,
-            rest=self.rest[kept],
+            **{name: getattr(self, name)[kept] for name in _ROWS},
             groups={name: torque[kept] for name, torque in self.groups.items()},
-            errors=self.errors[kept],
             runs=segments_of([kept[run] for run in self.runs]),
-            recording=self.recording[kept],
-            time=self.time[kept],
-            second=self.second[kept],
         )
 
-    def above(self, other: "CommandRows") -> "CommandRows":
+    def followed_by(self, other: "CommandRows") -> "CommandRows":
         """Rows of two sets, each with errors of its own."""
         first = len(self.rest)
         return CommandRows(
@@ -297,8 +294,8 @@ class LawChange:
         for name, (value, _) in self.changes.items():
             rest = rest - value * rows.groups[name]
         for number in np.unique(rows.recording):
-            own = rows.recording == number
-            rest[own] -= np.median(rest[own])
+            inside = rows.recording == number
+            rest[inside] -= np.median(rest[inside])
         return rest
 
 

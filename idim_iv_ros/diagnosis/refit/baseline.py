@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import scipy
@@ -12,7 +14,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, width_of
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, simulated_slips, smooth_motions
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
 from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
@@ -24,12 +26,14 @@ from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
 _SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 _AT_ONCE = 32  # shapes: their columns together stay small
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -45,10 +49,6 @@ class Baseline:
     rows : tuple of JointRows
     estimate : IdimIvEstimate
     sources : InstrumentSources
-    recordings : tuple of (r,) int, one for each joint
-        Which recording each row belongs to.
-    places : tuple of (r,) int, one for each joint
-        Which decimated sample of its recording each row is.
     motions : tuple of SmoothMotion
     sticking : bool
         Whether it is known where joints stick: the closed loop of every recording is simulated.
@@ -60,8 +60,6 @@ class Baseline:
     rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
-    recordings: tuple[NDArray[np.int64], ...]
-    places: tuple[NDArray[np.int64], ...]
     motions: tuple[SmoothMotion, ...]
     sticking: bool
     shift: float = 0.0
@@ -70,6 +68,18 @@ class Baseline:
     def joints(self) -> tuple[str, ...]:
         """Names, in the order of the configuration."""
         return tuple(self.prepared.configuration.robot.joints)
+
+    @cached_property
+    def recordings(self) -> tuple[IntArray, ...]:
+        """(r_j,) of each joint: which recording each row belongs to."""
+        numbers = [np.full(len(motion.kept), k) for k, motion in enumerate(self.motions)]
+        return tuple(self.counting(joint, numbers) for joint in range(len(self.joints)))
+
+    @cached_property
+    def places(self) -> tuple[IntArray, ...]:
+        """(r_j,) of each joint: which decimated sample of its recording each row is."""
+        samples = [np.arange(len(motion.kept)) for motion in self.motions]
+        return tuple(self.counting(joint, samples) for joint in range(len(self.joints)))
 
     @property
     def left_out(self) -> frozenset[int]:
@@ -114,7 +124,7 @@ class Baseline:
         share = float(np.sign(energy) * np.sqrt(abs(energy))) / self.torque_sizes[joint]
         return JointChange(self.joints[joint], float(before), float(after), share)
 
-    def counting(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
+    def counting(self, joint: int, values: Sequence[NDArray[T]]) -> NDArray[T]:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
         return np.concatenate(
             [part[motion.kept[:, joint]] for part, motion in zip(values, self.motions, strict=True)]
@@ -133,11 +143,16 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         As `identify`.
     """
     for section in proposals([recordings], with_offsets(configuration)):
-        found = refit_of(prepare(recordings, section))
-        if found.sticking:
+        refit = refit_of(prepare(recordings, section))
+        if refit.sticking:
             break
-    margin = section.processing.reversal_margin
-    return _explained(found, configuration, REVERSAL_MARGIN if margin is None else margin)
+    given = section.processing.reversal_margin
+    margin = REVERSAL_MARGIN if given is None else given
+    reason = reason_for_margin(configuration, margin, refit.estimate, sticking=refit.sticking)
+    if not reason:
+        return refit
+    reasons = (*refit.prepared.reasons, reason)
+    return replace(refit, prepared=replace(refit.prepared, reasons=reasons))
 
 
 def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
@@ -146,12 +161,10 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     `shift`: s by which the effort is taken to be later than recorded.
     """
     configuration = prepared.configuration
-    left_out = {
-        joint_finding.joint for joint_finding in prepared.joint_findings if joint_finding.left_out
-    }
+    left_out = {finding.joint for finding in prepared.joint_findings if finding.left_out}
     rows = tuple(
-        replace(observation_row, left_out=joint in left_out)
-        for joint, observation_row in enumerate(observation_rows(prepared.model, prepared.motions))
+        replace(row, left_out=joint in left_out)
+        for joint, row in enumerate(observation_rows(prepared.model, prepared.motions))
     )
     if shift != 0.0:
         rows = later(rows, prepared.motions, shift)
@@ -167,29 +180,8 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
         max_iterations=configuration.identification.max_iterations,
     )
     links, whole = _parameters(prepared, estimate.linear.values)
-    slips = simulated_slips(prepared, estimate)
-    motions = smooth_motions(
-        prepared.model.robot,
-        links,
-        whole,
-        prepared.motions,
-        [part.start for part in prepared.session.parts],
-        estimate.instruments,
-        slips,
-        prepared.cutoffs.decimation,
-    )
-    joints = range(len(configuration.robot.joints))
-    return Baseline(
-        prepared,
-        rows,
-        estimate,
-        sources,
-        tuple(_recordings(prepared, joint) for joint in joints),
-        tuple(_places(prepared, joint) for joint in joints),
-        motions,
-        all(slip is not None for slip in slips),
-        shift,
-    )
+    motions, sticking = smooth_motions(prepared, estimate, links, whole)
+    return Baseline(prepared, rows, estimate, sources, motions, sticking, shift)
 
 
 def later(
@@ -216,15 +208,6 @@ def with_parameters(data: Baseline, values: FloatArray) -> Baseline:
     return replace(data, motions=motions)
 
 
-def _explained(found: Baseline, configuration: Configuration, margin: float) -> Baseline:
-    """Return the same with the reason for its rows beside reversals."""
-    reason = reason_for_margin(configuration, margin, found.estimate, sticking=found.sticking)
-    if not reason:
-        return found
-    prepared = replace(found.prepared, reasons=(*found.prepared.reasons, reason))
-    return replace(found, prepared=prepared)
-
-
 def with_offsets(configuration: Configuration) -> Configuration:
     """Return the configuration with a model that has torque offsets, but those that it excludes."""
     section = configuration.identification
@@ -245,20 +228,11 @@ def _parameters(
     model = prepared.model
     whole = model.dynamic_parameters(values)
     drives = np.zeros(len(model.robot.joints))
-    named = {name for name in model.base.names if name.startswith("Ia")}
-    for joint in range(len(drives)):
-        if f"Ia{joint + 1}" not in named and prepared.configuration.signals.effort_unit == "N m":
-            drives[joint] = -model.robot.given.drive_inertia[joint]
+    if prepared.configuration.signals.effort_unit == "N m":
+        for joint, inertia in enumerate(model.robot.given.drive_inertia):
+            if f"Ia{joint + 1}" not in model.base.names:
+                drives[joint] = -inertia
     return replace(whole.of_links, drive_inertia=drives), whole
-
-
-def _recordings(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
-    counts = [int(motion.kept[:, joint].sum()) for motion in prepared.motions]
-    return np.repeat(np.arange(len(counts)), counts)
-
-
-def _places(prepared: PreparedRegression, joint: int) -> NDArray[np.int64]:
-    return np.concatenate([np.flatnonzero(m.kept[:, joint]) for m in prepared.motions])
 
 
 def nominal_residuals(data: Baseline, regression: Regression) -> tuple[FloatArray, ...] | None:
@@ -312,12 +286,8 @@ def operating_range(data: Baseline) -> OperatingRange:
 def spread_shapes(effect: Effect, place: Place, covered: OperatingRange) -> list[Shape]:
     """Return a few shapes from all over the effect's grid; none where no shape is possible."""
     grid = effect.grid(place, covered)
-    if not grid:
-        return []
-    return [
-        grid[k]
-        for k in np.unique(np.linspace(0, len(grid) - 1, _SPREAD_SHAPES).round().astype(int))
-    ]
+    places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
+    return [grid[place] for place in np.unique(places)] if grid else []
 
 
 def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
@@ -325,10 +295,9 @@ def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape
 
     Columns of shapes that follow each other lie one after the other in memory.
     """
-    made: list[Columns] = []
-    for start in range(0, len(shapes), _AT_ONCE):
-        made += _rows_at_once(data, effect, place, shapes[start : start + _AT_ONCE])
-    return made
+    starts = range(0, len(shapes), _AT_ONCE)
+    parts = [_rows_at_once(data, effect, place, shapes[k : k + _AT_ONCE]) for k in starts]
+    return [columns for part in parts for columns in part]
 
 
 def _rows_at_once(

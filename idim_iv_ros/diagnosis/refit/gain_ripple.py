@@ -6,13 +6,12 @@ ripple over the position, but grows with the torque, and no robot that is simula
 Where a recording tells the two apart, the ripple of the gain is taken out of the effort.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -23,6 +22,8 @@ _LEAST_WAVES, _MOST_WAVES = 50.0, 600.0
 _WAVES_TRIED = 6  # likely waves of each joint
 _WAVE_STEPS = 7  # wave numbers that are tried near each
 _SIDE_LOBES = 15.0  # resolutions to the next likely wave: slow motion covers a part of the range
+_LEVEL = 0.01  # probability, times the waves and joints, up to which the gain ripples
+_SUPPORT = 6.0  # chi-square beyond the likeliest ripple of the torque, at least: odds of 20
 _MOST_RIPPLES = 2  # of a joint's gain that are taken out
 
 
@@ -68,57 +69,49 @@ def without_gain_ripples(
     regression
         Of the refit on the smooth motion, with its efforts aligned.
     """
-    if not measured_as_current(data.prepared.configuration):
+    signals = data.prepared.configuration.signals
+    if signals.effort_scale is None and signals.effort_unit == "N m":
         return data, regression, ()
-    found: list[GainRipple] = []
+    ripples: list[GainRipple] = []
     for _ in range(_MOST_RIPPLES):
         fit = regression.fit()
-        more = [wave for joint in range(len(data.joints)) for wave in _wave(data, fit, joint)]
-        if not more:
-            break
-        for ripple, change in more:
-            rows = list(data.rows)
-            torque = rows[ripple.joint].torque - change
-            rows[ripple.joint] = replace(rows[ripple.joint], torque=torque)
+        waves = [_wave(_Score(data, fit, joint)) for joint in range(len(data.joints))]
+        likely = [wave for wave in waves if wave is not None]
+        for ripple, torque in likely:
+            rows, joints, joint = list(data.rows), list(regression.joints), ripple.joint
+            rows[joint] = replace(rows[joint], torque=rows[joint].torque - torque)
+            joints[joint] = replace(joints[joint], torque=rows[joint].torque)
             data = replace(data, rows=tuple(rows))
-            joints = list(regression.joints)
-            joints[ripple.joint] = replace(joints[ripple.joint], torque=torque)
             regression = replace(regression, joints=tuple(joints))
-            found.append(ripple)
-    return data, regression, tuple(found)
+            ripples.append(ripple)
+        if not likely:
+            break
+    return data, regression, tuple(ripples)
 
 
-def measured_as_current(configuration: Configuration) -> bool:
-    """Whether efforts are currents, by the configuration's scale or unit."""
-    signals = configuration.signals
-    return signals.effort_scale is not None or signals.effort_unit != "N m"
-
-
-def _wave(data: Baseline, fit: Fit, joint: int) -> Iterator[tuple[GainRipple, FloatArray]]:
-    """Yield the likeliest ripple of one joint's gain with its torque at the rows, if there is one.
-
-    The change is (r,) N m (N).
-    """
-    score = _Score(data, fit, joint)
+def _wave(score: "_Score") -> tuple[GainRipple, FloatArray] | None:
+    """Likeliest ripple of one joint's gain with its torque at the rows (r,), if there is one."""
     gain = max((score.refined(k, True) for k in score.peaks(True)), default=None)
     torque = max((score.refined(k, False) for k in score.peaks(False)), default=None)
     if gain is None or torque is None:
-        return
+        return None
     statistic, wave_number = gain
-    others = score.peaks(True, beside=wave_number)
-    if not others:
-        return
-    if statistic < settings.GAIN_RIPPLE_ALONE * max(score.refined(k, True)[0] for k in others):
-        return
-    if score.tried * chi2.sf(statistic, 2) > settings.GAIN_RIPPLE_LEVEL:
-        return
-    if statistic < torque[0] + settings.GAIN_RIPPLE_SUPPORT:
-        return
-    columns, values, covariance = score.fitted(wave_number)
+    others = [score.refined(k, True)[0] for k in score.peaks(True, other_than=wave_number)]
+    if (
+        not others
+        or statistic < settings.GAIN_RIPPLE_ALONE * max(others)
+        or score.tried * chi2.sf(statistic, 2) > _LEVEL
+        or statistic < torque[0] + _SUPPORT
+    ):
+        return None
+    columns = score.columns(wave_number, True)
+    left = score.left(columns)
+    covariance = np.linalg.pinv(left.T @ left)
+    values = covariance @ (left.T @ score.white)
     size = float(np.hypot(*values))
     direction = values / max(size, 1e-300)
     std = float(np.sqrt(direction @ covariance @ direction))
-    yield GainRipple(joint, wave_number, size, std), columns @ values
+    return GainRipple(score.joint, wave_number, size, std), columns @ values
 
 
 class _Score:
@@ -134,9 +127,10 @@ class _Score:
         )
         self.white = white[:, 0]
         self.basis, _ = np.linalg.qr(white[:, 1:])
-        self.positions = [motion.position[:, joint] for motion in data.motions]
-        self.low = min(float(position.min()) for position in self.positions)
-        self.range = max(float(position.max()) for position in self.positions) - self.low
+        self.motions = data.motions
+        positions = [motion.position[:, joint] for motion in data.motions]
+        self.low = min(float(position.min()) for position in positions)
+        self.range = max(float(position.max()) for position in positions) - self.low
         self.resolution = 2.0 * np.pi / max(self.range, 1e-9)
 
     @property
@@ -147,8 +141,8 @@ class _Score:
     def columns(self, wave_number: float, gain: bool) -> FloatArray:
         """Sine and cosine at the rows, (r, 2): times the torque, or in N m (N)."""
         parts = []
-        for motion, position in zip(self.data.motions, self.positions, strict=True):
-            phase = wave_number * position
+        for motion in self.motions:
+            phase = wave_number * motion.position[:, self.joint]
             waves = np.column_stack([np.sin(phase), np.cos(phase)])
             # What turns faster than the grid can show averages out in a row.
             shown = wave_number * np.abs(motion.velocity[:, self.joint]) < np.pi * motion.rate
@@ -158,15 +152,14 @@ class _Score:
             parts.append(motion.rows(waves))
         return self.data.counting(self.joint, parts)
 
-    def own(self, columns: FloatArray) -> FloatArray:
+    def left(self, columns: FloatArray) -> FloatArray:
         """Whitened columns less what the model absorbs of them."""
         white = self.noise.standardized(columns, self.rows.segments)
         return np.asarray(white - self.basis @ (self.basis.T @ white))
 
     def statistic(self, wave_number: float, gain: bool) -> float:
         """Chi-square with two degrees of freedom of a wave that is not there."""
-        own = self.own(self.columns(wave_number, gain))
-        basis, _ = np.linalg.qr(own)
+        basis, _ = np.linalg.qr(self.left(self.columns(wave_number, gain)))
         return float(np.sum((basis.T @ self.white) ** 2))
 
     def refined(self, wave_number: float, gain: bool) -> tuple[float, float]:
@@ -177,17 +170,10 @@ class _Score:
         step = 0.5 * float(near[1] - near[0])
         return max([*scores, *((self.statistic(k, gain), k) for k in (best - step, best + step))])
 
-    def fitted(self, wave_number: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Columns (r, 2), coefficients (2,) and their covariance."""
-        columns = self.columns(wave_number, True)
-        own = self.own(columns)
-        inverse: FloatArray = np.asarray(np.linalg.pinv(own.T @ own), dtype=np.float64)
-        return columns, inverse @ (own.T @ self.white), inverse
-
-    def peaks(self, gain: bool, beside: float | None = None) -> list[float]:
+    def peaks(self, gain: bool, other_than: float | None = None) -> list[float]:
         """Wave numbers at which the residual correlates most, by one Fourier transform.
 
-        Those near `beside` are left out: a wave that shows in slow motion alone has side lobes.
+        Those near one are left out: a wave that shows in slow motion alone has side lobes.
 
         The residual, times the torque for a ripple of the gain, is summed over bins of the
         position; what the filters take of each wave is left to `statistic`.
@@ -195,29 +181,23 @@ class _Score:
         width = np.pi / (4.0 * _MOST_WAVES)
         bins = int(self.range / width) + 1
         sums = np.zeros(bins)
-        done = 0
-        for motion, position in zip(self.data.motions, self.positions, strict=True):
-            kept = motion.kept[:, self.joint]
+        counts = [motion.kept[:, self.joint].sum() for motion in self.motions]
+        rows = np.split(self.white, np.cumsum(counts))
+        for motion, white in zip(self.motions, rows, strict=False):
+            position, kept = motion.position[:, self.joint], motion.kept[:, self.joint]
             residual = np.zeros(len(kept))
-            count = int(kept.sum())
-            residual[kept] = self.white[done : done + count]
-            done += count
-            places = motion.decimation.kept
-            spread = np.interp(np.arange(len(position)), places, residual)
-            weight = motion.torque[:, self.joint] if gain else np.ones(len(position))
+            residual[kept] = white
+            residual = np.interp(np.arange(len(position)), motion.decimation.kept, residual)
+            weight = motion.torque[:, self.joint] if gain else 1.0
             where = np.clip(((position - self.low) / width).astype(int), 0, bins - 1)
-            sums += np.bincount(where, spread * weight, bins)
-        size = 4 * bins
-        spectrum = np.abs(np.fft.rfft(sums, size)) ** 2
-        waves = 2.0 * np.pi * np.arange(len(spectrum)) / (size * width)
+            sums += np.bincount(where, residual * weight, bins)
+        spectrum = np.abs(np.fft.rfft(sums, 4 * bins)) ** 2
+        waves = 2.0 * np.pi * np.arange(len(spectrum)) / (4 * bins * width)
         spectrum[(waves < _LEAST_WAVES) | (waves > _MOST_WAVES)] = 0.0
-        if beside is not None:
-            spectrum[np.abs(waves - beside) < _SIDE_LOBES * self.resolution] = 0.0
+        if other_than is not None:
+            spectrum[np.abs(waves - other_than) < _SIDE_LOBES * self.resolution] = 0.0
         chosen: list[float] = []
-        for place in np.argsort(spectrum)[::-1]:
-            k = float(waves[place])
-            if spectrum[place] <= 0.0 or len(chosen) == _WAVES_TRIED:
-                break
-            if all(abs(k - other) > self.resolution for other in chosen):
-                chosen.append(k)
+        while len(chosen) < _WAVES_TRIED and spectrum.any():
+            chosen.append(float(waves[np.argmax(spectrum)]))
+            spectrum[np.abs(waves - chosen[-1]) <= self.resolution] = 0.0
         return chosen

@@ -21,43 +21,35 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 # Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
 _FOLD_LEAK = 1e-3
-GUARD_FOLD = -1
-
 _FEWEST_BLOCKS = 8  # in a short session: they are shorter then
 _RESAMPLES = 1000  # of the bootstrap
 _SEED = 20240
 
 
-def time_blocks(
-    recordings: IntArray, places: IntArray, row_rate: float, length: float | None = None
-) -> IntArray:
-    """Number the blocks of time of rows (r,): 5 s where the session has eight of them.
+def time_blocks(samples: Sequence[int], rate: float, length: float | None = None) -> list[IntArray]:
+    """Number the blocks of time of all samples of each recording, (n,) each.
 
-    In a shorter session they are shorter, at least a second; in a recording there are at most 20.
+    Blocks of one recording are equally long: a short last one would count as much as the others
+    when blocks are drawn. They last 5 s where the session has eight of them, and in a shorter one
+    an eighth of it, at least a second.
 
     Parameters
     ----------
-    recordings, places
-        (r,) which recording a row belongs to, and which decimated sample of it the row is.
-    row_rate
-        Decimated samples per second.
+    samples
+        Of each recording.
+    rate
+        Of the samples, Hz.
     length
         s, instead.
     """
-    blocks = np.zeros(len(places), dtype=np.int64)
-    inside = [recordings == recording for recording in np.unique(recordings)]
-    lengths = [int(np.ptp(places[rows])) + 1 for rows in inside]
-    whole = sum(lengths) / row_rate
-    seconds = min(settings.TIME_BLOCK, whole / _FEWEST_BLOCKS)
-    usual = (length or max(settings.LEAST_TIME_BLOCK, seconds)) * row_rate
-    first = 0
-    for rows, total in zip(inside, lengths, strict=True):
-        # Equal parts: a short last block would count as much as the others when blocks are drawn.
-        count = min(max(round(total / usual), 1), settings.MOST_TIME_BLOCKS)
-        place = places[rows] - places[rows].min()
-        blocks[rows] = first + np.minimum(place * count // total, count - 1)
+    seconds = min(settings.TIME_BLOCK, sum(samples) / rate / _FEWEST_BLOCKS)
+    usual = length or max(settings.LEAST_TIME_BLOCK, seconds)
+    made, first = [], 0
+    for total in samples:
+        count = max(round(total / rate / usual), 1)
+        made.append(first + np.arange(total) * count // max(total, 1))
         first += count
-    return blocks
+    return made
 
 
 def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
@@ -84,6 +76,28 @@ def interval(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
+    """Sums of squares and of rows (b, 2) of a residual (r,) in each block (r,)."""
+    return np.column_stack([block_sums(blocks, residual**2), block_sums(blocks, residual**0)])
+
+
+def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> Stage:
+    """Stage from the `energies` (b, 2) of each joint, its tracking not yet known."""
+    limits = {}
+    for joint, blocks in zip(joints, sums, strict=True):
+        draws = resampled(blocks)
+        limits[joint] = interval(np.sqrt(draws[:, 0] / draws[:, 1]))
+    return Stage(
+        name=name,
+        torque_rms={
+            joint: _root(blocks.sum(axis=0)) for joint, blocks in zip(joints, sums, strict=True)
+        },
+        torque_ci95=limits,
+        tracking_rms=None,
+        note="",
+    )
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Residuals of every stage at rows that its fit did not see.
@@ -94,7 +108,6 @@ class HeldOut:
     names : tuple of str
         Of the stages: ``given`` where there is one, ``refit``, then one for each effect.
     folds : one (r_j,) int array for each joint
-        −1 for rows beside a border, which belong to none.
     blocks : one (r_j,) int array for each joint
         Blocks of time for the bootstrap.
     residuals : for each stage one (r_j,) array for each joint
@@ -125,57 +138,38 @@ class HeldOut:
     @cached_property
     def _energies(self) -> list[list[FloatArray]]:
         """For each stage and joint, the sums of squares and of rows in each block, (b, 2)."""
-        made = []
-        for stage in self.residuals:
-            parts = []
-            for residual, fold, block in zip(stage, self.folds, self.blocks, strict=True):
-                used = fold != GUARD_FOLD
-                squares = block_sums(block[used], residual[used] ** 2)
-                rows = block_sums(block[used], np.ones(int(used.sum())))
-                parts.append(np.column_stack([squares, rows]))
-            made.append(parts)
-        return made
+        return [
+            [energies(*parts) for parts in zip(stage, self.blocks, strict=True)]
+            for stage in self.residuals
+        ]
 
-    def rms(self, stage: int, joint: int) -> tuple[float, tuple[float, float]]:
-        """RMS of one joint and its 95 % interval, N m (N)."""
-        sums = self._energies[stage][joint]
-        draws = resampled(sums)
-        return _root(sums.sum(axis=0)), interval(np.sqrt(draws[:, 0] / draws[:, 1]))
-
-    def stage(self, number: int) -> Stage:
-        """One stage, its tracking not yet known."""
-        found = [self.rms(number, joint) for joint in range(len(self.joints))]
-        return Stage(
-            name=self.names[number],
-            torque_rms={n: value for n, (value, _) in zip(self.joints, found, strict=True)},
-            torque_ci95={n: limits for n, (_, limits) in zip(self.joints, found, strict=True)},
-            tracking_rms=None,
-            note="",
-        )
+    def rms(self, stage: int, joint: int) -> float:
+        """RMS of one stage at one joint, N m (N)."""
+        return _root(self._energies[stage][joint].sum(axis=0))
 
     def stages(self) -> tuple[Stage, ...]:
-        """All stages."""
-        return tuple(self.stage(number) for number in range(len(self.names)))
+        """All stages, their tracking not yet known."""
+        return tuple(
+            stage_of(name, self.joints, sums)
+            for name, sums in zip(self.names, self._energies, strict=True)
+        )
 
     def gap(self, before: int, after: int, joint: int | None) -> Gap:
         """Gap of two stages at a joint; None: root of the sum of all joints' mean squares."""
-        which = list(range(len(self.joints))) if joint is None else [joint]
-        first = [self._energies[before][j] for j in which]
-        second = [self._energies[after][j] for j in which]
-        floor = common_floor([self.floors[j] for j in which])
-        one = _root(*(sums.sum(axis=0) for sums in first))
-        two = _root(*(sums.sum(axis=0) for sums in second))
+        joints = list(range(len(self.joints))) if joint is None else [joint]
+        floor = common_floor([self.floors[j] for j in joints])
+        sums = [[self._energies[stage][j] for j in joints] for stage in (before, after)]
+        one, two = (_root(*(blocks.sum(axis=0) for blocks in stage)) for stage in sums)
         share = float(shrinkage(np.array(one), np.array(two), floor))
-        draws = [
-            np.sqrt(sum(d[:, 0] / d[:, 1] for d in (resampled(s) for s in stage)))
-            for stage in (first, second)
-        ]
-        drawn = shrinkage(np.asarray(draws[0]), np.asarray(draws[1]), floor)
-        drawn = drawn[np.isfinite(drawn)]
         if not np.isfinite(share):
             return Gap(one, two, floor, None, None)
-        limits = interval(drawn) if len(drawn) > 20 else None
-        return Gap(one, two, floor, share, limits)
+        first, second = (
+            np.sqrt(sum(draws[:, 0] / draws[:, 1] for draws in map(resampled, stage)))
+            for stage in sums
+        )
+        drawn = shrinkage(np.asarray(first), np.asarray(second), floor)
+        drawn = drawn[np.isfinite(drawn)]
+        return Gap(one, two, floor, share, interval(drawn) if len(drawn) > 20 else None)
 
     def gain(self, effect: int) -> tuple[float, int, int]:
         """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
@@ -184,29 +178,21 @@ class HeldOut:
         """
         joints = self.own_joints[effect]
         count = 1 + max(int(self.folds[j].max()) for j in joints)
-        sums = np.zeros((2, count))
-        for j in joints:
-            used = self.folds[j] != GUARD_FOLD
-            for k in range(2):
-                rest = self.whitened[effect + k][j][used]
-                sums[k] += np.bincount(self.folds[j][used], weights=rest**2, minlength=count)
-        before, after = sums
+        energies = [
+            [np.bincount(self.folds[j], self.whitened[stage][j] ** 2, count) for j in joints]
+            for stage in (effect, effect + 1)
+        ]
+        before, after = np.sum(energies, axis=1)
         present = before > 0.0
-        positive = int(np.sum(after[present] < before[present]))
-        return float(1.0 - after.sum() / before.sum()), positive, int(present.sum())
+        helped = int(np.sum(after[present] < before[present]))
+        return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
 
 
 def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:
     """(before − after) / (before − floor); NaN where there was nothing above the floor."""
-    least = 0.0 if floor is None else floor
-    room = before - least
-    return np.asarray(
-        np.where(
-            room > settings.LEAST_ROOM * before,
-            (before - after) / np.where(room > 0, room, 1.0),
-            np.nan,
-        )
-    )
+    room = before - (floor or 0.0)
+    share = (before - after) / np.where(room > 0.0, room, 1.0)
+    return np.asarray(np.where(room > settings.LEAST_ROOM * before, share, np.nan))
 
 
 def held_out(
@@ -239,7 +225,7 @@ def held_out(
         Whether folds take turns over the whole session: what changes with time cannot be
         predicted from another part of it.
     """
-    folds, note = interleaved_folds(data) if interleaved else folds_of(data, repeats)
+    folds, note = folds_of(data, repeats, interleaved=interleaved)
     ends = extended.parameters + np.cumsum([0, *extended.widths])
     white = white_noise_models(extended.joints, fit.residuals)
     plain, whitened = (
@@ -256,10 +242,7 @@ def held_out(
         joints=data.joints,
         names=(*([] if given is None else ["given"]), "refit", *labels),
         folds=folds,
-        blocks=tuple(
-            time_blocks(recording, place, data.row_rate)
-            for recording, place in zip(data.recordings, data.places, strict=True)
-        ),
+        blocks=row_blocks(data),
         residuals=tuple(stages),
         whitened=whitened,
         own_joints=tuple(tuple(sorted(block)) for block in extended.added),
@@ -268,62 +251,40 @@ def held_out(
     )
 
 
-def folds_of(data: Baseline, repeats: Sequence[Repeat]) -> tuple[tuple[IntArray, ...], str]:
+def row_blocks(data: Baseline, length: float | None = None) -> tuple[IntArray, ...]:
+    """Block of time (r_j,) of every row of every joint; see `time_blocks`."""
+    blocks = time_blocks([len(motion.kept) for motion in data.motions], data.row_rate, length)
+    return tuple(data.counting(joint, blocks) for joint in range(len(data.joints)))
+
+
+def folds_of(
+    data: Baseline, repeats: Sequence[Repeat], *, interleaved: bool = False
+) -> tuple[tuple[IntArray, ...], str]:
     """Fold of every row of every joint, and how they were made, in words.
 
-    Recordings where there are three with different motions (repeats share a fold), else blocks.
+    Recordings where there are three with different motions (repeats share a fold), else stretches
+    of the session; where folds are `interleaved`, shorter stretches that take turns.
     """
-    count = len(data.motions)
-    group = list(range(count))
+    group = np.arange(len(data.motions))
     for repeat in repeats:
-        old, new = group[repeat.second], group[repeat.first]
-        group = [new if each == old else each for each in group]
-    _, number = np.unique(group, return_inverse=True)
-    if number.max() + 1 >= 3:
+        group[group == group[repeat.second]] = group[repeat.first]
+    kinds, number = np.unique(group, return_inverse=True)
+    if len(kinds) >= 3 and not interleaved:
         return (
             tuple(number[recording].astype(np.int64) for recording in data.recordings),
-            f"each of {number.max() + 1} recordings is predicted from the others",
+            f"each of {len(kinds)} recordings is predicted from the others",
         )
-    seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = int(np.clip(seconds / settings.TIME_BLOCK, settings.FEWEST_FOLDS, settings.MOST_FOLDS))
-    return (
-        _blocks_of(data, blocks),
-        f"each of {blocks} blocks of {seconds / blocks:.2g} s is predicted from the others",
-    )
-
-
-def interleaved_folds(data: Baseline) -> tuple[tuple[IntArray, ...], str]:
-    """Fold of every row of every joint where folds take turns, and how they were made, in words."""
-    seconds = sum(len(motion.kept) for motion in data.motions) / data.row_rate
-    blocks = max(int(seconds / settings.INTERLEAVED_FOLD), settings.FEWEST_FOLDS)
-    folds = tuple(
-        np.where(fold == GUARD_FOLD, GUARD_FOLD, fold % settings.FEWEST_FOLDS)
-        for fold in _blocks_of(data, blocks)
-    )
-    return folds, (
-        f"every {settings.FEWEST_FOLDS}th block of {seconds / blocks:.2g} s is predicted from "
-        "the others, as what changes with time cannot be predicted from another part of the session"
-    )
-
-
-def _blocks_of(data: Baseline, blocks: int) -> tuple[IntArray, ...]:
-    """Block of every row of every joint."""
     lengths = [len(motion.kept) for motion in data.motions]
-    starts = np.concatenate([[0], np.cumsum(lengths)])
-    return tuple(
-        _blocks(starts[recording] + place, starts, blocks, settings.FOLD_GUARD * data.row_rate)
-        for recording, place in zip(data.recordings, data.places, strict=True)
-    )
-
-
-def _blocks(place: IntArray, starts: IntArray, blocks: int, guard: float) -> IntArray:
-    """Equal blocks over all recordings one after the other; none beside a border inside one."""
-    length = starts[-1] / blocks
-    folds: IntArray = np.minimum((place / length).astype(np.int64), blocks - 1)
-    for border in length * np.arange(1, blocks):
-        if np.min(np.abs(starts - border)) > guard:
-            folds[np.abs(place - border) < guard] = GUARD_FOLD
-    return folds
+    seconds, count = sum(lengths) / data.row_rate, int(settings.FOLDS)
+    stretches = max(int(seconds / settings.INTERLEAVED_FOLD), count) if interleaved else count
+    fold = np.arange(sum(lengths)) * stretches // sum(lengths) % count
+    parts = np.split(fold, np.cumsum(lengths)[:-1])
+    folds = tuple(data.counting(joint, parts) for joint in range(len(data.joints)))
+    which = f"every {count}th block" if interleaved else f"each of {count} blocks"
+    note = f"{which} of {seconds / stretches:.2g} s is predicted from the others"
+    if interleaved:
+        note += ", as what changes with time cannot be predicted from another part of the session"
+    return folds, note
 
 
 def _predicted(

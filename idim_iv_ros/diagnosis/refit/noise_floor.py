@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.signal import fftconvolve
@@ -113,23 +114,19 @@ def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[flo
 
 def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
     """Repeats among the references of all recordings; none where references are missing."""
-    references = [motion.signals.position_reference for motion in data.prepared.motions]
-    present = [reference for reference in references if reference is not None]
-    if len(present) < len(references):
-        return ()
-    rates = [motion.signals.rate for motion in data.prepared.motions]
-    sampled = [
-        reference if rate == max(rates) else _resampled(reference, rate, max(rates))
-        for reference, rate in zip(present, rates, strict=True)
-    ]
-    return find_repeats(sampled, max(rates), data.row_rate)
-
-
-def _resampled(reference: FloatArray, rate: float, wanted: float) -> FloatArray:
-    """Return a reference (n_samples, n_joints) linearly between its samples at another rate."""
-    time = np.arange(int((len(reference) - 1) * wanted / rate) + 1) / wanted
-    own = np.arange(len(reference)) / rate
-    return np.column_stack([np.interp(time, own, joint) for joint in reference.T])
+    fastest = max(motion.signals.rate for motion in data.prepared.motions)
+    references = []
+    for motion in data.prepared.motions:
+        reference, rate = motion.signals.position_reference, motion.signals.rate
+        if reference is None:
+            return ()
+        if rate < fastest:  # linearly between its samples
+            time = np.arange(int((len(reference) - 1) * fastest / rate) + 1) / fastest
+            sampled = np.arange(len(reference)) / rate
+            joints = [np.interp(time, sampled, joint) for joint in reference.T]
+            reference = np.column_stack(joints)
+        references.append(reference)
+    return find_repeats(references, fastest, data.row_rate)
 
 
 def find_repeats(
@@ -145,45 +142,31 @@ def find_repeats(
         Hz, of the samples, and at which the shift is looked for first.
     """
     stride = max(1, round(rate / coarse_rate))
-    found = []
-    for first, one in enumerate(references):
-        period = _period(one, rate, stride)
-        if period is not None:
-            found.append(Repeat(first, first, period))
-        for second in range(first + 1, len(references)):
-            lag = _shift(one, references[second], rate, stride)
-            if lag is not None:
-                found.append(Repeat(first, second, lag))
-    return tuple(found)
+    pairs = combinations_with_replacement(range(len(references)), 2)
+    lags = {
+        (i, j): _lag(references[i], references[j], rate, stride, itself=i == j) for i, j in pairs
+    }
+    return tuple(Repeat(*pair, lag) for pair, lag in lags.items() if lag is not None)
 
 
-def _shift(one: FloatArray, two: FloatArray, rate: float, stride: int) -> int | None:
-    """Shift at which two references agree over the longest stretch, None where they do not."""
+def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: bool) -> int | None:
+    """Shift at which two references agree best; None where they never agree for long enough.
+
+    That of a reference to `itself` is the smallest after it has left itself.
+    """
     shorter = min(len(one), len(two))
     least = max(settings.REPEAT_LEAST_OVERLAP * rate, settings.REPEAT_LEAST_SHARE * shorter)
     lags, distance, overlap = _distances(one[::stride], two[::stride])
-    close = (distance < _COARSE * settings.REPEAT_TOLERANCE) & (overlap * stride >= least)
-    if not close.any():
-        return None
-    return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
-
-
-def _period(reference: FloatArray, rate: float, stride: int) -> int | None:
-    """Smallest shift, after the reference has left itself, at which it repeats itself."""
-    lags, distance, overlap = _distances(reference[::stride], reference[::stride])
-    ahead = lags > 0
-    lags, distance, overlap = lags[ahead], distance[ahead], overlap[ahead]
-    far = np.flatnonzero(distance > _HAS_LEFT)
-    if len(far) == 0:
-        return None
-    usable = (lags > lags[far[0]]) & (overlap * stride >= settings.REPEAT_LEAST_OVERLAP * rate)
+    usable = overlap * stride >= least
+    if itself:
+        away = lags[(lags > 0) & (distance > _HAS_LEFT)]
+        usable &= lags > min(away, default=len(one))
     close = np.flatnonzero(usable & (distance < _COARSE * settings.REPEAT_TOLERANCE))
     if len(close) == 0:
         return None
-    end = close[0]
-    while end + 1 < len(lags) and end + 1 in close and distance[end + 1] < distance[end]:
-        end += 1
-    return _refined(reference, reference, int(lags[end]) * stride, stride)
+    if itself:
+        close = np.split(close, np.flatnonzero(np.diff(close) > 1) + 1)[0]
+    return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
 
 
 def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -227,26 +210,16 @@ def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, Int
     """Rows of a joint that the repeat makes equal, in pairs."""
     motions = data.prepared.motions
     fastest = max(motion.signals.rate for motion in motions)
-    numbers = []
+    numbers, samples = [], []
     for recording in (repeat.first, repeat.second):
-        motion = motions[recording]
-        rows = np.flatnonzero(data.recordings[joint] == recording)
+        motion, rows = motions[recording], np.flatnonzero(data.recordings[joint] == recording)
         kept = motion.decimation.kept[data.places[joint][rows]]
-        samples = fastest / motion.signals.rate
-        numbers.append(
-            (rows, samples * (motion.span.start + kept), samples * motion.decimation.factor)
-        )
-    (rows, samples, _), (other, others, factor) = numbers
-    if len(other) == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    wanted = samples + repeat.lag
-    after = np.clip(np.searchsorted(others, wanted), 1, max(len(others) - 1, 1))
-    nearest = np.where(
-        np.abs(others[after - 1] - wanted)
-        <= np.abs(others[min(1, len(others) - 1) * after] - wanted),
-        after - 1,
-        after,
-    )
-    nearest = np.minimum(nearest, len(others) - 1)
-    close = 2 * np.abs(others[nearest] - wanted) <= factor
-    return rows[close], other[nearest[close]]
+        numbers.append(rows)
+        samples.append(fastest / motion.signals.rate * (motion.span.start + kept))
+    if len(numbers[1]) == 0:
+        return numbers[1], numbers[1]
+    wanted, others = samples[0] + repeat.lag, samples[1]
+    nearest = np.searchsorted(0.5 * (others[1:] + others[:-1]), wanted)
+    step = fastest / motion.signals.rate * motion.decimation.factor
+    close = 2 * np.abs(others[nearest] - wanted) <= step
+    return numbers[0][close], numbers[1][nearest[close]]

@@ -24,6 +24,10 @@ from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
 
+_NYQUIST_MARGIN = 1.3  # of half of the sampling rate over the proposed cut-off of the positions
+_HIGHEST_CUTOFF = 0.4  # of the sampling rate: cut-off of the positions that is proposed at most
+_NOISE_SEGMENT = 2.0  # s of the spectrum from which the noise of the sensors is read
+
 
 def proposals(
     sets: Sequence[Sequence[Recording]], configuration: Configuration
@@ -79,7 +83,7 @@ def widened(
     measured = min(rate, *map(_effort_rate, recordings))
     highest = min(
         settings.WIDEST_BAND,
-        measured / (2.0 * settings.POSITION_OVER_DECIMATION * settings.NYQUIST_MARGIN),
+        measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN),
     )
     cutoff = min(_noise_limit(prepared), highest)
     if simulated:
@@ -96,15 +100,10 @@ def widened(
     if position is None:
         position = min(
             max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff),
-            settings.HIGHEST_CUTOFF * rate,
+            _HIGHEST_CUTOFF * rate,
         )
-    changed = processing.model_copy(
-        update={
-            "position_cutoff": position,
-            "decimation_cutoff": min(cutoff, position),
-        }
-    )
-    return configuration.model_copy(update={"processing": changed})
+    cutoffs = {"position_cutoff": position, "decimation_cutoff": min(cutoff, position)}
+    return configuration.model_copy(update={"processing": processing.model_copy(update=cutoffs)})
 
 
 def _effort_rate(recording: Recording) -> float:
@@ -115,16 +114,15 @@ def _effort_rate(recording: Recording) -> float:
 
 def _noise_limit(prepared: PreparedRegression) -> float:
     """Hz, the least over the joints."""
-    rows = observation_rows(prepared.model, prepared.motions)
+    model, motions = prepared.model, prepared.motions
+    rows = observation_rows(model, motions)
     require_excitation(prepared, rows)
-    values = solve_least_squares(rows, len(prepared.model.base.columns)).values
-    position = prepared.motions[0].position
-    model = prepared.model
+    values = solve_least_squares(rows, len(model.base.columns)).values
+    position = motions[0].position
     sample = position[:: max(1, len(position) // 50)]
-    inertia = joint_inertia(model.robot, model.dynamic_parameters(values), sample)
-    position_noise = _noise(prepared.motions, "position")
-    torque_noise = _noise(prepared.motions, "torque")
-    ratio = torque_noise / np.maximum(np.abs(inertia) * position_noise, 1e-30)
+    inertia = np.abs(joint_inertia(model.robot, model.dynamic_parameters(values), sample))
+    noise_of_inertia = np.maximum(inertia * _noise(motions, "position"), 1e-30)
+    ratio = _noise(motions, "torque") / noise_of_inertia
     return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)
 
 
@@ -134,7 +132,7 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
     for motion in motions:
         values = getattr(motion.signals, quantity)
         rate = motion.signals.rate
-        segment = min(len(values), max(64, int(settings.NOISE_SEGMENT * rate)))
+        segment = min(len(values), max(64, int(_NOISE_SEGMENT * rate)))
         frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
         upper = density[frequency > 0.25 * rate]
         variances.append(np.median(upper, axis=0) * rate / 2.0)
@@ -156,7 +154,11 @@ def reason_for_margin(
         Whether it is known where joints stick.
     """
     given = configuration.processing.reversal_margin
-    why = _why_not(configuration, estimate)
+    why = "the closed loop is not simulated"
+    if estimate.failures:
+        why = f"the closed loop cannot be simulated: {estimate.failures[0]}"
+    elif configuration.controller.type == "unknown":
+        why = "the control law is not configured, and none that was fitted is simulated"
     if given is not None:
         if sticking or given >= REVERSAL_MARGIN:
             return ""
@@ -173,11 +175,3 @@ def reason_for_margin(
         f"rows beside a reversal do not count (processing.reversal_margin {margin:g} proposed): "
         f"it is not known where joints stick, for {why}"
     )
-
-
-def _why_not(configuration: Configuration, estimate: IdimIvEstimate) -> str:
-    if estimate.failures:
-        return f"the closed loop cannot be simulated: {estimate.failures[0]}"
-    if configuration.controller.type == "unknown":
-        return "the control law is not configured, and none that was fitted is simulated"
-    return "the closed loop is not simulated"

@@ -8,14 +8,19 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, refit_of, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import (
+    Baseline,
+    baseline,
+    nominal_residuals,
+    refit_of,
+    smooth_regression,
+)
 from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
-from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
-from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.held_out import HeldOut, energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable, Stage
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.recording import Recording
@@ -50,12 +55,11 @@ class MissingGravity:
         robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
         return configuration.model_copy(update={"robot": robot})
 
-    def cause(self, without: HeldOut, with_gravity: HeldOut) -> Cause:
+    def cause(self, without: Stage, with_gravity: Stage) -> Cause:
         """Build the cause from the nominal models without and with gravity."""
-        joints = range(len(without.joints))
         before, after = (
-            float(np.linalg.norm([tested.rms(0, joint)[0] for joint in joints]))
-            for tested in (without, with_gravity)
+            float(np.linalg.norm(list(stage.torque_rms.values())))
+            for stage in (without, with_gravity)
         )
         shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
         return Cause(
@@ -96,8 +100,8 @@ class Refit:
         Of a simulator's solver, in the place of dry friction that sticks.
     gravity : MissingGravity or None
         Which the nominal model lacks; `data` has it.
-    weightless : HeldOut or None
-        The nominal model without it and its refit.
+    weightless : Stage or None
+        The nominal model without it.
     delays : tuple of Cause
         A shift that is longer than the control makes it.
     """
@@ -108,7 +112,7 @@ class Refit:
     ripples: tuple[GainRipple, ...] = ()
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
-    weightless: HeldOut | None = None
+    weightless: Stage | None = None
     delays: tuple[Cause, ...] = ()
 
     @property
@@ -138,7 +142,7 @@ class Refit:
         """Missing gravity as a cause, if it is one; `tested`: the models with gravity."""
         if self.gravity is None or self.weightless is None:
             return []
-        return [self.gravity.cause(self.weightless, tested)]
+        return [self.gravity.cause(self.weightless, tested.stages()[0])]
 
 
 def refitted(
@@ -171,7 +175,8 @@ def refitted(
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
         return _chain_taken_out(data, regression, without)
-    weightless = _nominal_and_refit(data, regression)
+    parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
+    weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
     data = baseline(recordings, gravity.corrected(configuration))
     refit = _chain_taken_out(data, smooth_regression(data), without)
     return replace(refit, gravity=gravity, weightless=weightless)
@@ -243,12 +248,6 @@ def _with_friction(data: Baseline, regression: Regression) -> Refit:
         data = softened.put_into(data)
         own, rows, shift = aligned(data, smooth_regression(data))
     return Refit(own, rows, shift, softened=softened)
-
-
-def _nominal_and_refit(data: Baseline, regression: Regression) -> HeldOut:
-    fit, repeats = regression.fit(), repeats_of(data)
-    floors = noise_floors(data, regression, fit, repeats)
-    return held_out(data, regression, fit, [], floors, repeats, data.prepared.given)
 
 
 def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | None:

@@ -80,10 +80,14 @@ class EffortShift:
         assert self.std is not None
         delay = EffectParameter(self.shift - self.configured, self.std, "s")
         changes = [
-            data.joint_change(joint, *each)
-            for joint, each in enumerate(zip(before, after, strict=True))
+            data.joint_change(joint, *gaps)
+            for joint, gaps in enumerate(zip(before, after, strict=True))
         ]
         one, two = (float(np.linalg.norm(gap)) for gap in (before, after))
+        which = "which this recording cannot tell"
+        if abs(support) >= settings.LEAST_SUPPORT:
+            which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
+        half = 1e3 * settings.NORMAL_95 * self.std
         return Cause(
             effect=name_of("delay"),
             kind="structural",
@@ -93,26 +97,34 @@ class EffortShift:
             evidence=Evidence((delay.value / self.std) ** 2),
             indistinguishable_from=(),
             torque_gap=Gap(one, two, None, 1.0 - two / one, None),
-            joint_gaps=tuple(sorted(changes, key=lambda each: -each.share_of_torque)),
+            joint_gaps=tuple(sorted(changes, key=lambda change: -change.share_of_torque)),
             simulation_gap=None,
-            sentence=_delay_of_all(delay, self.period, support),
+            sentence=(
+                f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
+                f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "
+                "held command takes half a one): the stamps are early, or commands take that long "
+                f"in the loop; {which}. Everything else was diagnosed with efforts at the time at "
+                "which they act"
+            ),
         )
 
     def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
         """Return it by the names of the joints, with the speed of the law in words."""
-        stds = [float(std) if np.isfinite(std) else None for std in self.joint_stds]
-        shifts = zip(joints, self.joint_shifts, stds, strict=True)
+        shifts = zip(joints, self.joint_shifts.tolist(), self.joint_stds.tolist(), strict=True)
         return SignalChain(
             effort_shift=EffectParameter(self.shift, self.std, "s"),
             periods=self.shift / self.period,
             joint_shifts={
-                name: EffectParameter(float(shift), std, "s") for name, shift, std in shifts
+                name: EffectParameter(shift, std if np.isfinite(std) else None, "s")
+                for name, shift, std in shifts
             },
-            differing=tuple(
-                name for name, same in zip(joints, self.agreeing, strict=True) if not same
-            ),
+            differing=self._differing(joints),
             law_speed=law_speed,
         )
+
+    def _differing(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Names of the joints that do not share the common shift."""
+        return tuple(name for name, same in zip(joints, self.agreeing, strict=True) if not same)
 
     def sentence(self, joints: Sequence[str]) -> str:
         """Say it with its size in periods of the control."""
@@ -125,7 +137,7 @@ class EffortShift:
             f"{when} ({abs(self.shift) / self.period:.2f} control periods), and aligned by that: a "
             "command that is held over its period acts half a period late"
         )
-        others = [name for name, same in zip(joints, self.agreeing, strict=True) if not same]
+        others = self._differing(joints)
         if others:
             text += f"; {', '.join(others)} differ{'s' if len(others) == 1 else ''} from the others"
         return text
@@ -149,29 +161,19 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
         With the torque of their rows at the instants at which it acts.
     EffortShift
     """
-    rates = [motion.signals.rate for motion in data.prepared.motions]
-    period = control_period(data.prepared.configuration.controller, rates)
-    control = (period, data.prepared.configuration.controller.delay)
-    chain = _chain(np.zeros(len(data.joints)), np.full(len(data.joints), np.inf), *control)
-    slopes = [_rate_of_torque(data, joint) for joint in range(len(data.joints))]
+    controller = data.prepared.configuration.controller
+    period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
     shifted = data
     for _ in range(_SHIFT_STEPS):
-        shifts, deviations = _joint_shifts(_with_torque_of(shifted, regression), slopes)
-        chain = _chain(shifted.shift + shifts, deviations, *control)
+        sloping = _with_torque_of(shifted, regression)
+        for joint in range(len(data.joints)):
+            sloping = sloping.with_columns(_rate_of_torque(data, joint))
+        fit = sloping.fit()
+        deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
+        chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
         rows = later(data.rows, data.prepared.motions, chain.shift)
         shifted = replace(data, rows=rows, shift=chain.shift)
     return shifted, _with_torque_of(shifted, regression), chain
-
-
-def _joint_shifts(
-    regression: Regression, rates: Sequence[Columns]
-) -> tuple[FloatArray, FloatArray]:
-    """Shift of each joint's effort and its standard deviation, (n_joints,) s each."""
-    for rate in rates:
-        regression = regression.with_columns(rate)
-    fit = regression.fit()
-    variances = np.diag(fit.coefficient_covariance)
-    return fit.coefficients, np.sqrt(np.maximum(variances, 0.0))
 
 
 def _with_torque_of(data: Baseline, regression: Regression) -> Regression:
@@ -216,19 +218,3 @@ def _chain(
         spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
         std = float(np.sqrt(max(1.0, spread) / weights.sum()))
     return EffortShift(shift, std, period, configured, shifts, deviations, best)
-
-
-def _delay_of_all(delay: EffectParameter, period: float, support: float) -> str:
-    """A delay of all joints that no control of this period (s) makes; `support`: of the loop."""
-    assert delay.std is not None
-    half = 1e3 * settings.NORMAL_95 * delay.std
-    if abs(support) < settings.LEAST_SUPPORT:
-        which = "which this recording cannot tell"
-    else:
-        which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
-    return (
-        f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms after "
-        f"their stamps ({delay.value / period:.2f} control periods, of which a held command takes "
-        f"half a one): the stamps are early, or commands take that long in the loop; {which}. "
-        "Everything else was diagnosed with efforts at the time at which they act"
-    )

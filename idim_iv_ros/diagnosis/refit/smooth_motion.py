@@ -28,7 +28,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
+from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.closed_loop import replay
@@ -77,9 +77,14 @@ def corrected_motions(
     cutoff
         Of the decimation, Hz.
     """
-    further = [_derivatives(states, rate) for states, rate in zip(simulated, rates, strict=True)]
+    derived = []
+    for states, rate in zip(simulated, rates, strict=True):
+        derivatives = list(states)  # position first, up to its fourth derivative
+        for _ in range(_DERIVATIVES - 1):
+            derivatives.append(np.gradient(derivatives[-1], 1.0 / rate, axis=0))
+        derived.append(derivatives)
     rows, targets = [], []
-    for real, states, decimation, rate in zip(measured, further, decimations, rates, strict=True):
+    for real, states, decimation, rate in zip(measured, derived, decimations, rates, strict=True):
         columns = [decimation.whole(above(state, rate, cutoff)) for state in states[2:]]
         rows.append(np.stack(columns, axis=2))  # (m, n_joints, derivatives)
         targets.append(decimation.whole(above(real[2] - states[2], rate, cutoff)))
@@ -90,16 +95,8 @@ def corrected_motions(
             + sum(states[order + d] @ coefficients[:, :, d].T for d in range(_DERIVATIVES))
             for order in range(3)
         ]
-        for states in further
+        for states in derived
     ]
-
-
-def _derivatives(states: States, rate: float) -> list[FloatArray]:
-    """Position and its derivatives, up to the fourth."""
-    made = list(states)
-    for _ in range(_DERIVATIVES - 1):
-        made.append(np.gradient(made[-1], 1.0 / rate, axis=0))
-    return made
 
 
 def _coefficients(rows: FloatArray, targets: FloatArray) -> FloatArray:
@@ -127,29 +124,27 @@ def simulated_slips(
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
         return tuple(None for _ in prepared.motions)
+    robot = source.model.robot
+    parameters = source.model.dynamic_parameters(estimate.linear.values)
     return tuple(
-        _slip(source.model, estimate.linear.values, motion, law)
+        _slip(robot, parameters, motion, law)
         for motion, law in zip(source.motions, source.laws, strict=True)
     )
 
 
 def _slip(
-    model: InverseModel, values: FloatArray, motion: Motion, law: ControlLaw
+    robot: RobotModel, parameters: DynamicParameters, motion: Motion, law: ControlLaw
 ) -> FloatArray | None:
-    parameters = model.dynamic_parameters(values)
-    result = replay(model.robot, parameters, law, motion)
-    if result.diverged is not None:
+    run = replay(robot, parameters, law, motion)
+    if run.diverged is not None:
         return None
     slippery = parameters.without_dry_friction
-    rest = inverse_dynamics(
-        model.robot, slippery, result.position, result.velocity, result.acceleration
-    )
-    friction = result.applied_torque - rest
-    sticking = result.velocity == 0.0
+    states = run.position, run.velocity, run.acceleration
+    friction = run.applied_torque - inverse_dynamics(robot, slippery, *states)
     level = np.maximum(parameters.coulomb, 0.0)
     share = np.clip(friction / np.where(level > 0.0, level, 1.0), -1.0, 1.0)
-    slip = np.where(sticking & (level > 0.0), share, np.sign(result.velocity))
-    return np.asarray(slip[motion.span])
+    sticking = (run.velocity == 0.0) & (level > 0.0)
+    return np.asarray(np.where(sticking, share, np.sign(run.velocity))[motion.span])
 
 
 @dataclass(frozen=True)
@@ -225,12 +220,8 @@ class SmoothMotion:
     def slope(self, joint: int) -> FloatArray:
         """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
         if joint not in self._slopes:
-            position = self.position.copy()
-            position[:, joint] += _SLOPE_STEP
-            moved = inverse_dynamics(
-                self.robot, self.links, position, self.velocity, self.acceleration
-            )
-            self._slopes[joint] = (moved - self.load) / _SLOPE_STEP
+            step = np.full(len(self.time), _SLOPE_STEP)
+            self._slopes[joint] = self.moved(joint, step, links=True) / _SLOPE_STEP
         return self._slopes[joint]
 
     @cached_property
@@ -264,40 +255,32 @@ class SmoothMotion:
 
 
 def smooth_motions(
-    robot: RobotModel,
+    prepared: PreparedRegression,
+    estimate: IdimIvEstimate,
     links: DynamicParameters,
     whole: DynamicParameters,
-    motions: Sequence[Motion],
-    starts: Sequence[float],
-    instruments: Instruments,
-    slips: Sequence[FloatArray | None],
-    cutoff: float,
-) -> tuple[SmoothMotion, ...]:
-    """Join measured and simulated motion, one for each recording.
+) -> tuple[tuple[SmoothMotion, ...], bool]:
+    """Join measured and simulated motion, one for each recording; whether all are simulated.
 
     Parameters
     ----------
-    motions
-        Filtered measurements.
-    starts
-        Of each recording in the time of the session, s.
-    instruments
-        Simulated motion.
-    slips
-        Simulated dry friction of the span, (n_samples, n_joints); None where there is none.
-    cutoff
-        Of the decimation, Hz.
+    links, whole
+        Of the refit: the rigid bodies alone, and with drives and friction.
     """
+    slips = simulated_slips(prepared, estimate)
     made = []
-    measured = [motion.derivatives(0, motion.span.stop - motion.span.start) for motion in motions]
-    joined = _joined(measured, motions, instruments, slips, cutoff)
-    for motion, start, states, slip in zip(motions, starts, joined, slips, strict=True):
-        samples, rate = motion.span.stop - motion.span.start, motion.signals.rate
+    joined = _joined(prepared.motions, estimate.instruments, slips, prepared.cutoffs.decimation)
+    parts = zip(prepared.motions, prepared.session.parts, joined, slips, strict=True)
+    for motion, part, states, slip in parts:
         stride, grid = _stride(motion.decimation.factor), _grid(motion)
-        time = start + (motion.span.start + np.arange(samples)[grid]) / rate
+        rate, start = motion.signals.rate, part.start
+        time = start + (motion.span.start + np.arange(_samples(motion))[grid]) / rate
+        # The mean over the samples of the coarser grid keeps when a joint turned.
+        turning = np.sign(states[1]) if slip is None else slip
+        turning = uniform_filter1d(turning, stride, axis=0, mode="nearest")
         made.append(
             SmoothMotion(
-                robot=robot,
+                robot=prepared.model.robot,
                 links=links,
                 whole=whole,
                 rate=rate / stride,
@@ -306,21 +289,20 @@ def smooth_motions(
                 position=states[0][grid],
                 velocity=states[1][grid],
                 acceleration=states[2][grid],
-                slip=_averaged(np.sign(states[1]) if slip is None else slip, stride)[grid],
+                slip=turning[grid],
                 decimation=ParallelDecimation(
                     motion.decimation.factor // stride, len(time), motion.decimation.edge
                 ),
                 kept=motion.kept,
             )
         )
-    return tuple(made)
+    return tuple(made), all(slip is not None for slip in slips)
 
 
 def measured_motion(smooth: SmoothMotion, motion: Motion) -> SmoothMotion:
     """Return the smooth motion with the measured one in its whole band."""
-    states = motion.derivatives(0, motion.span.stop - motion.span.start)
-    grid = _grid(motion)
-    position, velocity, acceleration = (values[grid] for values in states)
+    states = motion.derivatives(0, _samples(motion))
+    position, velocity, acceleration = (values[_grid(motion)] for values in states)
     return replace(smooth, position=position, velocity=velocity, acceleration=acceleration)
 
 
@@ -331,39 +313,39 @@ def _grid(motion: Motion) -> slice:
 
 
 def _joined(
-    measured: Sequence[Sequence[FloatArray]],
     motions: Sequence[Motion],
     instruments: Instruments,
     slips: Sequence[FloatArray | None],
     cutoff: float,
-) -> list[Sequence[FloatArray]]:
-    """Measured motion below a share of the cut-off, simulated motion above it.
+) -> list[States]:
+    """Measured motion below a share of the cut-off (Hz), simulated motion above it.
 
     What stands in for a simulated motion where there is none lacks the upper part of the band: with
     it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
     """
-    made = list(measured)
-    able = [number for number, slip in enumerate(slips) if slip is not None]
-    if not able:
+    made: list[States] = [motion.derivatives(0, _samples(motion)) for motion in motions]
+    simulated = [number for number, slip in enumerate(slips) if slip is not None]
+    if not simulated:
         return made
     corrected = corrected_motions(
-        [measured[k] for k in able],
-        [instruments.states[k](0, len(measured[k][0])) for k in able],
-        [motions[k].decimation for k in able],
-        [motions[k].signals.rate for k in able],
+        [made[k] for k in simulated],
+        [instruments.states[k](0, _samples(motions[k])) for k in simulated],
+        [motions[k].decimation for k in simulated],
+        [motions[k].signals.rate for k in simulated],
         cutoff,
     )
-    for k, simulated in zip(able, corrected, strict=True):
+    for k, states in zip(simulated, corrected, strict=True):
         rate = motions[k].signals.rate
         made[k] = [
-            m - above(m - s, rate, cutoff) for m, s in zip(measured[k], simulated, strict=True)
+            real - above(real - state, rate, cutoff)
+            for real, state in zip(made[k], states, strict=True)
         ]
     return made
 
 
-def _averaged(slip: FloatArray, stride: int) -> FloatArray:
-    """Mean over the samples of the coarser grid: it keeps when a joint turned."""
-    return np.asarray(uniform_filter1d(slip, stride, axis=0, mode="nearest"))
+def _samples(motion: Motion) -> int:
+    """How many samples the span of a motion has."""
+    return int(motion.span.stop) - int(motion.span.start)
 
 
 def _stride(factor: int) -> int:

@@ -34,6 +34,8 @@ _PARTS = 8  # of a step of the motion's grid, over which the direction of the fr
 _STATES = 50  # from which the inertia of a joint is taken
 _STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
 
+Crossing = tuple[float, float]  # lead, s, and softness of the dry friction of a joint
+
 
 @dataclass(frozen=True)
 class SoftFriction:
@@ -95,19 +97,24 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, regression, width)
     every: list[int] = rubbing.tolist()
-    best = tried.best_of_all(every, [(lead, _SOFTNESS[1]) for lead in _LEADS])
-    best = tried.best_of_all(every, [(best[0], soft) for soft in _SOFTNESS])
-    if tried.gain_of_all(every, best) < settings.SOFT_FRICTION_SUPPORT:
+
+    def same_everywhere(crossing: Crossing) -> float:
+        return float(tried.gains(dict.fromkeys(every, crossing)).sum())
+
+    best = max(((lead, _SOFTNESS[1]) for lead in _LEADS), key=same_everywhere)
+    best = max(((best[0], soft) for soft in _SOFTNESS), key=same_everywhere)
+    if same_everywhere(best) < settings.SOFT_FRICTION_SUPPORT:
         return None
-    chosen: dict[int, tuple[float, float]] = dict.fromkeys(every, best)
+    chosen: dict[int, Crossing] = dict.fromkeys(every, best)
     for step in _FINER:
         for joint in every:
             lead, soft = chosen[joint]
             near = [(lead * step, soft), (lead / step, soft)]
             near += [(lead, soft * step**3), (lead, soft / step**3), (lead, soft)]
-            chosen[joint] = tried.best_of(chosen, joint, near)
+            options = [{**chosen, joint: crossing} for crossing in near]
+            chosen = max(options, key=lambda option: float(tried.gains(option).sum()))
     gains = tried.gains(chosen)
-    turning = [joint for joint in rubbing.tolist() if gains[joint] > 0.0]
+    turning = [joint for joint in every if gains[joint] > 0.0]
     if 2 * len(turning) <= len(rubbing):
         return None
     leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
@@ -124,66 +131,41 @@ class _Tried:
         self.data, self.regression, self.width = data, regression, width
         self.fit: Fit = regression.fit()
         self.fine = [_fine(motion) for motion in data.motions]
-        self.columns: dict[tuple[int, float, float], FloatArray] = {}
+        self.columns: dict[tuple[int, Crossing], FloatArray] = {}
         self.before = self._energies(self.fit, regression)
 
-    def gains(self, chosen: dict[int, tuple[float, float]]) -> FloatArray:
+    def gains(self, crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
         joints = list(self.regression.joints)
-        for joint, (lead, soft) in chosen.items():
-            place = _column(self.data, self.regression, joint)
+        for joint, crossing in crossings.items():
             matrix = joints[joint].matrix.copy()
-            matrix[:, place] = self._rows(joint, lead, soft)
+            matrix[:, _column(self.data, self.regression, joint)] = self._rows(joint, crossing)
             joints[joint] = replace(joints[joint], matrix=matrix)
         changed = replace(self.regression, joints=tuple(joints))
         after = self._energies(changed.fit(self.fit.noise_models, steps=0), changed)
         rows = np.array([len(joint.torque) for joint in joints])
         return np.asarray(0.5 * rows * np.log(self.before / after))
 
-    def gain_of_all(self, joints: Sequence[int], each: tuple[float, float]) -> float:
-        """Gain with the same lead and softness at all of these joints."""
-        return float(self.gains(dict.fromkeys(joints, each)).sum())
-
-    def best_of_all(
-        self, joints: Sequence[int], options: Sequence[tuple[float, float]]
-    ) -> tuple[float, float]:
-        """Lead and softness that all of these joints have."""
-        return max(options, key=lambda each: self.gain_of_all(joints, each))
-
-    def best_of(
-        self,
-        chosen: dict[int, tuple[float, float]],
-        joint: int,
-        options: Sequence[tuple[float, float]],
-    ) -> tuple[float, float]:
-        """Lead and softness of one joint beside those of the others."""
-        return max(options, key=lambda each: float(self.gains({**chosen, joint: each}).sum()))
-
-    def _rows(self, joint: int, lead: float, soft: float) -> FloatArray:
-        key = (joint, lead, soft)
-        if key not in self.columns:
+    def _rows(self, joint: int, crossing: Crossing) -> FloatArray:
+        if (joint, crossing) not in self.columns:
+            lead, soft = crossing
             width = max(lead * soft * self.width[joint], _STILL)
-            self.columns[key] = self.data.counting(
-                joint,
-                [
-                    motion.rows(_crossing(*fine, joint, lead, width)[:, None])[:, 0]
-                    for motion, fine in zip(self.data.motions, self.fine, strict=True)
-                ],
-            )
-        return self.columns[key]
+            parts = [
+                motion.rows(_crossing(*fine, joint, lead, width)[:, None])[:, 0]
+                for motion, fine in zip(self.data.motions, self.fine, strict=True)
+            ]
+            self.columns[joint, crossing] = self.data.counting(joint, parts)
+        return self.columns[joint, crossing]
 
     def _energies(self, fit: Fit, regression: Regression) -> FloatArray:
         """Energy (n_joints,) of the whitened residuals."""
-        return np.array(
-            [
-                max(
-                    float(np.sum(noise.standardized(residual[:, None], rows.segments) ** 2)), 1e-300
-                )
-                for residual, noise, rows in zip(
-                    fit.residuals, self.fit.noise_models, regression.joints, strict=True
-                )
-            ]
-        )
+        whitened = [
+            noise.standardized(residual[:, None], rows.segments)
+            for residual, noise, rows in zip(
+                fit.residuals, self.fit.noise_models, regression.joints, strict=True
+            )
+        ]
+        return np.array([max(float(np.sum(white**2)), 1e-300) for white in whitened])
 
 
 def _column(data: Baseline, regression: Regression, joint: int) -> int | None:

@@ -11,13 +11,16 @@ from idim_iv_ros.diagnosis.result.causes import (
     SimulationGap,
     Unexplained,
 )
-from idim_iv_ros.diagnosis.result.document import GapResult, NominalModel, TrackingSeries, Verdict
-from idim_iv_ros.diagnosis.result.localisation import (
+from idim_iv_ros.diagnosis.result.document import (
+    GapResult,
     GapSeries,
     JointGap,
+    NominalModel,
     NotTestable,
     Regime,
     Stage,
+    TrackingSeries,
+    Verdict,
     Where,
 )
 from idim_iv_ros.diagnosis.result.recordings import (

@@ -79,7 +79,7 @@ class TwistFit:
 
 def fit_twist(rows: TwistRows) -> TwistFit:
     """Align the two channels and find what their difference follows."""
-    columns = term_columns(rows)
+    columns = _term_columns(rows)
     offset = 0.0
     for _ in range(_OFFSET_STEPS):
         fit = _base(rows, offset).with_columns({0: columns[LOAD]}).fit()
@@ -92,14 +92,14 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     for term in gains:
         if term == POSITION:
             continue
-        beside, before = fit, terms
+        wider, before = fit, terms
         if term in terms:
             before = terms[: terms.index(term)]
         else:
-            beside = regression.with_columns({0: columns[term]}).fit()
+            wider = regression.with_columns({0: columns[term]}).fit()
         place = sum(columns[other].shape[1] for other in before)
-        variance = float(beside.coefficient_covariance[place, place])
-        numbers[term] = float(beside.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
+        variance = float(wider.coefficient_covariance[place, place])
+        numbers[term] = float(wider.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
     return TwistFit(
         rows=rows,
         offset=offset + float(fit.values[0]),
@@ -113,7 +113,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     )
 
 
-def term_columns(rows: TwistRows) -> dict[str, FloatArray]:
+def _term_columns(rows: TwistRows) -> dict[str, FloatArray]:
     """Columns (r, k) of every term that need not be there."""
     columns = {LOAD: rows.load[:, None], DIRECTION: rows.direction[:, None]}
     sides = [float(np.mean(rows.side * sign > 0.0)) for sign in (-1.0, 1.0)]
@@ -189,8 +189,8 @@ def compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
     test, ratio = _agreement(fit)
     variance = noise**2 * max(1.0, ratio) + _load_variance(fit)
     if POSITION not in fit.terms and LOAD in fit.terms:
-        beside = fit.regression.with_columns({0: fit.columns[POSITION]}).fit()
-        variance += (float(beside.coefficients[fit.terms.index(LOAD)]) - value) ** 2
+        wider = fit.regression.with_columns({0: fit.columns[POSITION]}).fit()
+        variance += (float(wider.coefficients[fit.terms.index(LOAD)]) - value) ** 2
     return value, float(np.sqrt(variance)), test
 
 
@@ -247,7 +247,7 @@ def held_out(fit: TwistFit, term: str) -> tuple[float | None, int, int]:
     int, int
         On how many blocks it helps, of how many.
     """
-    rows, regression, count = fit.rows, fit.regression, int(settings.MOST_FOLDS)
+    rows, regression, count = fit.rows, fit.regression, int(settings.FOLDS)
     first = regression.parameters + sum(regression.widths[: fit.terms.index(term)])
     joint = regression.extended[0]
     table = np.column_stack([joint.matrix, joint.torque])

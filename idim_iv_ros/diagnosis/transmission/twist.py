@@ -190,14 +190,14 @@ def _of_links(
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Columns of the links' base parameters at one joint, which, and their covariance."""
     rows, names = regression.joints[joint], data.prepared.model.base.names
-    own = [
+    of_links = [
         place
         for place, column in enumerate(rows.columns)
         if not names[column].startswith(_NOT_OF_LINKS)
     ]
-    parameters = rows.columns[own]
+    parameters = rows.columns[of_links]
     covariance = regression.fit().covariance[np.ix_(parameters, parameters)]
-    return rows.matrix[:, own], parameters, covariance
+    return rows.matrix[:, of_links], parameters, covariance
 
 
 def _resolution(data: Baseline, joint: int) -> float:

@@ -1,10 +1,10 @@
 """What many bags of many robots say together.
 
-- `quantities`: base parameters and residuals of each bag, as columns
-- `stacking`: all bags of a robot in one regression; do they agree, and in what not
+- `quantities`: base parameters and residuals of each bag, as columns; all bags of a robot in one
+  regression: do they agree, and in what not
 - `random_effects`: variance between units beyond that of their estimates; the robots of a type
 - `robots`: what one robot's bags differ by from day to day; all of the robots of a type
-- `over_time`: what changed at a robot, when, and by how much
+- `over_time`: what changed at a robot, when, and by how much; whether bags resemble the ones before
 - `outliers`: which robots differ from their type, and in which parameters
 - `common_causes`: what the diagnoses say together
 """

@@ -13,8 +13,7 @@ import scipy
 
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME
-from idim_iv_ros.fleet.bag_result import BagResult, CauseSummary
-from idim_iv_ros.fleet.result import CommonCause
+from idim_iv_ros.fleet.result import BagResult, CauseSummary, CommonCause
 from idim_iv_ros.fleet.statistics.random_effects import LEVEL, between_variance, generalised_q
 
 # Share of the diagnosed ordinary robots in which a cause is one of the type, and the fewest robots.

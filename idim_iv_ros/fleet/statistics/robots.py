@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from idim_iv_ros.fleet.regression import stacked
 from idim_iv_ros.fleet.statistics.outliers import Outlying, outlying
 from idim_iv_ros.fleet.statistics.over_time import OverTime, over_time
-from idim_iv_ros.fleet.statistics.quantities import RobotBags, TypeBags
+from idim_iv_ros.fleet.statistics.quantities import RobotBags, TypeBags, regression, shares
 from idim_iv_ros.fleet.statistics.random_effects import (
     LEVEL,
     between_variance,
     common_between_variance,
     generalised_q,
 )
-from idim_iv_ros.fleet.statistics.stacking import regression, shares
 from idim_iv_ros.types import FloatArray
 
 # Probability that any quantity of any robot of a type is called unsteady although it is not.

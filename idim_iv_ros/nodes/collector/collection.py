@@ -18,12 +18,21 @@ from idim_iv_ros.errors import DataError, IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Passes, passes_of, plan_passes
 from idim_iv_ros.excitation.passes import Kind
 from idim_iv_ros.identification.check import CheckReport, check
-from idim_iv_ros.nodes.collector.controller import Controller
-from idim_iv_ros.nodes.collector.course import Course, Say, wait_whatever_happens
-from idim_iv_ros.nodes.collector.following import STANDING, STILL, Follower
-from idim_iv_ros.nodes.collector.joint_positions import JointPositions
-from idim_iv_ros.nodes.collector.neighbours import IdentifierNeighbour, RecorderNeighbour
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.collector.following import (
+    STANDING,
+    STILL,
+    Course,
+    Follower,
+    Say,
+    wait_whatever_happens,
+)
+from idim_iv_ros.nodes.collector.neighbours import (
+    Controller,
+    IdentifierNeighbour,
+    RecorderNeighbour,
+)
+from idim_iv_ros.nodes.joint_topic import JointPositions
+from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
 _REST = 0.5  # s that are recorded before and after the motion

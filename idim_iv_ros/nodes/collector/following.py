@@ -1,29 +1,172 @@
 """A robot that follows a motion, is supervised, and stopped when anything is wrong."""
 
+import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.excitation import Passes, Trajectory, stop
-from idim_iv_ros.nodes.collector.controller import Controller
-from idim_iv_ros.nodes.collector.course import LOOK, Course
-from idim_iv_ros.nodes.collector.joint_positions import JointPositions
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.collector.neighbours import Controller
+from idim_iv_ros.nodes.entry import Result, in_thread
+from idim_iv_ros.nodes.joint_topic import JointPositions, Place
+from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
+LOOK = 0.02  # s between two looks at the robot
 STANDING = 0.2  # s in which a robot at rest moves less than
 STILL = 0.01  # rad (m)
-_SETTLED = 3.0  # s until a robot that was stopped rests
 
+_SIGN_OF_LIFE = 0.5  # s between two words on what is done
+_SETTLED = 3.0  # s until a robot that was stopped rests
 _SLACK = 0.1  # s around the delay of the controller
 _MOVED = 0.5  # of the allowed error: the robot has begun
 _STEP = 0.01  # s between two delays that are tried
 _UNSEEN = 1.0  # s that a motion is waited for which is too small to be seen
 
+Say = Callable[[str, float, float, str], None]
 State = tuple[FloatArray, FloatArray]
+
+
+class Course:
+    """Passes the time for a collection, and raises in it what ends it.
+
+    `timeout` counts from now, s; `allowed` says whether the robot may be moved, `gone` whether
+    nobody waits for the goal any more; `say` takes stage, share done, largest tracking error so far
+    in the stage and its joint.
+
+    Attributes
+    ----------
+    done, whole : float
+        Expected duration of what is done, and of all, s.
+    trouble : callable
+        Says what else ends the course; empty if all is well.
+    """
+
+    def __init__(
+        self,
+        timeout: float,
+        allowed: Callable[[], bool],
+        gone: Callable[[], bool],
+        say: Say,
+    ) -> None:
+        self._timeout, self._deadline = timeout, time.monotonic() + timeout
+        self._allowed, self._gone, self._say = allowed, gone, say
+        self._cancelled = ""
+        self._stage, self._worst, self._joint = "", 0.0, ""
+        self._said = 0.0
+        self.done, self.whole = 0.0, 1.0
+        self.trouble: Callable[[], str] = str
+
+    def cancel(self, why: str) -> None:
+        """End the course; in any thread."""
+        self._cancelled = self._cancelled or why
+
+    def reason_to_end(self) -> str:
+        """Why nothing more is to be done; empty if all is well."""
+        if self._cancelled:
+            return self._cancelled
+        if not self._allowed():
+            return "allow_motion was set to false"
+        if time.monotonic() > self._deadline:
+            return f"not finished within {self._timeout:g} s"
+        if self._gone():
+            return "who asked is gone"
+        return self.trouble()
+
+    def begin(self, stage: str) -> None:
+        """Say what is done from now on."""
+        self._stage, self._worst, self._joint = stage, 0.0, ""
+        self._speak(at_once=True)
+
+    def deviates(self, size: float, joint: str) -> None:
+        """Keep the largest tracking error of the stage, rad (m)."""
+        if size > self._worst:
+            self._worst, self._joint = size, joint
+
+    def proceed(self, done: float, stage: str = "") -> None:
+        """Say from time to time how far it is (s of the whole); a stage of others at once."""
+        self.done = done
+        self._stage = stage or self._stage
+        self._speak(at_once=bool(stage))
+
+    def tick(self) -> None:
+        """Let a little time pass.
+
+        Raises
+        ------
+        DataError
+            Nothing more is to be done, and why.
+        """
+        time.sleep(LOOK)
+        reason = self.reason_to_end()
+        if reason:
+            raise DataError(reason)
+        self._speak()
+
+    def pause(self, seconds: float) -> None:
+        """Let some time pass."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self.tick()
+
+    def wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        """Wait for a condition, `what` in words.
+
+        Raises
+        ------
+        UsageError
+            It took too long.
+        """
+        _wait(condition, seconds, what, self.tick)
+
+    def compute(
+        self, compute: Callable[[Callable[[str, float], None]], Result], expected: float
+    ) -> Result:
+        """Compute in another thread, so that what happens meanwhile is noticed.
+
+        `compute` takes where it reports its progress, which raises when it is to end; `expected` is
+        its duration, in the unit of `whole`.
+        """
+        begun = self.done
+        given_up = threading.Event()
+
+        def look(stage: str, share: float) -> None:
+            if given_up.is_set():
+                raise UsageError("given up")
+            self.done = max(self.done, begun + share * expected)
+
+        answer = in_thread(lambda: compute(look), "computation")
+        try:
+            while not answer.done():
+                self.tick()
+        except IdimError:
+            given_up.set()
+            raise
+        self.done = begun + expected
+        return answer.result()
+
+    def _speak(self, at_once: bool = False) -> None:
+        now = time.monotonic()
+        if at_once or now > self._said + _SIGN_OF_LIFE:
+            self._said = now
+            self._say(self._stage, min(self.done / self.whole, 1.0), self._worst, self._joint)
+
+
+def wait_whatever_happens(condition: Callable[[], bool], seconds: float, what: str) -> None:
+    """Wait as `Course.wait` for what has to be done in any case: a bag that is open is closed."""
+    _wait(condition, seconds, what, lambda: time.sleep(LOOK))
+
+
+def _wait(
+    condition: Callable[[], bool], seconds: float, what: str, tick: Callable[[], None]
+) -> None:
+    until = time.monotonic() + seconds
+    while not condition():
+        tick()
+        if time.monotonic() > until:
+            raise UsageError(f"{what} did not come within {seconds:g} s")
 
 
 class Supervision:
@@ -42,12 +185,7 @@ class Supervision:
     allowed : float
         Distance from which on it does not follow, rad (m).
     longest_delay : float
-        Time until the controller begins at the latest, s.
-
-    Attributes
-    ----------
-    delay : float or None
-        Until the robot began to move, s; None before.
+        Time until the controller begins at the latest, s; `delay` is None before it has begun.
     """
 
     def __init__(
@@ -60,12 +198,7 @@ class Supervision:
     def look(self, elapsed: float, position: FloatArray) -> tuple[float, str]:
         """Return the largest distance from where the robot should be, rad (m), and its joint.
 
-        Parameters
-        ----------
-        elapsed
-            Since the robot was asked, s.
-        position
-            Measured, (n_joints,) rad (m).
+        `elapsed` is the time since it was asked, s; `position` is measured, (n_joints,) rad (m).
         """
         moved = float(np.abs(position - self._start).max()) > _MOVED * self._allowed
         if self.delay is None and moved:
@@ -87,7 +220,7 @@ class Supervision:
             delay = min(delay, _UNSEEN)
         return elapsed > self._motion.duration + delay
 
-    def planned(self, elapsed: float) -> tuple[FloatArray, FloatArray]:
+    def planned(self, elapsed: float) -> State:
         """Position and velocity (n_joints,) that the controller asks for now, rad, rad/s.
 
         Before the robot has begun, that is the beginning, at rest.
@@ -157,14 +290,9 @@ class Follower:
         self._course.done = done + motion.duration
 
     def _watch(self, watch: Supervision, begun: float, duration: float) -> tuple[str, State]:
-        """Look at the robot until it rests at the end, or there is a problem.
+        """Look at the robot until it rests at the end (no problem), or there is one.
 
-        Returns
-        -------
-        str
-            The problem; empty at the end.
-        State
-            Position and velocity from which the robot can be stopped smoothly.
+        The state is position and velocity from which the robot can be stopped smoothly.
         """
         settings, positions = self._settings(), self._positions
         before, done = positions.last, self._course.done
@@ -205,8 +333,8 @@ class Follower:
             still = here
 
 
-def _speed(before: Any, now: Any) -> FloatArray:
-    """Of two places, rad/s (m/s); zero where they are one."""
+def _speed(before: Place | None, now: Place) -> FloatArray:
+    """Return the mean speed between two places, rad/s (m/s); zero where they are one."""
     if before is None or now.measured <= before.measured:
         return np.zeros_like(now.position)
     return np.asarray((now.position - before.position) / (now.measured - before.measured))

@@ -11,14 +11,17 @@ from idim_iv_interfaces.action import Collect
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.collector.collection import Collection, Parts
-from idim_iv_ros.nodes.collector.controller import Controller
-from idim_iv_ros.nodes.collector.joint_positions import JointPositions
-from idim_iv_ros.nodes.collector.neighbours import IdentifierNeighbour, RecorderNeighbour
-from idim_iv_ros.nodes.collector.settings import CollectorSettings
+from idim_iv_ros.nodes.collector.neighbours import (
+    Controller,
+    IdentifierNeighbour,
+    RecorderNeighbour,
+)
 from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
+from idim_iv_ros.nodes.joint_topic import JointPositions
 from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
+from idim_iv_ros.nodes.settings import CollectorSettings
 
 _TURNS = 10  # of the executor, in which the last result is sent
 

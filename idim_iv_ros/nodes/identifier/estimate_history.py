@@ -1,4 +1,4 @@
-"""Estimates of one bag after the other: what is kept over a restart and compared."""
+"""Estimates of one bag after the other: kept over a restart, compared, and what is said of them."""
 
 import fcntl
 import os
@@ -7,9 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from idim_iv_interfaces.msg import DriftComparison, DriftReport, ParameterDrift, PastIdentification
 from idim_iv_ros.documents import Document, Number
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import require_folder_place
+from idim_iv_ros.nodes.entry import diagnostic_status, time_message
 from idim_iv_ros.statistics.drift import Drift, drifts_of
 
 FILE = "history.json"
@@ -23,9 +27,7 @@ class PastEstimates:
     ----------
     stamp : int
         When it ended, ns since 1970.
-    robot, estimator : str
-    effort_unit : str
-        Estimates in different units are not compared.
+    robot, estimator, effort_unit : str
     bags : tuple of str
         Relative to the bag directory.
     folder : str
@@ -53,6 +55,30 @@ class PastEstimates:
         """What estimates must share to be compared."""
         return self.robot, self.configuration, self.estimator, self.effort_unit
 
+    def repeats(self, other: "PastEstimates") -> bool:
+        """Whether both are estimates of one kind from the same bags."""
+        return self.kind == other.kind and set(self.bags) == set(other.bags)
+
+    def independent_of(self, other: "PastEstimates") -> bool:
+        """Whether both have the same parameters, and no bag in common."""
+        return set(self.values) == set(other.values) and not set(self.bags) & set(other.bags)
+
+    def to_message(self) -> PastIdentification:
+        """Return the entry of the list that `~/get_history` answers with."""
+        return PastIdentification(
+            stamp=time_message(self.stamp),
+            robot=self.robot,
+            configuration=self.configuration,
+            estimator=self.estimator,
+            effort_unit=self.effort_unit,
+            bags=list(self.bags),
+            folder=self.folder,
+            baseline=self.baseline,
+            names=list(self.values),
+            values=[value for value, _ in self.values.values()],
+            stds=[std for _, std in self.values.values()],
+        )
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -60,7 +86,6 @@ class Comparison:
 
     Attributes
     ----------
-    newest : PastEstimates
     baseline : PastEstimates or None
         None where there is nothing to compare with.
     drifts : tuple of Drift
@@ -78,6 +103,40 @@ class Comparison:
     def drifting(self) -> tuple[Drift, ...]:
         """Parameters that differ by more than chance."""
         return tuple(drift for drift in self.drifts if drift.drifts)
+
+    @property
+    def compared_with(self) -> str:
+        """The bags of the baseline."""
+        return "" if self.baseline is None else ", ".join(self.baseline.bags)
+
+    def to_message(self) -> DriftComparison:
+        """Return the entry of what `~/drift` publishes."""
+        newest, baseline = self.newest, self.baseline
+        message = DriftComparison(
+            robot=newest.robot,
+            configuration=newest.configuration,
+            estimator=newest.estimator,
+            bags=list(newest.bags),
+            drifting=bool(self.drifting),
+            since=time_message((self.since or 0) if self.drifting else 0),
+        )
+        if baseline is not None:
+            message.baseline_bags = list(baseline.bags)
+            message.baseline_stamp = time_message(baseline.stamp)
+            message.limit = self.drifts[0].limit
+            message.parameters = [
+                ParameterDrift(
+                    name=drift.parameter,
+                    before=drift.first,
+                    before_std=baseline.values[drift.parameter][1],
+                    now=drift.value,
+                    now_std=newest.values[drift.parameter][1],
+                    statistic=drift.statistic,
+                    drifts=drift.drifts,
+                )
+                for drift in self.drifts
+            ]
+        return message
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,34 +171,24 @@ class EstimateHistory:
     def add(self, entry: PastEstimates, length: int) -> None:
         """Keep an identification; an earlier one of the same bags gives way to it.
 
-        Parameters
-        ----------
-        entry
-        length
-            Identifications of each kind that are kept at most; a baseline that was set stays.
+        Of each kind `length` are kept at most; a baseline that was set stays.
 
         Raises
         ------
         UsageError
             The file cannot be written.
         """
-        replaced = [each for each in self.entries if _same_data(each, entry)]
-        if any(entry.baseline for entry in replaced):
+        replaced = [other for other in self.entries if entry.repeats(other)]
+        if any(other.baseline for other in replaced):
             entry = replace(entry, baseline=True)
-        kept = [each for each in self.entries if not _same_data(each, entry)]
-        same = [each for each in kept if each.kind == entry.kind]
-        free = [each for each in same if not each.baseline]
-        room = max(length - 1 - (len(same) - len(free)), 0)
-        old = free[: max(len(free) - room, 0)]
-        self._keep([*(each for each in kept if not any(each is one for one in old)), entry])
+        kept = [other for other in self.entries if not entry.repeats(other)]
+        of_kind = [other for other in kept if other.kind == entry.kind]
+        oldest_first = [other for other in of_kind if not other.baseline]
+        surplus = oldest_first[: max(min(len(of_kind) + 1 - length, len(oldest_first)), 0)]
+        self._keep([*(other for other in kept if other not in surplus), entry])
 
     def set_baseline(self, folder: str) -> PastEstimates:
-        """Compare later identifications with one that is kept, and return it.
-
-        Parameters
-        ----------
-        folder
-            Of its files.
+        """Compare later identifications with the one whose files are in `folder`, and return it.
 
         Raises
         ------
@@ -163,56 +212,92 @@ class EstimateHistory:
 
         That is the one that was set, else the first that is comparable: with the same parameters,
         and no bag in common, for estimates from the same data are not independent.
-
-        Returns
-        -------
-        list of Comparison
-            In the order of the newest identifications.
         """
         newest = {entry.kind: entry for entry in self.entries}
         ordered = sorted(newest.values(), key=self.entries.index)
-        return [self._comparison(each, significance) for each in ordered]
+        return [self._comparison(entry, significance) for entry in ordered]
 
     def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
-        same = [entry for entry in self.entries if entry.kind == newest.kind]
-        able = [each for each in same if _comparable(each, newest)]
-        first = next(
-            (candidate for candidate in able if candidate.baseline), able[0] if able else None
-        )
-        if newest.baseline or first is None:
+        of_kind = [entry for entry in self.entries if entry.kind == newest.kind]
+        comparable = [entry for entry in of_kind if entry.independent_of(newest)]
+        baseline = next((entry for entry in comparable if entry.baseline), None)
+        baseline = baseline or next(iter(comparable), None)
+        if newest.baseline or baseline is None:
             return Comparison(newest)
-        drifts = drifts_of(first.values, newest.values, significance, first.bags)
+        drifts = drifts_of(baseline.values, newest.values, significance, baseline.bags)
         since = None
-        for each in reversed(same[same.index(first) + 1 :]):
-            if not _comparable(first, each):
+        for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
+            if not baseline.independent_of(entry):
                 continue
-            found = drifts_of(first.values, each.values, significance, first.bags)
-            if not any(drift.drifts for drift in found):
+            earlier = drifts_of(baseline.values, entry.values, significance, baseline.bags)
+            if not any(drift.drifts for drift in earlier):
                 break
-            since = each.stamp
-        return Comparison(newest, first, tuple(drifts), since)
+            since = entry.stamp
+        return Comparison(newest, baseline, tuple(drifts), since)
 
     def _keep(self, entries: Sequence[PastEstimates]) -> None:
         _Saved(identifications=tuple(entries)).write(self._path)
         self.entries = list(entries)
 
 
-def _same_data(one: PastEstimates, other: PastEstimates) -> bool:
-    return one.kind == other.kind and set(one.bags) == set(other.bags)
+def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
+    """Return what `~/drift` publishes."""
+    report = DriftReport(
+        drifting=any(comparison.drifting for comparison in comparisons),
+        message=drift_sentence(comparisons),
+        comparisons=[comparison.to_message() for comparison in comparisons],
+    )
+    if comparisons:
+        report.header.stamp = time_message(comparisons[-1].newest.stamp)
+    return report
 
 
-def _comparable(first: PastEstimates, last: PastEstimates) -> bool:
-    return set(first.values) == set(last.values) and not set(first.bags) & set(last.bags)
+def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticStatus:
+    """Name the parameters that differ from their baseline by more than chance."""
+    drifting = any(comparison.drifting for comparison in comparisons)
+    level = DiagnosticStatus.WARN if drifting else DiagnosticStatus.OK
+    values: dict[str, object] = {}
+    compared = [comparison for comparison in comparisons if comparison.drifts]
+    if compared:
+        # The kind that was identified last, unless another is the reason of the alarm.
+        alarms = [comparison for comparison in compared if comparison.drifting]
+        shown = (alarms or compared)[-1]
+        values["bags"] = ", ".join(shown.newest.bags)
+        values["limit (σ)"] = f"{shown.drifts[0].limit:.3f}"
+        values.update(
+            {f"{drift.parameter} (σ)": f"{drift.statistic:+.2f}" for drift in shown.drifts}
+        )
+    return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)
+
+
+def drift_sentence(comparisons: Sequence[Comparison]) -> str:
+    """Say in one line which parameters changed, and since when."""
+    parts = []
+    for comparison in comparisons:
+        if comparison.drifting:
+            newest = comparison.newest
+            kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
+            changed = "; ".join(
+                f"{drift.parameter} {drift.first:.4g} → {drift.value:.4g} "
+                f"({drift.statistic:+.1f} σ)"
+                for drift in comparison.drifting
+            )
+            which = f"{kind}: " if len(comparisons) > 1 else ""
+            parts.append(f"{which}{changed}: changed since {comparison.compared_with}")
+    if parts:
+        return "; ".join(parts)
+    compared = [comparison for comparison in comparisons if comparison.drifts]
+    if not compared:
+        return "no earlier identification to compare with"
+    last, limit = compared[-1].compared_with, compared[-1].drifts[0].limit
+    return f"no parameter differs from {last} by more than {limit:.2f} σ"
 
 
 class FolderLock:
     """A folder that one process has to itself, however it ends: the system releases the lock.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if it is not there. Where it cannot be locked, as on some network disks, nothing is
-        refused.
+    It is made if it is not there. Where it cannot be locked, as on some network disks, nothing is
+    refused.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -232,21 +317,17 @@ class FolderLock:
         try:
             require_folder_place(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)
-            folder = os.open(self._folder, os.O_RDONLY)
-        except (OSError, UsageError) as error:
-            raise UsageError(f"parameter output_directory: {error}") from error
-        try:
-            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._open = os.open(self._folder, os.O_RDONLY)
+            fcntl.flock(self._open, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            os.close(folder)
+            self.release()
             raise UsageError(
                 f"parameter output_directory: another identifier writes into {self._folder}; give "
                 "each one a folder of its own"
             ) from error
-        except OSError:
-            os.close(folder)
-            return
-        self._open = folder
+        except (OSError, UsageError) as error:
+            if self._open is None:  # else it is a disk that knows no locks
+                raise UsageError(f"parameter output_directory: {error}") from error
 
     def release(self) -> None:
         """Let others have it."""

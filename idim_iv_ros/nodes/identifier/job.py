@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.settings import IdentifierSettings
 
 WAITING = "waiting"
 Task = Literal["identification", "diagnosis"]
@@ -21,16 +21,10 @@ ESTIMATORS = ("idim-iv", "idim-ls")
 
 @dataclass(frozen=True)
 class JobListener:
-    """Who asked for a job.
+    """Who asked for a job: what is called when it begins, while it runs, and when it has ended.
 
-    Attributes
-    ----------
-    ended : callable
-        Takes, in any case, whether there is a result, and the verdict or why there is none.
-    started : callable
-        Called when the work begins.
-    progress : callable
-        Takes the stage and the share done, 0 to 1.
+    `progress` takes the stage and the share done, 0 to 1; `ended` takes, in any case, whether there
+    is a result, and the verdict or why there is none.
     """
 
     ended: Callable[[bool, str], None]
@@ -40,41 +34,26 @@ class JobListener:
 
 @dataclass(eq=False)
 class Job:
-    """One request.
+    """One request, and what has become of it. Times are those of the queue's clock, s.
 
     Attributes
     ----------
-    task : str
-        What is asked for: ``identification`` or ``diagnosis``.
     bags : tuple of Path
-        Absolute, inside the bag directory.
-    names : tuple of str
-        The same, relative to it.
-    configuration : Configuration
-    estimator : str
-        Of an identification.
-    without : tuple of str
-        Effects that a diagnosis does not consider.
+        Absolute, inside the bag directory; `names` are relative to it.
     timeout : float
         s, from the start of the work.
     answer_within : float or None
         s, from the receipt of the request; None where nobody waits.
-    received : float
-        When the request came, on the clock of the queue, s.
     configuration_name : str
         As the request names it; empty for the node's own.
-    listener : JobListener
+    estimator, without : str, tuple of str
+        Of an identification; effects that a diagnosis does not consider.
     folder : Path or None
         Of its files; None before it is worked on and after it failed.
     message : str
         Verdict, or why there is none.
-    success, cancelled : bool
-    stage : str
-        What is done now.
-    share : float
-        Of the work that is done, 0 to 1.
     said_at : float
-        When who asked last heard of it, on the clock of the queue, s.
+        When who asked last heard of it.
     """
 
     task: Task
@@ -111,17 +90,8 @@ def requested_job(
 ) -> Job:
     """Return the job that a goal or a request of a service asks for.
 
-    Parameters
-    ----------
-    task
-    request
-        With `bags`, `configuration`, `timeout`, and `estimator` or `without`; the worker looks up
-        the effects of `without`.
-    settings
-    configuration
-        The node's.
-    listener
-        Who asks.
+    `request` has `bags`, `configuration`, `timeout`, and `estimator` or `without`, whose effects
+    the worker looks up; `configuration` is the node's.
 
     Raises
     ------
@@ -163,12 +133,12 @@ def requested_job(
 
 
 def _configuration(
-    name: str, settings: IdentifierSettings, own: Configuration | None
+    name: str, settings: IdentifierSettings, of_node: Configuration | None
 ) -> Configuration:
-    if own is None:
+    if of_node is None:
         raise UsageError("no robot is configured: set the parameter configuration")
     if not name:
-        return own
+        return of_node
     folder = Path(settings.configuration).parent
     return load_configuration(confined(folder, name, "the folder of the configuration"))
 
@@ -176,14 +146,8 @@ def _configuration(
 def confined(folder: Path, name: str, what: str) -> Path:
     """Return the file or folder that a request names, links resolved.
 
-    Parameters
-    ----------
-    folder
-        What is named lies in here.
-    name
-        Relative to `folder`, or absolute and inside it.
-    what
-        The parameter that holds the folder, for the message.
+    `name` is relative to the folder, or absolute and inside it; `what` is the parameter that holds
+    the folder, for the message.
 
     Raises
     ------

@@ -1,29 +1,41 @@
 """The node `identifier`: parameters of a robot from its bags, on request or from every new bag."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
 from idim_iv_interfaces import action, srv
 from idim_iv_interfaces.msg import BagClosed
-from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.entry import run_node, steady_timer
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import IdimError, UsageError, one_line
+from idim_iv_ros.nodes.entry import diagnostic_status, run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
-from idim_iv_ros.nodes.identifier.managed_node import ACTIVE, FINALIZED, INACTIVE, ManagedNode
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
-from idim_iv_ros.nodes.identifier.report import work_diagnosis
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
-from idim_iv_ros.nodes.parameters import declare, follow_changes, resolved_topics
+from idim_iv_ros.nodes.parameters import (
+    declare,
+    follow_changes,
+    read_configuration,
+    with_topics_of_node,
+)
+from idim_iv_ros.nodes.settings import IdentifierSettings
 
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+_AFTER = {
+    "configure": INACTIVE,
+    "activate": ACTIVE,
+    "deactivate": INACTIVE,
+    "cleanup": UNCONFIGURED,
+    "shutdown": FINALIZED,
+}
 _LOOK = 0.1  # s between two looks whether a job takes too long
 _LONGEST_END = 10.0  # s in which the last answers are given
 
@@ -38,6 +50,71 @@ With -p auto:=true every bag that the recorder closes is identified. Topics: ~/e
 ~/result and ~/gap (latched), /diagnostics. With -p autostart:=false it waits for
 `ros2 lifecycle set /identifier configure`, then `activate`. Parameters: ros2 param describe
 /identifier NAME."""
+
+
+class ManagedNode(LifecycleNode):
+    """A node in one of the states unconfigured, inactive, active and finalized.
+
+    A transition that fails leaves the state as it was, with the reason in the log; so does one that
+    is not possible in the present state, whose request rclpy would never answer.
+
+    `transitions` are what is done in ``configure``, ``activate``, ``deactivate``, ``cleanup`` and
+    ``shutdown``; an IdimError is why it cannot be done.
+    """
+
+    def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
+        self.state = UNCONFIGURED
+        self._transitions, self._starting = transitions, False
+        self._failure: Exception | None = None
+        for transition in transitions:
+            setattr(self, f"on_{transition}", partial(self._do, transition))
+        super().__init__(name)  # type: ignore[no-untyped-call]
+        change = self._service_change_state
+        asked = change.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return asked(request, response)
+            except Exception:  # what `_do` does not catch: this state has no such transition
+                what = request.transition.label or request.transition.id
+                self._complain(f"transition {what} is not possible: the node is {self.state}")
+                response.success = False
+                return response
+
+        change.callback = answer
+
+    def start(self) -> None:
+        """Configure and activate.
+
+        Raises
+        ------
+        IdimError
+            Why that is not possible; the node is unconfigured.
+        """
+        self._starting = True
+        try:
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
+                    assert self._failure is not None
+                    raise self._failure
+        finally:
+            self._starting = False
+
+    def _do(self, transition: str, _: LifecycleState | None = None) -> TransitionCallbackReturn:
+        try:
+            self._transitions[transition]()
+        except Exception as error:  # rclpy would end the node without a word
+            self._failure = error
+            if not self._starting:
+                text = str(error) if isinstance(error, IdimError) else one_line(error)
+                self._complain(f"cannot {transition}: {text}")
+            return TransitionCallbackReturn.FAILURE
+        self.state = _AFTER[transition]
+        return TransitionCallbackReturn.SUCCESS
+
+    def _complain(self, text: str) -> None:
+        node: Node = self
+        node.get_logger().error(text)
 
 
 class Identifier:
@@ -105,12 +182,8 @@ class Identifier:
 
     def _configure(self) -> None:
         """Read the files and publish what they hold; that of the robot is read anew."""
-        try:
-            self._configuration = self._loaded()
-        except UsageError as error:
-            raise UsageError(f"parameter configuration: {error}") from error
+        self._configuration = self._loaded()
         self._folder.take()
-        self._publisher.load()
         self._publisher.publish_last()
         self._gaps.publish_last()
 
@@ -165,7 +238,7 @@ class Identifier:
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
-        return resolved_topics(self.node, load_configuration(Path(path))) if path else None
+        return read_configuration(self.node, path) if path else None
 
     def _bag_closed(self, message: BagClosed) -> None:
         if not self._settings.auto or self._managed.state != ACTIVE:
@@ -188,7 +261,7 @@ class Identifier:
             if self._managed.state != ACTIVE:
                 raise UsageError(f"the identifier is {self._managed.state}: {self._next_step()}")
             job = requested_job(task, request, self._settings, self._configuration, listener)
-            job.configuration = resolved_topics(self.node, job.configuration)
+            job.configuration = with_topics_of_node(self.node, job.configuration)
             self._jobs.submit(job)
             return job
         except IdimError as error:
@@ -199,7 +272,10 @@ class Identifier:
     def _ended(self, job: Job) -> None:
         if job.success:
             try:
-                self._publish(job)
+                if job.task == "identification":
+                    self._publisher.add(job, self._settings)
+                else:
+                    self._gaps.add(job)
                 self._failure = ""
                 self.node.get_logger().info(f"{', '.join(job.names)}: {job.message}")
             except IdimError as error:
@@ -212,22 +288,27 @@ class Identifier:
         job.listener.ended(job.success, job.message)
         self._report()
 
-    def _publish(self, job: Job) -> None:
-        """Publish and keep what a job has found."""
-        if job.task == "identification":
-            self._publisher.add(job, self._settings)
-        else:
-            assert job.folder is not None
-            stamp = self.node.get_clock().now().nanoseconds or time.time_ns()
-            self._gaps.add(stamp, job.names, job.folder.name)
-
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
-        message.status = [work_diagnosis(name, self._jobs, self._failure, self._managed.state)]
-        message.status += self._publisher.diagnoses(name)
+        message.status = [self._work_diagnosis(name), *self._publisher.diagnoses(name)]
         self._diagnostics.publish(message)
+
+    def _work_diagnosis(self, name: str) -> DiagnosticStatus:
+        """What is done now; an error if the last job failed, and why."""
+        jobs, state = self._jobs, self._managed.state
+        level, sentence = DiagnosticStatus.OK, "idle" if state == ACTIVE else state
+        if jobs.running is not None:
+            sentence = f"{', '.join(jobs.running.names)}: {jobs.running.stage}"
+        elif self._failure:
+            level, sentence = DiagnosticStatus.ERROR, self._failure
+        values: dict[str, object] = {
+            "state": state,
+            "waiting": jobs.waiting,
+            "worker (process id)": jobs.process_id or "none",
+        }
+        return diagnostic_status(level, f"{name}: identification", name, sentence, values)
 
     def _apply(self, settings: IdentifierSettings, given: set[str]) -> None:
         self._settings = settings

@@ -16,33 +16,34 @@ from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification import result as identification
-from idim_iv_ros.nodes.entry import LATCHED, time_message
+from idim_iv_ros.nodes.entry import LATCHED, diagnostic_status, time_message
 from idim_iv_ros.nodes.identifier.estimate_history import (
     Comparison,
     EstimateHistory,
     PastEstimates,
+    drift_diagnosis,
+    drift_report,
 )
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
 from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
-from idim_iv_ros.nodes.identifier.report import (
-    drift_diagnosis,
-    drift_report,
-    joint_diagnoses,
-    past_identification,
-)
-from idim_iv_ros.nodes.identifier.settings import IdentifierSettings
+from idim_iv_ros.nodes.settings import IdentifierSettings
+
+LAST_GAP = "last_gap.json"
+
+_LEVELS = {
+    "valid": DiagnosticStatus.OK,
+    "autocorrelated": DiagnosticStatus.WARN,
+    "inconclusive": DiagnosticStatus.WARN,
+    "misspecified": DiagnosticStatus.ERROR,
+}
 
 
 class ResultPublisher:
     """Topics `~/estimates`, `~/result` and `~/drift`, services on the history of estimates.
 
-    The topics hold the newest result by IDIM-IV with the node's own configuration, once there is
+    The topics have the newest result by IDIM-IV with the node's own configuration, once there is
     one: what somebody asks for with another estimator or configuration is answered to who asked.
-
-    Attributes
-    ----------
-    last : IdentificationResult or None
-        Of the job that ended last.
+    `last` is the result of the job that ended last.
     """
 
     def __init__(self, node: Node, directory: Path, significance: Callable[[], float]) -> None:
@@ -58,18 +59,8 @@ class ResultPublisher:
         node.create_service(GetHistory, "~/get_history", self._get_history)
         node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
 
-    def load(self) -> None:
-        """Read the history in the output directory.
-
-        Raises
-        ------
-        DataError
-            It cannot be read.
-        """
-        self._read = EstimateHistory(self._directory)
-
     def forget(self) -> None:
-        """Hold no history until it is read again."""
+        """Have no history until it is read again."""
         self._read = self._shown = self._entry = None
         self._comparisons = []
 
@@ -80,9 +71,16 @@ class ResultPublisher:
         return self._read
 
     def publish_last(self) -> None:
-        """Publish the newest result of the history whose file can be read, and what drifts."""
-        newest_first = self._history.entries[::-1]
-        for entry in sorted(newest_first, key=lambda each: not _own(each)):
+        """Read the history, and publish the newest result whose file can be read, and what drifts.
+
+        Raises
+        ------
+        DataError
+            The history cannot be read.
+        """
+        self._read = EstimateHistory(self._directory)
+        newest_first = self._read.entries[::-1]
+        for entry in sorted(newest_first, key=lambda entry: not _is_shown(entry)):
             try:
                 self._show(entry, self._message(entry))
                 break
@@ -113,20 +111,18 @@ class ResultPublisher:
             configuration=job.configuration_name,
         )
         self.last = result_message(result, time_message(entry.stamp), entry.bags, entry.folder)
-        if _own(entry) or self._entry is None or not _own(self._entry):
+        if _is_shown(entry) or self._entry is None or not _is_shown(self._entry):
             self._show(entry, self.last)
         self._history.add(entry, settings.history_length)
         self._compare()
         newest = self._comparisons[-1]
         if newest.drifting:
-            assert newest.baseline is not None
             names = ", ".join(drift.parameter for drift in newest.drifting)
-            since = ", ".join(newest.baseline.bags)
-            self._node.get_logger().warning(f"changed since {since}: {names}")
+            self._node.get_logger().warning(f"changed since {newest.compared_with}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
         """The verdict on each joint and the drift; nothing before the first result."""
-        joints = [] if self._shown is None else joint_diagnoses(name, self._shown)
+        joints = [] if self._shown is None else _joint_diagnoses(name, self._shown)
         return [*joints, drift_diagnosis(name, self._comparisons)] if self._comparisons else joints
 
     def _compare(self) -> None:
@@ -148,9 +144,9 @@ class ResultPublisher:
         self, request: GetHistory.Request, response: GetHistory.Response
     ) -> GetHistory.Response:
         response.identifications = [
-            past_identification(each)
-            for each in ([] if self._read is None else self._read.entries)
-            if request.estimator in ("", each.estimator)
+            entry.to_message()
+            for entry in ([] if self._read is None else self._read.entries)
+            if request.estimator in ("", entry.estimator)
         ]
         return response
 
@@ -169,12 +165,29 @@ class ResultPublisher:
         return response
 
 
-def _own(entry: PastEstimates) -> bool:
-    """Whether the topics show it."""
+def _is_shown(entry: PastEstimates) -> bool:
+    """Whether an identification is of the kind that the topics have."""
     return not entry.configuration and entry.estimator == ESTIMATORS[0]
 
 
-FILE = "last_gap.json"
+def _joint_diagnoses(name: str, result: IdentificationResult) -> list[DiagnosticStatus]:
+    bags = ", ".join(result.parameters.bags)
+    return [
+        diagnostic_status(
+            _LEVELS[residual.verdict],
+            f"{name}: {residual.joint}",
+            residual.joint,
+            residual.sentence,
+            {
+                "verdict": residual.verdict,
+                "bags": bags,
+                f"residual, RMS ({result.effort_unit})": f"{residual.rms:.4g}",
+                "residual (%)": f"{residual.relative_percent:.3g}",
+                "order of its autoregressive model": residual.ar_order,
+            },
+        )
+        for residual in result.residuals
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,13 +203,7 @@ class _LastGap(Document):
 
 
 class GapPublisher:
-    """Topic `~/gap`.
-
-    Attributes
-    ----------
-    last : GapReport or None
-        What was published last.
-    """
+    """Topic `~/gap`; `last` is what was published last."""
 
     def __init__(self, node: Node, directory: Path) -> None:
         self._node, self._directory = node, directory
@@ -205,7 +212,7 @@ class GapPublisher:
 
     def publish_last(self) -> None:
         """Publish the last diagnosis that was kept, if its file can be read."""
-        path = self._directory / FILE
+        path = self._directory / LAST_GAP
         if not path.exists():
             return
         try:
@@ -214,25 +221,19 @@ class GapPublisher:
         except IdimError as error:
             self._node.get_logger().warning(str(error))
 
-    def add(self, stamp: int, bags: Sequence[str], folder: str) -> None:
-        """Publish and keep a diagnosis.
-
-        Parameters
-        ----------
-        stamp
-            When it ended, ns since 1970.
-        bags
-            Relative to the bag directory.
-        folder
-            Of its gap.json, relative to the output directory.
+    def add(self, job: Job) -> None:
+        """Publish and keep the diagnosis of a job that has ended.
 
         Raises
         ------
         IdimError
             Its gap.json cannot be read, or it cannot be kept.
         """
-        self._publish(stamp, bags, folder)
-        _LastGap(stamp=stamp, bags=tuple(bags), folder=folder).write(self._directory / FILE)
+        assert job.folder is not None
+        stamp = self._node.get_clock().now().nanoseconds or time.time_ns()
+        self._publish(stamp, job.names, job.folder.name)
+        last = _LastGap(stamp=stamp, bags=job.names, folder=job.folder.name)
+        last.write(self._directory / LAST_GAP)
 
     def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
         result = GapResult.read(self._directory / folder / GAP)

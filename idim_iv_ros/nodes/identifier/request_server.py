@@ -33,10 +33,6 @@ class PacedAnswers:
     A client keeps ten answers that it has not looked at, unless its program says otherwise, and the
     eleventh replaces the first: of 200 goals that are sent in one go many would be answered while
     the client still sends. Two turns are ten answers: it may be busy for a whole pause.
-
-    Parameters
-    ----------
-    node
     """
 
     def __init__(self, node: Node) -> None:
@@ -112,18 +108,9 @@ class Clients:
 class DeferredActionServer(ActionServer):
     """An action server whose goals run outside of it.
 
-    Parameters
-    ----------
-    node, kind, name
-    accepted
-        Takes each goal; `ServerGoalHandle.execute` says that its work begins.
-    cancel
-        Takes a goal that is to be cancelled; `finish` is called for it afterwards.
-
-    Attributes
-    ----------
-    unanswered : int
-        Results that were asked for and not yet sent.
+    `accepted` takes each goal, whose `execute` says that its work begins; `cancel` takes a goal for
+    which `finish` is to be called early. `unanswered` counts results that were asked for and not
+    yet sent.
     """
 
     def __init__(
@@ -235,8 +222,8 @@ class RequestServer:
         self._requests: dict[object, Job] = {}
         goals = node.resolve_service_name(f"{name}_bags")
         self._clients = (
-            Clients(node, node.resolve_service_name(name)),
-            Clients(node, f"{goals}/_action/get_result"),
+            (Clients(node, node.resolve_service_name(name)), self._requests),
+            (Clients(node, f"{goals}/_action/get_result"), self._goals),
         )
         steady_timer(node, _LOOK, self._look)
         self._paced = PacedAnswers(node)
@@ -298,8 +285,8 @@ class RequestServer:
 
     def _look(self) -> None:
         """Cancel what nobody waits for any more."""
-        for clients, kept in zip(self._clients, (self._requests, self._goals), strict=True):
-            jobs = list(kept.values())
+        for clients, waiting in self._clients:
+            jobs = list(waiting.values())
             if jobs and clients.gone():
                 names = "; ".join(", ".join(job.names) for job in jobs)
                 self._node.get_logger().warning(f"{names}: who asked is gone")

@@ -27,11 +27,7 @@ class _Described:
 class ModelSource:
     """Reads a result when there is a new one.
 
-    Parameters
-    ----------
-    configuration : Configuration
-    output_directory : Path
-        Of the identifier.
+    `output_directory` is that of the identifier.
 
     Attributes
     ----------
@@ -81,10 +77,7 @@ class ModelSource:
     def look(self, pinned: str) -> bool:
         """Read the result if it is new; whether `identified` is another one now.
 
-        Parameters
-        ----------
-        pinned
-            The file of the user's choice; empty for the newest that was announced.
+        `pinned` is the file of the user's choice; empty for the newest that was announced.
         """
         if self._described is None:
             self.reason = "no URDF: none in the configuration, and none on robot_description yet"
@@ -138,7 +131,7 @@ class ModelSource:
             entries = EstimateHistory(self._directory).entries
         except IdimError:
             return  # what the identifier cannot read either, it says itself
-        own = [entry for entry in entries if not entry.configuration]
-        own = [each for each in own if each.estimator == ESTIMATORS[0]] or own
-        if own:
-            self.announce(f"{own[-1].folder}/{RESULT}", own[-1].stamp)
+        of_node = [entry for entry in entries if not entry.configuration]
+        newest = [entry for entry in of_node if entry.estimator == ESTIMATORS[0]] or of_node
+        if newest:
+            self.announce(f"{newest[-1].folder}/{RESULT}", newest[-1].stamp)

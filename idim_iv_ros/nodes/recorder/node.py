@@ -24,10 +24,10 @@ from idim_iv_ros.nodes.recorder.report import (
     topic_status,
 )
 from idim_iv_ros.nodes.recorder.session import RecordingSession
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
 from idim_iv_ros.nodes.recorder.snapshot_service import SnapshotService
 from idim_iv_ros.nodes.recorder.threads import Intake, Result, WriterThread
-from idim_iv_ros.nodes.recorder.topic_set import TopicSet
+from idim_iv_ros.nodes.recorder.topics import TopicSet
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers
@@ -208,10 +208,11 @@ class Recorder:
 
     def _apply(self, settings: RecorderSettings, given: set[str]) -> None:
         self._settings = self._session.settings = settings
-        ring = self._session.ring
-        ring.duration, ring.limit = settings.snapshot_duration, settings.snapshot_memory
+        self._session.ring.keep(settings.snapshot_duration, settings.snapshot_memory)
         if "configuration" in given:
             self._topics.configure(settings)
+            self._intake.topics = self._topics.topics
+            self._call(self._session.forget)
         elif given & {"extra_topics", "extra_topics_regex"}:
             self._topics.extend(settings)
         self._intake.topics = self._topics.topics

@@ -8,10 +8,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
 from idim_iv_ros.nodes.entry import diagnostic_status
-from idim_iv_ros.nodes.recorder.session import RecordingSession, State
-from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing
+from idim_iv_ros.nodes.recorder.session import RecordingSession, SnapshotRing, State
 from idim_iv_ros.nodes.recorder.threads import WriterThread
-from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
+from idim_iv_ros.nodes.recorder.topics import WatchedTopic
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _SILENT = 1.0  # s, at least

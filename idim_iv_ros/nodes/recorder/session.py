@@ -1,8 +1,10 @@
-"""Recording as a state machine: start, stop, pause, resume, split; what happens on a full disk."""
+"""Recording as a state machine: start, stop, pause, resume, split, snapshot; and a full disk."""
 
 import os
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from enum import IntEnum
 from operator import itemgetter
@@ -10,12 +12,12 @@ from pathlib import Path
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import new_folder_path
-from idim_iv_ros.nodes.recorder.settings import RecorderSettings
-from idim_iv_ros.nodes.recorder.snapshot import SnapshotRing, write_snapshot
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
-from idim_iv_ros.recording.writing.storage import PRESETS
-from idim_iv_ros.recording.writing.write import TopicChannel
+from idim_iv_ros.recording.writing.write import PRESETS, Storage, TopicChannel
+
+_OVERHEAD = 250  # bytes of memory for a message beside its content
 
 
 class State(IntEnum):
@@ -26,6 +28,62 @@ class State(IntEnum):
     PAUSED = 2
     STOPPED_BY_FAULT = 3
     WAITING_FOR_CLOCK = 4
+
+
+class SnapshotRing:
+    """Messages of the last seconds. Not for several threads.
+
+    Attributes
+    ----------
+    duration : float
+        s of log time; 0: nothing is kept.
+    limit : int
+        Bytes of memory; with more the oldest messages go earlier.
+    size : int
+        Bytes of memory that are used, about.
+    """
+
+    def __init__(self, duration: float, limit: int) -> None:
+        self.duration, self.limit = duration, limit
+        self.size = 0
+        # Oldest and newest log time, memory, messages.
+        self._batches: deque[tuple[int, int, int, Sequence[Message]]] = deque()
+        self._channels: dict[str, TopicChannel] = {}
+
+    def keep(self, duration: float, limit: int) -> None:
+        """Keep so much from now on."""
+        self.duration, self.limit = duration, limit
+        if not duration:
+            self._batches.clear()
+            self.size = 0
+
+    def add(self, channels: Sequence[TopicChannel], messages: Sequence[Message]) -> None:
+        """Take messages, in any order, and forget those that are too old."""
+        if not self.duration:
+            return
+        self._channels.update({channel.name: channel for channel in channels})
+        times = [message[0] for message in messages]
+        newest = max(times)
+        size = sum(len(message[2]) for message in messages) + _OVERHEAD * len(messages)
+        self._batches.append((min(times), newest, size, messages))
+        self.size += size
+        while self._batches and (
+            self.size > self.limit or newest - self._batches[0][1] > self.duration * 1e9
+        ):
+            self.size -= self._batches.popleft()[2]
+
+    @property
+    def span(self) -> float:
+        """Seconds that are kept."""
+        batches = self._batches
+        return (batches[-1][1] - batches[0][0]) * 1e-9 if batches else 0.0
+
+    def content(self) -> tuple[list[TopicChannel], list[Message]]:
+        """What is kept, in the order of its log time."""
+        messages = [message for *_, batch in list(self._batches) for message in batch]
+        messages.sort(key=itemgetter(0))
+        present = {message[1] for message in messages}
+        return [self._channels[name] for name in self._channels if name in present], messages
 
 
 class RecordingSession:
@@ -41,7 +99,6 @@ class RecordingSession:
 
     Attributes
     ----------
-    state : State
     fault : str
         What is wrong, in one line that says what to do; empty if nothing is.
     dropped : int
@@ -104,25 +161,20 @@ class RecordingSession:
         if self.bag is not None:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
         limits = SplitLimits(self.settings.max_file_size, self.settings.max_file_duration)
-        latched = {name: message for name, (_, message) in self._latched.items()}
-        channels = [channel for channel, _ in self._latched.values()]
-        directory = Path(self.settings.bag_directory).resolve()
+        latched, channels = self._last_latched()
+        folder = Path(self.settings.bag_directory).resolve()
         try:
-            directory.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
+            self._require_space()
+            while self.bag is None:
+                folder = self._new_folder()
+                # Another recorder may begin in the same second, and be faster.
+                with suppress(FileExistsError):
+                    self.bag = GrowingBag(
+                        folder, limits, self._clock, latched, channels, storage=self._storage
+                    )
         except OSError as error:
-            raise UsageError(f"{directory}: cannot be made: {error.strerror or error}") from error
-        self._require_space()
-        while self.bag is None:
-            folder = new_folder_path(directory, self.settings.bag_prefix)
-            try:
-                storage = PRESETS[self.settings.storage_preset]
-                self.bag = GrowingBag(
-                    folder, limits, self._clock, latched, channels, storage=storage
-                )
-            except FileExistsError:
-                continue  # another recorder began in the same second, and was faster
-            except OSError as error:
-                raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
+            raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
         self.state, self.fault, self.dropped = State.RECORDING, "", 0
         self._started = self._committed = time.monotonic()
         return self.bag.folder
@@ -148,6 +200,10 @@ class RecordingSession:
         closed = _marked(closed) if aborted else closed
         self._end(closed, faulty=bool(closed.lost), aborted=aborted)
         return closed
+
+    def forget(self) -> None:
+        """Have no latched message of the robot that was recorded before."""
+        self._latched.clear()
 
     def pause(self) -> None:
         """Leave out what arrives from now on."""
@@ -213,12 +269,39 @@ class RecordingSession:
         if not content[1]:
             raise UsageError("no snapshot: no message has arrived")
         self._require_space()
-        latched = {name: message for name, (_, message) in self._latched.items()}
-        channels = [channel for channel, _ in self._latched.values()]
+        channels, messages = content
+        latched, latched_channels = self._last_latched()
+        present = {message[1] for message in messages}
+        before = {name: message for name, message in latched.items() if name not in present}
+        topics = {channel.name: channel for channel in (*latched_channels, *channels)}
+        folder, storage = self._new_folder("_snapshot"), self._storage
+
+        def write() -> ClosedBag:
+            first = messages[0][0]
+            bag = GrowingBag(
+                folder, SplitLimits(), lambda: first, before, list(topics.values()), storage=storage
+            )
+            try:
+                bag.add(messages)
+                return bag.close()
+            except OSError:
+                bag.abandon()
+                raise
+
+        return folder, write
+
+    def _last_latched(self) -> tuple[dict[str, Message], list[TopicChannel]]:
+        """The last message of each latched topic, and their channels."""
+        messages = {name: message for name, (_, message) in self._latched.items()}
+        return messages, [channel for channel, _ in self._latched.values()]
+
+    def _new_folder(self, suffix: str = "") -> Path:
         directory = Path(self.settings.bag_directory).resolve()
-        folder = new_folder_path(directory, f"{self.settings.bag_prefix}_snapshot")
-        storage = PRESETS[self.settings.storage_preset]
-        return folder, lambda: write_snapshot(folder, content, latched, channels, storage)
+        return new_folder_path(directory, self.settings.bag_prefix + suffix)
+
+    @property
+    def _storage(self) -> Storage:
+        return PRESETS[self.settings.storage_preset]
 
     def tick(self) -> None:
         """Put on disk what is due; call several times a second."""

@@ -17,11 +17,7 @@ from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 class ErrorWatch:
     """Errors of other nodes on /diagnostics that were not there before.
 
-    Parameters
-    ----------
-    excepted : tuple of str
-        What the names of the recorder's diagnoses begin with: its errors cause no snapshot, for a
-        full disk cannot take one.
+    What begins with one of the names `excepted` is the recorder's: a full disk takes no snapshot.
     """
 
     def __init__(self, excepted: tuple[str, ...]) -> None:
@@ -45,14 +41,8 @@ class ErrorWatch:
 class SnapshotService:
     """Takes snapshots, one at a time.
 
-    Parameters
-    ----------
-    node : Node
-    writer : WriterThread
-    drain : callable
-        Hands everything that has arrived to the writer.
-    announce : callable
-        Takes the bag when it is complete.
+    `drain` hands everything that has arrived to the writer; `announce` takes the bag when it is
+    complete.
     """
 
     def __init__(

@@ -15,7 +15,7 @@ import numpy as np
 from idim_iv_ros.errors import one_line
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.topic_monitor import MonitorLimits, Taken, TopicMonitor, batch_of
-from idim_iv_ros.nodes.recorder.watched_topic import WatchedTopic
+from idim_iv_ros.nodes.recorder.topics import WatchedTopic
 from idim_iv_ros.recording.writing.growing_mcap import Message
 from idim_iv_ros.recording.writing.write import TopicChannel
 
@@ -27,13 +27,8 @@ _PERIOD, _INTAKE_PERIOD = 0.1, 0.01  # s
 class WriterThread(threading.Thread):
     """Runs a RecordingSession; everything that touches the session happens in this thread.
 
-    Attributes
-    ----------
-    session : RecordingSession
-    overrun : int
-        Messages that arrived while `memory_limit` was full of messages not yet looked at.
-    failure : str
-        An error that should not happen; empty if none has.
+    `overrun` counts messages that arrived while `memory_limit` was full of messages not yet looked
+    at; `failure` is an error that should not happen.
     """
 
     def __init__(self, session: RecordingSession) -> None:
@@ -150,21 +145,9 @@ class Intake(threading.Thread):
     """Takes what arrived on all topics a hundred times a second and hands it to the writer.
 
     It waits on a steady clock: with simulated time, or without any clock, messages are taken
-    all the same.
-
-    Parameters
-    ----------
-    writer : WriterThread
-    largest : callable
-        Bytes of the largest message that is taken.
-    log_time : callable
-        Time to log messages with, ns; None for their time of receipt.
-
-    Attributes
-    ----------
-    topics : sequence of WatchedTopic
-    failure : str
-        Why messages could not be taken; empty if they could.
+    all the same. `largest` is the bytes of the largest message that is taken, `log_time` the time
+    to log messages with, ns, None for their time of receipt; `failure` says why messages could not
+    be taken.
     """
 
     def __init__(

@@ -26,13 +26,8 @@ _KEPT = 64  # layouts
 class JointContent:
     """Watches the content of one topic with joint messages.
 
-    Parameters
-    ----------
-    message_type : str
-    joints : sequence of str
-        Joints that the messages should hold; empty if any will do.
-    needed : sequence of str
-        Fields that must hold numbers: ``position``, ``effort``.
+    `joints` should be in the messages (empty: any will do), with numbers in the fields `needed`:
+    ``position``, ``effort``.
 
     Attributes
     ----------
@@ -49,7 +44,7 @@ class JointContent:
         self._type = message_type
         self._joints = tuple(joints)
         self._needed = tuple(needed)
-        self._known: dict[tuple[int, bytes], CdrLayout] = {}
+        self._layouts: dict[tuple[int, bytes], CdrLayout] = {}
         self._ends: dict[int, int] = {}  # behind the names, of messages of each size
         self._missing: tuple[str, ...] = ()
 
@@ -57,14 +52,12 @@ class JointContent:
     def problems(self) -> list[str]:
         """What the latest messages lack, in words."""
         problems = list(self._missing)
-        held = {name for names in self._latest() for name in names}
-        absent = [joint for joint in self._joints if joint not in held]
-        if held and absent:
+        present = {name for names in self._latest() for name in names}
+        absent = [joint for joint in self._joints if joint not in present]
+        if present and absent:
             problems.insert(0, f"it does not hold joint {', '.join(absent)}")
         sets = self.joint_sets
-        changed = [
-            recordings for recordings in sets if any(_overlap(recordings, other) for other in sets)
-        ]
+        changed = [names for names in sets if any(_overlap(names, other) for other in sets)]
         if changed:
             listed = " / ".join(", ".join(names) for names in changed[-3:])
             problems.append(f"the set of joints changed: {listed}")
@@ -78,17 +71,17 @@ class JointContent:
         """Sets of joints without a joint of a later one."""
         sets = self.joint_sets
         return [
-            recordings
-            for place, recordings in enumerate(sets)
-            if not any(_overlap(recordings, later) for later in sets[place:])
+            names
+            for place, names in enumerate(sets)
+            if not any(_overlap(names, later) for later in sets[place:])
         ]
 
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
-        known, unknown = self._known, 0
+        read = 0
         for message in messages:
-            if unknown < _READ_AT_ONCE and self._key(message) not in known:
-                unknown += 1
+            if read < _READ_AT_ONCE and self._key(message) not in self._layouts:
+                read += 1
                 self._read(message)
         if messages:
             self._numbers(messages[-1])
@@ -106,11 +99,11 @@ class JointContent:
         end = _NAMES_START
         if self._type == JOINT_STATE:  # behind the count of positions; two other counts follow
             end = int(layout.structure[-9]) + 1
-        if len(self._known) >= _KEPT:
-            self._known.clear()
+        if len(self._layouts) >= _KEPT:
+            self._layouts.clear()
             self._ends.clear()
         self._ends[len(message)] = end
-        self._known[self._key(message)] = layout
+        self._layouts[self._key(message)] = layout
         self._met(layout)
 
     def _met(self, layout: CdrLayout) -> None:
@@ -121,7 +114,7 @@ class JointContent:
             ]
 
     def _numbers(self, message: bytes) -> None:
-        layout = self._known.get(self._key(message))
+        layout = self._layouts.get(self._key(message))
         if layout is None:
             return
         self._met(layout)
@@ -154,15 +147,8 @@ def _overlap(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
 class Received:
     """A batch of messages of one topic as the middleware handed it over.
 
-    Attributes
-    ----------
-    topic : str
-    messages : list of bytes
-        Serialised.
-    received, sent : (n,) int
-        Times of receipt and source stamps, ns.
-    sequence : (n,) int
-        Publication sequence numbers, -1 where there are none.
+    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), -1 where there
+    are none.
     """
 
     topic: str
@@ -181,25 +167,16 @@ class MonitorLimits:
 
 
 class TopicMonitor:
-    """Counts of one topic since the last reset.
+    """Counts of one topic since the last reset; `clock` is monotonic time, s, for its silence.
 
     Attributes
     ----------
-    received, bytes : int
-        Messages and their bytes.
     lost : int
         Holes in the publisher's sequence numbers; not counted while several publishers share
         the topic, for the middleware does not say which of them sent a message.
-    late, gaps, longest_gap, backward : int, int, float (s), int
-        `backward` counts stamps (of the header, the source or the receipt) that lie before the
-        one before.
-
-    Parameters
-    ----------
-    content : JointContent or None
-    has_header : bool
-    clock : callable
-        Monotonic time, s, in which silence is measured.
+    late, gaps, longest_gap : int, int, float (s)
+    backward : int
+        Stamps (of the header, the source or the receipt) that lie before the one before.
     """
 
     def __init__(

@@ -5,7 +5,6 @@ import json
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,8 @@ from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
-from idim_iv_ros.nodes.parameters import Settings, declare, follow_changes, parameter
+from idim_iv_ros.nodes.parameters import declare, follow_changes
+from idim_iv_ros.nodes.settings import SimulatorSettings
 from idim_iv_ros.nodes.simulator.playback import REST, MotionSimulation, Playback, commanded
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
@@ -41,26 +41,7 @@ _LOOK = 0.1  # s between two looks at what the threads do
 _PATIENCE = 2.0  # s; what was compiled before is there by then
 _COMPILING = "the simulation is compiled, once on a new machine: a minute or two"
 
-_LARGEST_SEED = 2**31
 _LEAD = 0.3  # s in which the change to another motion is simulated; longer if that is not enough
-
-
-@dataclass(frozen=True)
-class SimulatorSettings(Settings):
-    """Values of the parameters; the names are the same."""
-
-    configuration: str = parameter("", "the robot's YAML file", read_only=True)
-    trajectory: str = parameter("", "CSV file that ~/move plays; empty: a random motion")
-    motion_duration: float = parameter(10.0, "duration of the random motion, s", (1.0, 3600.0))
-    motion_seed: int = parameter(1, "seed of the random motion", (0, _LARGEST_SEED))
-    seed: int = parameter(1, "seed of the noise", (0, _LARGEST_SEED))
-
-    def check(self) -> None:
-        """Check what the ranges cannot express."""
-        if not self.configuration:
-            raise UsageError("configuration: name it: --ros-args -p configuration:=ROBOT.yaml")
-        if self.trajectory:
-            read_trajectory(Path(self.trajectory))
 
 
 class RobotSimulator:

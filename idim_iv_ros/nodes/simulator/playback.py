@@ -39,16 +39,8 @@ def commanded(
 ) -> Trajectory:
     """Return the uniform trajectory through the points of a JointTrajectory.
 
-    Parameters
-    ----------
-    joints
-    times
-        (n_points,) s from the start.
-    positions, velocities
-        (n_points, n_joints) rad, rad/s; without velocities the points are joined by straight
-        lines.
-    rate
-        Samples per second.
+    `times` (n_points,) in s from the start; `positions` and `velocities` (n_points, n_joints) in
+    rad, rad/s; without velocities the points are joined by straight lines.
 
     Raises
     ------
@@ -79,14 +71,10 @@ def commanded(
 
 @dataclass(frozen=True)
 class MotionSimulation:
-    """Runs a simulated robot through motions, from rest to rest.
+    """Runs a simulated robot through motions, from rest to rest; `rate` of the references in Hz.
 
-    Attributes
-    ----------
-    configuration : Configuration
-    robot : SimulatedRobot
-    rate : float
-        Of the references, Hz.
+    Motions are returned as messages with times from zero, and references (n_samples, n_joints),
+    whose last REST seconds are at rest. `seed` is that of the noise.
     """
 
     configuration: Configuration
@@ -96,21 +84,7 @@ class MotionSimulation:
     def published(
         self, start: FloatArray, trajectory: Trajectory | None, seed: int
     ) -> tuple[list[JointTopic], FloatArray]:
-        """Run the robot from rest at `start` through a trajectory to rest.
-
-        Parameters
-        ----------
-        start
-            (n_joints,) reference at which it rests.
-        trajectory
-            None: it stays where it is.
-        seed
-            Of the noise.
-
-        Returns
-        -------
-        list of JointTopic, (n_samples, n_joints)
-            Messages with times from zero, and the references; the last REST seconds are at rest.
+        """Run the robot from rest at `start` (n_joints,) through a trajectory (if any) to rest.
 
         Raises
         ------
@@ -130,26 +104,8 @@ class MotionSimulation:
     ) -> tuple[list[JointTopic], FloatArray]:
         """Run the robot out of a motion into another, as a trajectory controller does.
 
-        Parameters
-        ----------
-        history
-            (n_samples, n_joints) references since the robot rested last, up to the change.
-        elapsed
-            Time between the new motion's beginning and the change, s: what was due then is left
-            out.
-        trajectory
-        seed
-            Of the noise.
-
-        Returns
-        -------
-        list of JointTopic, (n_samples, n_joints)
-            Messages since the beginning of the history, and the references.
-
-        Raises
-        ------
-        UsageError, DataError
-            As `published`.
+        `history` (n_samples, n_joints) are the references since it rested last, up to the change;
+        what was due in the time `elapsed` since the new motion's beginning, s, is left out.
         """
         motion, rate = self._motion(trajectory), self.rate
         place, speed = history[-1], (history[-1] - history[-2]) * rate

@@ -147,7 +147,8 @@ class CdrLayout:
             return np.zeros(len(messages), dtype=np.int64)
         raw = np.ascontiguousarray(messages[:, self.stamp : self.stamp + 8])
         stamp = raw.view([("seconds", f"{self.order}i4"), ("nanoseconds", f"{self.order}u4")])[:, 0]
-        return stamp["seconds"].astype(np.int64) * 1_000_000_000 + stamp["nanoseconds"]
+        seconds = stamp["seconds"].astype(np.int64)
+        return np.asarray(seconds * 1_000_000_000 + stamp["nanoseconds"], dtype=np.int64)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from ruamel.yaml.error import YAMLError
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.recording.bags.bag_file import BagFile
-from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
@@ -149,9 +148,9 @@ class Bag:
         counts = _counts(self.path)
         if any(counts.get(topic, 0) < self.found[topic] for topic in self.found):
             return
-        known = {topic: count for topic, count in counts.items() if topic in wanted}
-        if known:
-            self.missing = Counter({t: count - self.found[t] for t, count in known.items()})
+        expected = {topic: count for topic, count in counts.items() if topic in wanted}
+        if expected:
+            self.missing = Counter({t: count - self.found[t] for t, count in expected.items()})
             self.counted = True
 
 
@@ -165,7 +164,7 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     pairs = zip(given, as_paths(given), strict=True)
-    return tuple(each if isinstance(each, Bag) else Bag(path) for each, path in pairs)
+    return tuple(bag if isinstance(bag, Bag) else Bag(path) for bag, path in pairs)
 
 
 def _met(file: BagFile) -> dict[str, str]:
@@ -310,14 +309,14 @@ def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
 
 
 def _topic_sentence(bag: Bag, topic: str) -> str:
-    found, missing = bag.found[topic], bag.missing[topic]
+    saved_count, missing = bag.found[topic], bag.missing[topic]
     interval = bag.intervals.get(topic, 0.0)
-    saved = f"{found * interval:.4g} s"
+    saved = f"{saved_count * interval:.4g} s"
     if not bag.counted:
         least = f"at least {missing} and perhaps more" if missing else "how many more there were"
         tail = "are lost" if missing else "is not known"
-        return f"{found} messages on {topic} ({saved}) were saved, {least} {tail}"
+        return f"{saved_count} messages on {topic} ({saved}) were saved, {least} {tail}"
     if not missing:
         return f"no message on {topic} is lost"
     lost = f" ({missing * interval:.3g} s)" if interval else ""
-    return f"{missing} messages on {topic}{lost} are lost, {found} ({saved}) were saved"
+    return f"{missing} messages on {topic}{lost} are lost, {saved_count} ({saved}) were saved"

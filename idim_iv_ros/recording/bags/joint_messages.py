@@ -218,11 +218,11 @@ class JointMessageReader:
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
         named = np.zeros((len(self._layouts), width), dtype=bool)
-        for number, (known, places) in enumerate(self._layouts):
-            names.update(dict.fromkeys(known.names))
+        for number, (met, places) in enumerate(self._layouts):
+            names.update(dict.fromkeys(met.names))
             named[number] = [place is not None for place in places]
             if self.kind.name not in PLAIN:
-                origins.update({name: c.origin for name, c in known.columns.items()})
+                origins.update({name: c.origin for name, c in met.columns.items()})
         return JointMessages(
             topic=self.topic,
             stamps=stamps,

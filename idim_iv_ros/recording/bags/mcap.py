@@ -19,8 +19,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile
-from idim_iv_ros.recording.bags.byte_source import ByteSource, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
@@ -235,7 +234,7 @@ class McapFile(BagFile):
 
     def _scan(self, chunk: bytes, stretches: list[tuple[int, int]]) -> dict[int, list[int]]:
         """Walk the records in stretches of a chunk that no index names."""
-        found: dict[int, list[int]] = {}
+        places: dict[int, list[int]] = {}
         for place, last in stretches:
             while place + HEAD <= last:
                 opcode, size = struct.unpack_from("<BQ", chunk, place)
@@ -246,9 +245,9 @@ class McapFile(BagFile):
                     self._describe(opcode, chunk[start:end])
                 elif opcode == MESSAGE and size >= MESSAGE_HEAD:
                     (channel,) = struct.unpack_from("<H", chunk, start)
-                    found.setdefault(channel, []).append(place)
+                    places.setdefault(channel, []).append(place)
                 place = end
-        return found
+        return places
 
     def _loose(
         self, content: mmap.mmap | bytes, places: list[Record], wanted: set[str]

@@ -129,10 +129,10 @@ class _Search:
             block = content[place:end]
             if block != _ZEROS[: len(block)]:
                 self._garbage += len(block)
-                found = self._in_block(place, end)
-                if found is not None:
-                    self._garbage -= end - found
-                    return found
+                beginning = self._in_block(place, end)
+                if beginning is not None:
+                    self._garbage -= end - beginning
+                    return beginning
                 if self._garbage > most:
                     return None
             place = end

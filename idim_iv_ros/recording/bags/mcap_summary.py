@@ -11,7 +11,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.records import ChunkIndex, Statistics
 
-from idim_iv_ros.recording.bags.byte_source import READ_AHEAD, ByteSource
+from idim_iv_ros.recording.bags.bag_file import READ_AHEAD, ByteSource
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,

@@ -37,8 +37,8 @@ class Ros1File(BagFile):
                 return
             serialise = {connection.id: _serialiser(connection) for connection in connections}
             self.missing = Counter()
-            for each in connections:
-                self.missing[each.topic] += each.msgcount
+            for connection in connections:
+                self.missing[connection.topic] += connection.msgcount
             waiting: dict[str, list[tuple[int, bytes]]] = {}
             size = 0
             messages = reader.messages(connections)
@@ -59,9 +59,9 @@ class Ros1File(BagFile):
                 waiting.setdefault(connection.topic, []).append((stamp, data))
                 size += len(data)
                 if size > _BYTES or len(waiting[connection.topic]) >= _MESSAGES:
-                    yield from ((topic, MessageBatch.of(each)) for topic, each in waiting.items())
+                    yield from ((topic, MessageBatch.of(given)) for topic, given in waiting.items())
                     waiting, size = {}, 0
-            yield from ((topic, MessageBatch.of(each)) for topic, each in waiting.items())
+            yield from ((topic, MessageBatch.of(given)) for topic, given in waiting.items())
 
     @contextmanager
     def _opened(self) -> Iterator[Reader]:

@@ -83,16 +83,16 @@ class SqliteFile(BagFile):
         query = f"SELECT {', '.join(columns)} FROM message_definitions LIMIT {_TOPICS}"
         for row in connection.execute(query):
             if all(isinstance(cell, bytes) for cell in row):
-                name, encoding, text = (each.decode(errors="replace") for each in row)
+                name, encoding, text = (part.decode(errors="replace") for part in row)
                 self.definitions[name] = SchemaText(encoding, text)
 
     def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
         """Refuse a view, a virtual table and computed columns: they may never come to an end."""
         query = "SELECT type, sql FROM sqlite_master WHERE name = ?"
-        found = connection.execute(query, (table,)).fetchone()
-        if found is None:
+        described = connection.execute(query, (table,)).fetchone()
+        if described is None:
             raise DataError(f"{self.path}: not a rosbag2 database: it has no table {table}")
-        kind, definition = (bytes(text or b"").decode(errors="replace") for text in found)
+        kind, definition = (bytes(text or b"").decode(errors="replace") for text in described)
         if kind != "table" or "VIRTUAL" in definition.upper().split("(")[0]:
             raise DataError(f"{self.path}: not a rosbag2 database: {table} is no plain table")
         columns = {

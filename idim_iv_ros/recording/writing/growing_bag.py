@@ -10,8 +10,7 @@ from pathlib import Path
 
 from idim_iv_ros.files import write_together
 from idim_iv_ros.recording.writing.growing_mcap import FileSummary, GrowingMcap, Message
-from idim_iv_ros.recording.writing.storage import Storage
-from idim_iv_ros.recording.writing.write import TopicChannel
+from idim_iv_ros.recording.writing.write import Storage, TopicChannel
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from idim_iv_ros.recording.writing.storage import Storage
-from idim_iv_ros.recording.writing.write import ShortChunkWriter, TopicChannel
+from idim_iv_ros.recording.writing.write import ShortChunkWriter, Storage, TopicChannel
 
 Message = tuple[int, str, bytes, int, int]
 """Log time (ns), topic, serialised message, publish time (ns), sequence number."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, cast
 
 import numpy as np
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
@@ -17,13 +17,30 @@ from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replace
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES, JointMessageType
 from idim_iv_ros.recording.topic_names import in_root
-from idim_iv_ros.recording.writing.storage import Storage
 from idim_iv_ros.types import FloatArray, IntArray
 
 _STRING = "std_msgs/msg/String"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 # A damaged byte costs the messages of one chunk: chunks are short.
 _CHUNK_DURATION = 1_000_000_000  # ns of log time
+
+
+@dataclass(frozen=True)
+class Storage:
+    """Compression of chunks, and the bytes from which on a chunk ends."""
+
+    compression: CompressionType = CompressionType.ZSTD
+    chunk_size: int = 1 << 20
+
+
+# What rosbag2's presets of the same purpose choose (fastwrite, zstd_fast, zstd_small), as far as a
+# file that survives a crash allows: chunks and their index are always written.
+PRESETS = {
+    "default": Storage(),
+    "none": Storage(CompressionType.NONE),
+    "fast": Storage(CompressionType.LZ4),
+    "small": Storage(CompressionType.ZSTD, 4 << 20),
+}
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from idim_iv_ros.report.gap_words import (
     torque_unit,
     wrong_numbers,
 )
-from idim_iv_ros.report.numerals import count, exact, number, percent, sentence, with_unit
+from idim_iv_ros.report.numerals import count, exact, number, percent, plural, sentence, with_unit
 from idim_iv_ros.report.robot_drawing import ShadedRobot, robot_figure
 from idim_iv_ros.report.section import R, Report, Section
 
@@ -87,9 +87,9 @@ def _identification_tiles(result: IdentificationResult) -> Sequence[Tile]:
     essential = f"{fit.essential_parameters} of {fit.base_parameters}"
     return [
         ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
-        ("Parameters", essential, "base parameters are essential"),
+        ("Parameters", essential, "sums that the torque shows, needed to explain it"),
         _iterations(result),
-        ("Recorded", with_unit(seconds, "s"), f"{_recordings(len(result.bags))}, {rates}"),
+        ("Recorded", with_unit(seconds, "s"), f"{plural(len(result.bags), 'recording')}, {rates}"),
         ("Used", count(fit.samples), f"samples of all joints, decimated to {row_rate}"),
         ("Condition number", number(fit.condition_number), "of the observation matrix"),
     ]
@@ -99,12 +99,9 @@ def _iterations(result: IdentificationResult) -> Tile:
     if result.estimator == "idim-ls":
         return ("Estimator", "IDIM-LS", result.convergence_note)
     state = "converged" if result.converged else "NOT converged"
-    note = result.convergence_note.removeprefix("not converged: ")
-    return ("Iterations", str(result.iterations), f"{state}: {note}")
-
-
-def _recordings(bags: int) -> str:
-    return f"{bags} recording{'s' if bags != 1 else ''}"
+    if not result.converged:
+        state += ": " + result.convergence_note.removeprefix("not converged: ")
+    return ("Iterations", str(result.iterations), state)
 
 
 def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
@@ -139,7 +136,7 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
 
 
 def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
-    bags = _recordings(len(result.bags))
+    bags = plural(len(result.bags), "recording")
     untestable = "effects that this recording cannot show"
     return [
         ("Recorded", with_unit(duration(result), "s"), bags),

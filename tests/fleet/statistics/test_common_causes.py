@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.fleet.bag_result import CauseSummary
-from idim_iv_ros.fleet.diagnose import gap_summary
-from idim_iv_ros.fleet.result import CommonCause
+from idim_iv_ros.fleet.commands import gap_summary
+from idim_iv_ros.fleet.result import CauseSummary, CommonCause
 from idim_iv_ros.fleet.statistics.common_causes import common_causes, is_nothing, sentences
 from tests.report.sample_gap import sample_gap
 

@@ -5,8 +5,7 @@ import pytest
 import scipy
 import statsmodels.api as sm
 
-from idim_iv_ros.fleet.statistics.multiplicity import choose
-from idim_iv_ros.fleet.statistics.outliers import outlying
+from idim_iv_ros.fleet.statistics.outliers import choose, outlying
 
 ROBOTS, QUANTITIES = 12, 6
 

@@ -7,7 +7,7 @@ from scipy import stats
 
 from idim_iv_ros.estimation.qr import r_factor
 from idim_iv_ros.fleet.regression import stacked
-from idim_iv_ros.fleet.statistics.stacking import agreement, regression, shares
+from idim_iv_ros.fleet.statistics.quantities import agreement, regression, shares
 
 BAGS, ROWS, WIDTH = 5, 60, 4
 GROUPS = ([0, 1, 2, 3], [1, 3], [0, 2])  # all columns, friction, the rest

@@ -1,0 +1,406 @@
+"""The recorder's topics: the robot's signals and the extra ones, also those that appear.
+
+They are subscribed as their publishers offer them, and emptied without an executor.
+"""
+
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from idim_iv_ros.configuration import SignalsSection
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.parameters import read_configuration
+from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
+from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
+from idim_iv_ros.nodes.settings import RecorderSettings
+from idim_iv_ros.recording.bags.definitions import FLOAT_ARRAY, JOINT_STATE, ROS2_CONTROL
+from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
+from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
+from idim_iv_ros.signal_source import field_of, topic_of
+
+_STRING = "std_msgs/msg/String"
+_AT_ONCE = 20_000  # messages that are taken in one go
+_PERIOD = 1.0  # s between two looks for topics that match
+_DESCRIPTIONS = 10  # descriptions of the robot that wait
+
+
+def joint_types(quantities: Sequence[str], *, named_field: bool) -> list[str] | None:
+    """Message types that can hold quantities of joints; None: any, where a field is named."""
+    if named_field:
+        return None
+    numbers = [FLOAT_ARRAY] if list(quantities) == ["effort"] else []
+    return [JOINT_STATE, *ROS2_CONTROL, *numbers]
+
+
+class _NeverExecuted(CallbackGroup):
+    """Keeps its subscriptions out of every executor: they are emptied by hand."""
+
+    def can_execute(self, entity: object) -> bool:
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Nothing was begun."""
+
+
+class WatchedTopic:
+    """Subscription, channel and counts of one topic.
+
+    Parameters
+    ----------
+    node : Node
+    name : str
+        Fully qualified.
+    types : sequence of str or None
+        Message types that can be used; None: any that is installed.
+    joints, needed
+        As in JointContent.
+    depth : int
+        Messages that the middleware keeps.
+    best_effort : bool
+        Whether nothing is sent again for this subscription, nor a message from before it, whatever
+        the publishers offer.
+
+    Attributes
+    ----------
+    problem, note : str
+        Why the topic is not recorded, or what is unusual; empty if nothing is.
+    had_publishers : bool
+        Whether there ever was one.
+    too_large : int
+        Messages left out for their size.
+    substitutes : sequence of WatchedTopic
+        Each does as well where nobody publishes this one.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        types: Sequence[str] | None,
+        joints: Sequence[str],
+        needed: Sequence[str],
+        depth: int,
+        *,
+        best_effort: bool = False,
+    ) -> None:
+        self.name = name
+        self.joints, self.needed = joints, needed
+        self.problem = self.note = ""
+        self.publishers = self.too_large = 0
+        self.had_publishers = False
+        self.substitutes: Sequence[WatchedTopic] = ()
+        self.monitor = TopicMonitor(None, has_header=False)
+        self.channel: TopicChannel | None = None
+        self._node, self._types, self._depth = node, types, depth
+        self._best_effort = best_effort
+        self._group = _NeverExecuted()
+        self._lock = threading.Lock()
+        self._subscription: Subscription | None = None
+        self._type: object = None
+        self._gids: frozenset[bytes] = frozenset()
+        self._left: list[Taken] = []
+
+    @property
+    def absence(self) -> str:
+        """Why nothing came, where that is unusual; else empty."""
+        if self.problem:
+            return f"{self.name}: {self.problem}"
+        if self._types == [_STRING]:  # the description; a configuration may have it instead
+            return ""
+        if not self.had_publishers:
+            return f"nobody publishes {self.name}"
+        return f"nothing came on {self.name}" if self._types else ""
+
+    def look(self) -> None:
+        """Look for publishers: subscribe to the first, and again where their QoS changed."""
+        publishers = self._node.get_publishers_info_by_topic(self.name)
+        self.publishers = len(publishers)
+        self.problem = ""
+        if not publishers:
+            return
+        if self._types is not None:
+            usable = [other for other in publishers if other.topic_type in self._types]
+            if not usable:
+                plain = " or ".join(kind for kind in self._types if kind not in ROS2_CONTROL)
+                state = ", or a state of control_msgs" if self._types != [_STRING] else ""
+                self.problem = (
+                    f"it is {publishers[0].topic_type}; {plain} is needed{state}: not recorded"
+                )
+                return
+            publishers = usable
+        message_type = publishers[0].topic_type
+        try:
+            python_type(message_type)
+            definition(message_type)
+        except DataError as error:
+            self.problem = str(error)
+            return
+        usable = [other for other in publishers if other.topic_type == message_type]
+        self.had_publishers = True
+        gids = frozenset(bytes(publisher.endpoint_gid) for publisher in usable)
+        if gids != self._gids:
+            self._gids = gids
+            self.monitor.new_publishers(len(gids))
+            self._subscribe(usable)
+
+    def take(self, largest: int) -> list[Taken]:
+        """Everything that arrived; messages with more than `largest` bytes are left out."""
+        with self._lock:
+            fresh: list[Taken] = []
+            if self._subscription is not None:
+                self._drain(self._subscription, fresh)
+            if self._left:
+                seen = set(map(_identity, self._left))
+                fresh = [entry for entry in fresh if _identity(entry) not in seen]
+            taken, self._left = self._left + fresh, []
+        if any(len(message) > largest for message, _ in taken):
+            fitting = [entry for entry in taken if len(entry[0]) <= largest]
+            self.too_large += len(taken) - len(fitting)
+            return fitting
+        return taken
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        with self._lock:
+            if self._subscription is not None:
+                self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _drain(self, subscription: Subscription, taken: list[Taken]) -> None:
+        with suppress(InvalidHandle), subscription.handle:
+            take, message_type = subscription.handle.take_message, self._type
+            for _ in range(_AT_ONCE):
+                message = take(message_type, True)
+                if message is None:
+                    return
+                taken.append(message)
+
+    def _subscribe(self, publishers: Sequence[TopicEndpointInfo]) -> None:
+        """Subscribe reliable, and transient local, only where all publishers are (rosbag2)."""
+        message_type = publishers[0].topic_type
+        offered = tuple(_offered(publisher) for publisher in publishers)
+        channel = TopicChannel(self.name, message_type, offered, definition(message_type))
+        before, self.channel = self.channel, channel
+        kinds = {qos.reliability for qos in offered}, {qos.durability for qos in offered}
+        self.note = (
+            "its publishers offer different QoS: subscribed as the weakest of them"
+            if max(map(len, kinds)) > 1
+            else ""
+        )
+        if before is not None and self._subscription is not None:
+            same = self._request(before) == self._request(channel)
+            if same and before.message_type == message_type:
+                return
+            self.note = self.note or "the QoS of its publisher changed: subscribed anew"
+        if before is None or before.message_type != message_type:
+            content = (
+                JointContent(message_type, self.joints, self.needed)
+                if message_type in (JOINT_STATE, FLOAT_ARRAY)
+                else None
+            )
+            self.monitor = TopicMonitor(content, has_header=has_header(message_type))
+            self.monitor.new_publishers(len(publishers))
+        self._replace(message_type, self._request(channel))
+
+    def _request(self, channel: TopicChannel) -> tuple[bool, bool]:
+        """Whether to subscribe reliable, and transient local."""
+        if self._best_effort:
+            return False, False
+        reliable = all(qos.reliability == "reliable" for qos in channel.offered)
+        return reliable, channel.latched
+
+    def _replace(self, message_type: str, request: tuple[bool, bool]) -> None:
+        reliable, transient_local = request
+        qos = QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=self._depth,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=(
+                DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
+            ),
+        )
+        type_ = python_type(message_type)
+        with self._lock:
+            # What the old subscription still holds is taken over; what both got counts once.
+            new = self._node.create_subscription(
+                type_, self.name, _never, qos, callback_group=self._group, raw=True
+            )
+            old, self._subscription = self._subscription, new
+            if old is not None:
+                self._drain(old, self._left)
+            self._type = type_
+        if old is not None:
+            self._node.destroy_subscription(old)
+
+
+def _never(_: bytes) -> None:
+    """No executor calls this."""
+
+
+def _identity(message: Taken) -> tuple[int | None, int | None]:
+    return message[1]["source_timestamp"], message[1]["publication_sequence_number"]
+
+
+def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
+    qos = publisher.qos_profile
+    return OfferedQos(
+        "reliable" if qos.reliability == ReliabilityPolicy.RELIABLE else "best_effort",
+        "transient_local" if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
+        qos.depth or 10,
+    )
+
+
+class TopicSet:
+    """Topics that are watched.
+
+    `say` takes one line, once for each topic that cannot be recorded.
+
+    Raises
+    ------
+    UsageError
+        The configuration cannot be read.
+    """
+
+    def __init__(
+        self, node: Node, settings: RecorderSettings, say: Callable[[str], object]
+    ) -> None:
+        self._node, self._say = node, say
+        self._said: dict[str, str] = {}
+        self._signals: list[WatchedTopic] = []
+        self._extra: list[WatchedTopic] = []
+        self.configure(settings)
+
+    @property
+    def topics(self) -> list[WatchedTopic]:
+        """Signals first; a new list each time, so that another thread may go through it."""
+        return [*self._signals, *self._extra]
+
+    @property
+    def names(self) -> set[str]:
+        """Fully qualified names of the topics."""
+        return {topic.name for topic in self.topics}
+
+    def configure(self, settings: RecorderSettings) -> None:
+        """Watch the signals of another configuration.
+
+        Raises
+        ------
+        UsageError
+            The configuration cannot be read.
+        """
+        new, old = signal_topics(self._node, settings), self._signals
+        self._signals = new
+        self.extend(settings)
+        for topic in old:
+            topic.close()
+
+    def extend(self, settings: RecorderSettings) -> None:
+        """Watch other extra topics: those of the list now, those that match when they appear."""
+        old, self._extra = self._extra, []
+        text = settings.extra_topics_regex
+        self._expression = re.compile(text) if text else None
+        self._depth = settings.queue_depth
+        self._refused: set[str] = set()
+        self._looked = float("-inf")
+        listed = map(self._node.resolve_topic_name, filter(None, settings.extra_topics))
+        self._extra = [
+            self._topic(name) for name in dict.fromkeys(listed) if name not in self.names
+        ]
+        for topic in old:
+            topic.close()
+
+    def look(self) -> None:
+        """Look for publishers, and for topics that have appeared."""
+        self._extra = [*self._extra, *self._appeared()]
+        for topic in self.topics:
+            topic.look()
+            if topic.problem and self._said.get(topic.name) != topic.problem:
+                self._say(f"{topic.name}: {topic.problem}")
+            self._said[topic.name] = topic.problem
+
+    def close(self) -> None:
+        """Unsubscribe from all."""
+        for topic in self.topics:
+            topic.close()
+
+    def _appeared(self) -> list[WatchedTopic]:
+        """Topics that match the expression, have a publisher and are not watched yet."""
+        if self._expression is None or time.monotonic() - self._looked < _PERIOD:
+            return []
+        self._looked = time.monotonic()
+        watched, matches = self.names, []
+        for name, types in self._node.get_topic_names_and_types():
+            # A part that begins with an underscore is hidden, as those of services and actions.
+            if name in watched or name in self._refused or "/_" in name:
+                continue
+            if not self._expression.search(name) or not self._node.count_publishers(name):
+                continue
+            try:
+                python_type(types[0])
+                definition(types[0])
+            except DataError as error:
+                self._refused.add(name)
+                self._say(f"{name}: {error}")
+                continue
+            matches.append(self._topic(name))
+        return matches
+
+    def _topic(self, name: str) -> WatchedTopic:
+        return WatchedTopic(self._node, name, None, (), (), self._depth)
+
+
+def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
+    """Return joint states, effort, reference, link states and robot description, remapped.
+
+    Relative names are in the namespace of the node; the description of the robot is the global one
+    where its namespace has none.
+
+    Raises
+    ------
+    UsageError
+        The configuration cannot be read.
+    """
+    signals, joints = SignalsSection(), tuple[str, ...]()
+    if settings.configuration:
+        configuration = read_configuration(node, settings.configuration)
+        signals, joints = configuration.signals, tuple(configuration.robot.joints)
+    sources = (
+        ("position", signals.joint_states),
+        ("effort", signals.effort_topic),
+        ("position", signals.reference),
+        ("position", signals.link_states),
+    )
+    needed: dict[str, list[str]] = {}
+    named: set[str] = set()
+    for quantity, source in sources:
+        if source is not None:
+            name = topic_of(source)
+            needed[name] = sorted({*needed.get(name, ()), quantity})
+            named |= {name} if field_of(source) else set()
+    if not settings.configuration:
+        needed[topic_of(signals.joint_states)] = []
+    topics = []
+    for name, fields in needed.items():
+        types = joint_types(fields, named_field=name in named)
+        resolved, depth = node.resolve_topic_name(name), settings.queue_depth
+        topics.append(WatchedTopic(node, resolved, types, joints, fields, depth))
+    local_and_global = (ROBOT_DESCRIPTION, in_root(ROBOT_DESCRIPTION))
+    descriptions = [
+        WatchedTopic(node, name, [_STRING], (), (), _DESCRIPTIONS)
+        for name in dict.fromkeys(map(node.resolve_topic_name, local_and_global))
+    ]
+    for topic in descriptions:
+        topic.substitutes = [other for other in descriptions if other is not topic]
+    return [*topics, *descriptions]
