@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from idim_iv_ros.recording.writing.write import PRESETS
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -25,6 +24,7 @@ from idim_iv_ros.nodes.parameters import (
     refuse_unknown_parameters,
 )
 from idim_iv_ros.nodes.settings import MOTIONS, STORAGE, RecorderSettings, SimulatorSettings
+from idim_iv_ros.recording.writing.write import PRESETS
 from tests.ros.conftest import ARM2
 from tests.ros.processes import SETTINGS
 
