@@ -4,6 +4,7 @@ import importlib
 import json
 import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -161,6 +162,10 @@ def ros_arguments(
     """Return arguments of ROS that set the namespace and the parameters, and those of the user."""
     if others and others[0] != "--ros-args":
         raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
+    for option, word in pairwise(others):
+        name = word.partition(":=")[0].rpartition(":")[2]
+        if option in ("-p", "--param") and name in parameters:
+            raise UsageError(f"{word}: an option of the command sets the parameter {name}")
     arguments = ["idim-iv", "--ros-args"]
     for parameter, value in parameters.items():
         # Text in quotes: a folder may be called 2024, or true.

@@ -12,8 +12,7 @@ _SECOND = 1e9
 NEVER = np.iinfo(np.int64).min
 # A stamp further back than so many intervals, s at least: the clock was set back.
 _SET_BACK, _SET_BACK_INTERVALS = 0.1, 20.0
-# A step that is nearly a whole turn: what remains without it is at most a quarter of one.
-_NEARLY = TURN / 4.0
+_WRAP = 0.75 * TURN  # a longer step between two positions is a wrap
 # Time and samples at least, from which a rate is measured.
 _LEAST, _LEAST_SAMPLES = 0.5, 20
 # Steps whose median tells whether the rate has changed, and by how much, as a ratio.
@@ -146,20 +145,11 @@ class SampleStream:
 
     def _without_wraps(self, values: FloatArray) -> FloatArray:
         """Add the turns that make each position follow the one before."""
-        known = np.concatenate([_last_known(self.samples.values), values])
-        unwrapped = values.copy()
+        positions = np.concatenate([self.samples.values, values])
         for joint in np.flatnonzero(self._turning):
-            places = np.flatnonzero(np.isfinite(known[:, joint]))
-            steps = np.diff(known[places, joint])
-            turns = np.round(steps / TURN)
-            whole = np.abs(steps - TURN * turns) < _NEARLY
-            added = np.zeros(len(known))
-            if len(places) > 1:
-                # Known samples before are unwrapped already, so that the first step may hold
-                # turns that were undone earlier.
-                added[places[1:]] = np.cumsum(np.where(whole, turns, 0.0))
-            unwrapped[:, joint] -= TURN * added[1:]
-        return unwrapped
+            measured = np.isfinite(positions[:, joint])
+            positions[measured, joint] = np.unwrap(positions[measured, joint], discont=_WRAP)
+        return np.asarray(positions[len(self.samples) :])
 
     def forget(self, before: int) -> None:
         """Give up samples stamped before a time, ns, but the last one."""
@@ -202,12 +192,3 @@ class SampleStream:
     def missing(self) -> BoolArray:
         """Joints (n_joints,) without any number in all samples that are kept."""
         return np.asarray(~np.isfinite(self.samples.values).any(axis=0))
-
-
-def _last_known(values: FloatArray) -> FloatArray:
-    """Last finite value of each joint, (1, n_joints); NaN without one."""
-    finite = np.isfinite(values)
-    last = len(values) - 1 - np.argmax(finite[::-1], axis=0) if len(values) else 0
-    if not len(values):
-        return np.full((1, values.shape[1]), np.nan)
-    return np.asarray(values[last, np.arange(values.shape[1])])[None, :]

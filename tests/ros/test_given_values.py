@@ -123,6 +123,13 @@ def test_what_is_meant_is_taken(node) -> None:
         made.set_parameters([Parameter("late_aftr", value=7.0)])
 
 
+@pytest.mark.parametrize("word", ["record:=3", "recorder:record:=false"])
+def test_a_parameter_that_the_command_sets_cannot_be_set_again(word: str) -> None:
+    with pytest.raises(UsageError, match=f"{word}: an option"):
+        ros_arguments("", {"record": True}, ["--ros-args", "-p", word])
+    ros_arguments("", {"record": True}, ["--ros-args", "-p", "bag_prefix:=a", "-r", "record:=b/c"])
+
+
 @pytest.mark.parametrize("text", ["2024", "true", "~", "a: b", 'é "x" \\ #1'])
 def test_the_command_line_passes_text_as_text(node, text: str) -> None:
     given = ros_arguments("", {"bag_prefix": text, "record": True}, [])[1:]
