@@ -48,8 +48,7 @@ class _NeverExecuted(CallbackGroup):
     def can_execute(self, entity: object) -> bool:
         return False
 
-    def beginning_execution(self, entity: object) -> bool:
-        return False
+    beginning_execution = can_execute
 
     def ending_execution(self, entity: object) -> None:
         """Nothing was begun."""
@@ -60,7 +59,6 @@ class WatchedTopic:
 
     Parameters
     ----------
-    node : Node
     name : str
         Fully qualified.
     types : sequence of str or None
