@@ -1,5 +1,6 @@
 """Real nodes on loopback, in a domain of their own."""
 
+import itertools
 import os
 import subprocess
 from collections.abc import Callable, Iterator
@@ -142,12 +143,13 @@ def configuration(robot_file: Callable[[str], Path]) -> Path:
 
 
 @pytest.fixture
-def mortal(robot_file: Callable[[str], Path]) -> Path:
-    """Joint states on `/mortal`, which no other test uses.
+def mortal(robot_file: Callable[[str], Path]) -> tuple[Path, str]:
+    """A configuration, and its topic of joint states, which no other test uses.
 
     Who is killed seems to be there for another 20 s, to all who look for those of its topics.
     """
-    return robot_file("robot:\n  joints: [a, b]\nsignals:\n  joint_states: /mortal\n")
+    topic = f"/mortal_{next(_numbers)}"
+    return robot_file(f"robot:\n  joints: [a, b]\nsignals:\n  joint_states: {topic}\n"), topic
 
 
 @pytest.fixture
@@ -162,6 +164,7 @@ def small_disk(tmp_path: Path):
     subprocess.run(["umount", "-l", folder], check=True)
 
 
+_numbers = itertools.count()
 ARM2 = ROOT / "config" / "arm2.yaml"
 
 

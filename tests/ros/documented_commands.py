@@ -72,9 +72,8 @@ def _command(where: str, words: list[str]) -> Command:
 
 def interface(name: str) -> type:
     """Return the class of a type that is written `package/kind/Name`."""
-    package, kind, own = name.split("/")
-    found: type = getattr(import_module(f"{package}.{kind}"), own)
-    return found
+    package, kind, type_name = name.split("/")
+    return getattr(import_module(f"{package}.{kind}"), type_name)
 
 
 def fill(message: object, text: str) -> None:
@@ -98,9 +97,9 @@ def echo_profile(command: Command, offered: list[QoSProfile]) -> QoSProfile:
         durability=DurabilityPolicy.VOLATILE,
     )
     if not given:
-        if all(each.reliability == reliable for each in offered):
+        if all(item.reliability == reliable for item in offered):
             profile.reliability = reliable
-        if all(each.durability == latched for each in offered):
+        if all(item.durability == latched for item in offered):
             profile.durability = latched
     if "--qos-reliability" in given:
         profile.reliability = ReliabilityPolicy[given["--qos-reliability"].upper()]

@@ -24,7 +24,7 @@ class KinematicRobot:
     received : list
         Trajectories: times, positions and velocities at their points.
     obeys, publishes : bool
-    held : tuple of float, or None
+    blocked : tuple of float, or None
         The first joint does not get out between these places, rad.
     recorder : list of str
         Calls of the recorder.
@@ -60,7 +60,7 @@ class KinematicRobot:
         """Nothing is wrong with it, and it rests."""
         self.obeys = self.publishes = True
         self.state: int | None = RecorderStatus.IDLE
-        self.held: tuple[float, float] | None = None
+        self.blocked: tuple[float, float] | None = None
         self.received.clear()
         self.recorder.clear()
         self.motion = None
@@ -101,8 +101,8 @@ class KinematicRobot:
         if self.motion is not None:
             elapsed = min(now - self._begun, self.motion.x[-1])
             place = self.motion(elapsed)
-            if self.held is not None:
-                place[0] = np.clip(place[0], *self.held)
+            if self.blocked is not None:
+                place[0] = np.clip(place[0], *self.blocked)
             self.position = place
         if self.publishes:
             message = JointState(name=JOINTS, position=self.position.tolist())

@@ -71,7 +71,7 @@ def _description(path: Path) -> list:
 def _text(value: object, launched: Launched) -> object:
     """Perform substitutions."""
     if isinstance(value, list):
-        return "".join(str(_text(each, launched)) for each in value)
+        return "".join(str(_text(item, launched)) for item in value)
     perform = getattr(value, "perform", None)
     return value if perform is None else perform(SimpleNamespace(launched=launched))
 
@@ -98,7 +98,7 @@ def _node(*, package: str, executable: str, **keywords: object):
     def visit(launched: Launched) -> None:
         assert package == "idim_iv_ros"
         layers = [
-            {key: _text(each, launched) for key, each in layer.items()}
+            {key: _text(value, launched) for key, value in layer.items()}
             if isinstance(layer, dict)
             else str(_text(layer, launched))
             for layer in keywords["parameters"]

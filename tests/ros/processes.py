@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +93,15 @@ class Process:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         return self.process.wait(HANG)
+
+
+def end_all(processes: Collection[Process]) -> None:
+    """Interrupt all, then wait for each."""
+    for process in processes:
+        if process.process.poll() is None:
+            process.process.send_signal(signal.SIGINT)
+    for process in processes:
+        process.end()
 
 
 class Robot(Process):
@@ -324,14 +333,14 @@ class Observer:
 
 def numbers(bag: Path, topic: str = "/joint_states") -> np.ndarray:
     """First position of every message of a topic, in the order of the file, with our reader."""
-    found = []
+    positions = []
     for _, batch in Bag(bag).batches({topic}):
         for k in range(len(batch)):
             raw = batch.message(k)
             layout = JointMessageType("sensor_msgs/msg/JointState").layout(raw, ["position"])
             row = np.frombuffer(raw, np.uint8)[None, :]
-            found.append(layout.numbers(row, "position")[0, 0])
-    return np.array(found)
+            positions.append(layout.numbers(row, "position")[0, 0])
+    return np.array(positions)
 
 
 def only_bag(folder: Path) -> Path:

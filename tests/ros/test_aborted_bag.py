@@ -4,14 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from rclpy.parameter import Parameter
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue
-from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.nodes.recorder.node import Recorder
 from tests.ros.processes import Observer
 
@@ -66,31 +62,3 @@ def test_bag_that_was_given_up_is_marked_when_its_folder_cannot_be_renamed(
     recorder._abort()
     assert closed == [(folder, True)]
     assert all(path.is_dir() for path in bags.iterdir())
-
-
-@pytest.mark.parametrize("complete", [True, False])
-def test_auto_identifies_whole_bags_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, complete: bool
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(JobQueue, "warm", lambda queue: None)
-    asked: list[list[str]] = []
-
-    def submit(self: object, kind: object, request: object, listener: object) -> None:
-        asked.append(list(request.bags))
-
-    monkeypatch.setattr(Identifier, "_submit", submit)
-    identifier = Identifier()
-    identifier.node.set_parameters([Parameter("auto", value=True)])
-    identifier._bag_closed(BagClosed(bag="/bags/one", complete=complete))
-    assert asked == ([["/bags/one"]] if complete else [])
-    identifier.close()
-
-
-def test_recorder_offers_to_give_up(recorder: Recorder, observer: Observer) -> None:
-    client = observer.node.create_client(Trigger, "/recorder/abort")
-    observer.until(client.service_is_ready, "the service")
-    answer = client.call_async(Trigger.Request())
-    observer.until(answer.done, "the answer")
-    assert not answer.result().success  # nothing is recorded
-    observer.node.destroy_client(client)

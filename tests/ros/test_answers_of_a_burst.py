@@ -10,10 +10,8 @@ from rclpy.action import ActionClient
 from rclpy.action.server import ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
-from idim_iv_interfaces.srv import Identify
 from idim_iv_ros.nodes.identifier import job_queue, request_server
 from idim_iv_ros.nodes.identifier.node import Identifier
 from tests.ros.conftest import ARM2
@@ -49,17 +47,16 @@ class Answering:
         self.node = identifier.node
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self.server = server = identifier._servers[0]
+        server = identifier._servers[0]
         self.goals = server._actions._goals_paced
         self.results = server._actions._results_paced
-        self.calls = server._paced
         self.submitted = self.results_sent = 0
         self.close = functools.cache(identifier.close)
 
-    def until(self, holds: Callable[[], bool]) -> None:
+    def until(self, condition: Callable[[], bool]) -> None:
         """Let the identifier work, and the client not."""
         for _ in range(100 * COUNT):
-            if holds():
+            if condition():
                 return
             self.executor.spin_once(timeout_sec=0.01)
         raise AssertionError("not all requests were taken")
@@ -102,9 +99,9 @@ def all_answers(
     answering.until(lambda: sent() + paced.waiting == COUNT)
     assert sent() < 10
     while True:
-        observer.until(lambda: sum(each.done() for each in futures) == sent(), "answers")
+        observer.until(lambda: sum(future.done() for future in futures) == sent(), "answers")
         if sent() == COUNT:
-            return [each.result() for each in futures]
+            return [future.result() for future in futures]
         turn = min(sent() + 5, COUNT)
         paced._next_turn()
         answering.until(lambda: sent() == turn)  # noqa: B023
@@ -120,45 +117,8 @@ def test_all_of_200_goals_are_answered(answering: Answering, observer: Observer)
     results = all_answers(
         answering, answering.results, lambda: answering.results_sent, asked, observer
     )
-    messages = {each.result.message for each in results}
+    messages = {result.result.message for result in results}
     assert messages <= {"nothing moves", "busy: 10 jobs wait already"}
-    client.destroy()
-
-
-def test_all_of_200_service_calls_are_answered(answering: Answering, observer: Observer) -> None:
-    client = observer.node.create_client(Identify, "/identifier/identify")
-    observer.until(client.service_is_ready, "the service")
-    asked = [client.call_async(Identify.Request(bags=["missing"])) for _ in range(COUNT)]
-    paced = answering.calls
-    answers = all_answers(
-        answering, paced, lambda: answering.submitted - paced.waiting, asked, observer
-    )
-    assert all("no such bag" in answer.message for answer in answers)
-    observer.node.destroy_client(client)
-
-
-def test_all_goals_are_answered_when_the_node_ends(
-    answering: Answering, observer: Observer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(EndsAtOnce, "begin", lambda worker, request: None)
-    monkeypatch.setattr(request_server, "_AT_ONCE", 100)
-    answering.goals._next_turn()
-    answering.results._next_turn()
-    deep = QoSProfile(depth=100)  # the client does not look before all is over
-    client = ActionClient(
-        observer.node, IdentifyAction, "/identifier/identify_bags", result_service_qos_profile=deep
-    )
-    observer.until(client.server_is_ready, "the action")
-    asked = []
-    for number in range(11):
-        sent = client.send_goal_async(IdentifyAction.Goal(bags=["bag.mcap"]))
-        answering.until(lambda: answering.submitted == number + 1)  # noqa: B023
-        observer.until(sent.done, "the handle")
-        asked.append(sent.result().get_result_async())
-    answering.until(lambda: answering.server.unanswered == 11)
-    answering.close()
-    observer.until(lambda: all(each.done() for each in asked), "the results")
-    assert {each.result().result.message for each in asked} == {"the identifier was shut down"}
     client.destroy()
 
 

@@ -159,12 +159,12 @@ def test_robot_is_led_to_the_start_then_slowly_then_at_full_speed_and_only_that_
     assert (answer.bag, answer.usable) == ("bag-1.mcap", True)
     assert any("joint_1: moves over" in finding for finding in answer.findings)
     assert answer.message == "bag-1.mcap: 1 s recorded, usable"
-    stages = list(dict.fromkeys(each.stage for each in collector.feedback))
+    stages = list(dict.fromkeys(item.stage for item in collector.feedback))
     wanted = ["planning", "moving to the start", "slow pass", "recording", "checking"]
     assert [stage for stage in stages if stage in wanted] == wanted
-    shares = [each.progress for each in collector.feedback]
+    shares = [item.progress for item in collector.feedback]
     assert shares == sorted(shares)
-    assert max(each.tracking_error for each in collector.feedback) < LIMIT
+    assert max(item.tracking_error for item in collector.feedback) < LIMIT
 
 
 def test_cancelled_goal_brings_the_robot_to_rest_within_its_accelerations(
@@ -195,14 +195,14 @@ def test_cancelled_goal_brings_the_robot_to_rest_within_its_accelerations(
 
 
 def test_robot_that_is_held_up_is_stopped_where_it_is(collector, robot, observer) -> None:
-    robot.held = (robot.position[0] - 0.05, robot.position[0] + 0.05)
+    robot.blocked = (robot.position[0] - 0.05, robot.position[0] + 0.05)
     answer = collector.collect(duration=1.5, speed_scale=1.0)
     assert not answer.success
     assert answer.message.startswith("stopped in ")
     assert "joint_1 is 0.1" in answer.message
     assert f"more than tracking_error {LIMIT:g}" in answer.message
     _, places, _ = robot.received[-1]
-    assert robot.held[0] - 1e-6 <= places[0][0] <= robot.held[1] + 1e-6
+    assert robot.blocked[0] - 1e-6 <= places[0][0] <= robot.blocked[1] + 1e-6
     require_rest(robot, observer)
 
 
@@ -325,12 +325,9 @@ def test_robot_is_stopped_when_who_asked_is_gone(collector, robot, observer) -> 
     observer.until(lambda: gone in collector.process.errors.read_text(), "the reason")
 
 
-def test_robot_is_stopped_when_the_node_is_interrupted(robot, observer, tmp_path, stack) -> None:
-    robot.reset()
-    given = {"controller": "arm", "motion": "random", "approach_speed": 0.5, "allow_motion": True}
-    process = start_node("collector", tmp_path, configuration=ARM2, **PATIENT, **given)
-    stack.callback(process.end)
-    collector = Collector(observer, process)
+def test_robot_is_stopped_when_the_node_is_interrupted(collector, robot, observer) -> None:
+    """The last of the file: it ends the node that they share."""
+    process = collector.process
     goal = collector.send(duration=4.0)
     collector.until("slow pass", lambda: robot.moving)
     before = len(robot.received)
@@ -342,5 +339,4 @@ def test_robot_is_stopped_when_the_node_is_interrupted(robot, observer, tmp_path
     assert future.result().result.message == "stopped in slow pass: the collector was shut down"
     observer.until(lambda: process.process.poll() is not None, "its end")
     assert process.process.poll() == 0
-    collector.action.destroy()
     assert "Traceback" not in process.errors.read_text()

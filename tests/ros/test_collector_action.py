@@ -76,8 +76,8 @@ def write_package(folder: Path) -> None:
     begin, end = build.index("rosidl_generate_interfaces("), build.index("# The targets of")
     build = build[:begin] + GENERATED + build[end:]
     build = build.replace("project(idim_iv_interfaces)", "project(control_msgs)")
-    found = "find_package(std_msgs REQUIRED)"
-    build = build.replace(found, f"{found}\nfind_package(trajectory_msgs REQUIRED)")
+    find = "find_package(std_msgs REQUIRED)"
+    build = build.replace(find, f"{find}\nfind_package(trajectory_msgs REQUIRED)")
     (folder / "CMakeLists.txt").write_text(build)
 
 

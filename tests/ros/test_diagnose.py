@@ -39,7 +39,7 @@ def test_service_answers_with_the_report_and_publishes_it_latched(served, servic
     results = served.process.errors.parent / "results"
     document = json.loads((results / report.files[0]).read_text())
     assert (report.verdict, report.summary) == (document["verdict"], document["summary"])
-    assert [each.joint for each in report.joints] == document["joints"]
+    assert [joint.joint for joint in report.joints] == document["joints"]
     assert str(served.latched("gap", GapReport)) == str(report)
 
 

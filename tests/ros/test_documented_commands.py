@@ -42,27 +42,27 @@ LAUNCHED = {
 
 def documented() -> list[Command]:
     """All commands, in the order of where they stand."""
-    found: list[Command] = []
+    listed: list[Command] = []
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
-        found += commands_of_page(page)
+        listed += commands_of_page(page)
     for module in (recorder, identifier, collector, predictor, simulator):
-        found += commands(f"{module.__name__} --help", module.ABOUT)
+        listed += commands(f"{module.__name__} --help", module.ABOUT)
     for name, arguments in LAUNCHED.items():
         file = ROOT / "launch" / f"{name.split()[0]}.launch.py"
-        found += commands(f"{name} says", "\n".join(launch(file, **arguments).next_steps()))
-    return found
+        listed += commands(f"{name} says", "\n".join(launch(file, **arguments).next_steps()))
+    return listed
 
 
 def of(*verbs: str) -> object:
     """Parametrize with the commands of these verbs; one that names only the verb has no words."""
-    chosen = [each for each in documented() if each.verb in verbs and each.words]
+    chosen = [item for item in documented() if item.verb in verbs and item.words]
     assert chosen
     return pytest.mark.parametrize("command", dict.fromkeys(map(str, chosen)), indirect=True)
 
 
 @pytest.fixture
 def command(request: pytest.FixtureRequest) -> Command:
-    return next(each for each in documented() if str(each) == request.param)
+    return next(item for item in documented() if str(item) == request.param)
 
 
 @pytest.fixture(scope="module")
@@ -86,13 +86,18 @@ def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Itera
             if module in (predictor, simulator):
                 patch.setattr(module, "Node", configured)
             made.append(kind())
-        yield [each.node for each in made]
-        for each in made:
-            each.close()
+        yield [item.node for item in made]
+        for item in made:
+            item.close()
 
 
 def publishers(nodes: list[Node], topic: str) -> list:
-    return [each for node in nodes for each in node.publishers if each.topic_name == topic]
+    return [
+        publisher
+        for node in nodes
+        for publisher in node.publishers
+        if publisher.topic_name == topic
+    ]
 
 
 @of("topic echo")
@@ -101,7 +106,7 @@ def test_echo_gets_a_message_also_if_it_is_late(
 ) -> None:
     topic, *kind = command.words
     (publisher,) = publishers(nodes, topic)
-    offered = [each.qos_profile for each in observer.node.get_publishers_info_by_topic(topic)]
+    offered = [item.qos_profile for item in observer.node.get_publishers_info_by_topic(topic)]
     profile = echo_profile(command, offered)
     if kind:
         assert interface(*kind) is publisher.msg_type
@@ -136,9 +141,9 @@ def served(nodes: list[Node], name: str) -> list[str]:
     # Not by the names of nodes: an earlier one of the same name may be remembered.
     return [
         kind
-        for found, kinds in nodes[0].get_service_names_and_types()
+        for service, kinds in nodes[0].get_service_names_and_types()
         for kind in kinds
-        if found == name
+        if service == name
     ]
 
 
@@ -167,7 +172,7 @@ def test_goal_is_sent_with_fields_that_it_has(
 @of("param set")
 def test_parameter_is_set_to_a_value_of_its_type(command: Command, nodes: list[Node]) -> None:
     name, parameter, text = command.words
-    (node,) = [each for each in nodes if each.get_fully_qualified_name() == name]
+    (node,) = [item for item in nodes if item.get_fully_qualified_name() == name]
     assert not node.describe_parameter(parameter).read_only
     value = YAML(typ="safe").load(text)
     assert Parameter(parameter, value=value).type_ == node.get_parameter(parameter).type_
@@ -185,7 +190,7 @@ def test_node_is_run_with_parameters_that_it_has(command: Command) -> None:
     package, executable, *arguments = command.words
     if package != "idim_iv_ros":
         return
-    names = {each.name for each in fields(SETTINGS[executable])} | {"use_sim_time"}
+    names = {item.name for item in fields(SETTINGS[executable])} | {"use_sim_time"}
     for option, value in itertools.pairwise(arguments):
         if option == "-p":
             assert value.partition(":=")[0] in names
@@ -195,7 +200,7 @@ def test_node_is_run_with_parameters_that_it_has(command: Command) -> None:
 def test_launch_file_has_the_arguments_that_it_is_given(command: Command) -> None:
     package, file, *arguments = command.words
     assert package == "idim_iv_ros"
-    given = dict(each.split(":=") for each in arguments)
+    given = dict(argument.split(":=") for argument in arguments)
     path: Path = ROOT / "launch" / file
     declared = launch(path, **{**given, "params_file": ""}).arguments
     assert set(given) <= set(declared)

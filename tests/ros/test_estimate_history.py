@@ -35,7 +35,7 @@ def test_history_survives_and_is_bounded(tmp_path: Path) -> None:
         history.add(entry(bag, np.ones(20)), length=3)
     again = EstimateHistory(tmp_path)
     assert again.entries == history.entries
-    assert [each.bags for each in again.entries] == [("b",), ("c",), ("d",)]
+    assert [item.bags for item in again.entries] == [("b",), ("c",), ("d",)]
 
 
 def test_slow_drift_is_found_against_the_first_bag(tmp_path: Path) -> None:
@@ -60,14 +60,14 @@ def test_only_independent_estimates_of_the_same_kind_are_compared(tmp_path: Path
         replace(entry("a", np.ones(20)), bags=("a", "b")),
     ):
         history.entries = [other, shifted]
-        assert all(each.drifts == () for each in history.comparisons(0.01))
+        assert all(item.drifts == () for item in history.comparisons(0.01))
 
 
 def test_repeated_identification_of_a_bag_replaces_the_earlier(tmp_path: Path) -> None:
     history = EstimateHistory(tmp_path)
     for value in (1.0, 2.0):
         history.add(entry("a", np.full(20, value)), length=9)
-    assert [each.values["p0"][0] for each in history.entries] == [2.0]
+    assert [item.values["p0"][0] for item in history.entries] == [2.0]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": "other"}'])
@@ -93,7 +93,7 @@ def test_another_estimator_does_not_end_the_alarm(tmp_path: Path) -> None:
     alarm, *others = history.comparisons(0.01)
     assert [drift.parameter for drift in alarm.drifting] == ["p0"]
     assert alarm.since == 2
-    assert all(each.drifts == () for each in others)
+    assert all(other.drifts == () for other in others)
 
 
 def test_since_begins_anew_where_a_drift_has_gone(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_a_baseline_that_is_set_is_kept(tmp_path: Path) -> None:
     for stamp in range(2, 8):
         history.add(stamped(f"bag{stamp}", 2.0, stamp), length=3)
     again = EstimateHistory(tmp_path)
-    assert [each.bags for each in again.entries] == [("bag1",), ("bag6",), ("bag7",)]
+    assert [entry.bags for entry in again.entries] == [("bag1",), ("bag6",), ("bag7",)]
     (comparison,) = again.comparisons(0.01)
     assert comparison.baseline is not None
     assert comparison.baseline.bags == ("bag1",)
@@ -133,5 +133,5 @@ def test_a_message_tells_what_changed_and_since_when(tmp_path: Path) -> None:
     first = report.comparisons[0]
     assert (first.since.sec, list(first.baseline_bags)) == (1, ["bag0"])
     assert (first.parameters[0].before, first.parameters[0].now) == (5.0, 7.0)
-    assert [each.drifts for each in first.parameters] == [True] + 19 * [False]
+    assert [parameter.drifts for parameter in first.parameters] == [True] + 19 * [False]
     assert list(report.comparisons[1].parameters) == []

@@ -23,18 +23,19 @@ def publish(observer, topics: dict, count: int) -> None:
         name: observer.node.create_publisher(kind, name, 100) for name, kind in topics.items()
     }
     observer.until(
-        lambda: all(each.get_subscription_count() for each in publishers.values()), "subscriptions"
+        lambda: all(publisher.get_subscription_count() for publisher in publishers.values()),
+        "subscriptions",
     )
     for _ in range(count):
-        for name, each in publishers.items():
-            each.publish(topics[name]())
+        for name, publisher in publishers.items():
+            publisher.publish(topics[name]())
     for name in topics:
         observer.received(count, name)
-    for each in publishers.values():
-        observer.node.destroy_publisher(each)
+    for publisher in publishers.values():
+        observer.node.destroy_publisher(publisher)
 
 
-def held(bag: Path) -> dict[str, tuple[str, int]]:
+def content(bag: Path) -> dict[str, tuple[str, int]]:
     with AnyReader([bag]) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
@@ -52,11 +53,11 @@ def test_topics_of_a_list_and_of_an_expression_are_recorded_as_they_are(
     topics = {"/tool/wrench": WrenchStamped, "/drive_1/temperature": Temperature}
     publish(observer, topics, 20)
     assert observer.call("stop").success
-    found = held(only_bag(bags))
-    assert found["/tool/wrench"] == ("geometry_msgs/msg/WrenchStamped", 20)
-    assert found["/drive_1/temperature"] == ("sensor_msgs/msg/Temperature", 20)
+    recorded = content(only_bag(bags))
+    assert recorded["/tool/wrench"] == ("geometry_msgs/msg/WrenchStamped", 20)
+    assert recorded["/drive_1/temperature"] == ("sensor_msgs/msg/Temperature", 20)
     # A type that no library knows: its definition comes from its package.
-    kind, count = found[f"/{observer.name}/status"]
+    kind, count = recorded[f"/{observer.name}/status"]
     assert kind == "idim_iv_interfaces/msg/RecorderStatus"
     assert count > 0
 

@@ -74,11 +74,11 @@ def said(capfd: pytest.CaptureFixture[str]) -> list[str]:
 def test_a_value_of_another_type_is_refused_when_set(name: str, node) -> None:
     made = node("-p", f"configuration:={ARM2}")
     declare(made, KINDS[name])
-    for each in fields(KINDS[name]):
-        value = WRONG[type(each.default)]
+    for item in fields(KINDS[name]):
+        value = WRONG[type(item.default)]
         with pytest.raises(ParameterNotDeclaredException) as refused:
-            made.set_parameters([Parameter(each.name, value=value)])
-        assert str(refused.value).startswith(f"{each.name}: {value!r} ")
+            made.set_parameters([Parameter(item.name, value=value)])
+        assert str(refused.value).startswith(f"{item.name}: {value!r} ")
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_wrong_start_names_parameter_value_and_need(
     arguments = ["--ros-args", "-p", given]
     with pytest.raises(UsageError) as refused:
         declare(node(*arguments[1:]), RecorderSettings, arguments)
-    assert all(each in str(refused.value) for each in words), refused.value
+    assert all(word in str(refused.value) for word in words), refused.value
 
 
 def test_choices_are_those_of_what_they_choose() -> None:

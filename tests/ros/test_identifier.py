@@ -76,10 +76,10 @@ def test_action_gives_feedback_and_the_same_estimates(served, truth) -> None:
     result = answer.result.result
     require_truth(result.parameters, truth)
     served.observer.until(lambda: feedback[-1].stage == "writing", "the last stage")
-    stages = [each.stage for each in feedback]
+    stages = [item.stage for item in feedback]
     for stage in ("reading", "regressor", "validation", "writing"):
         assert stage in stages
-    shares = [each.progress for each in feedback]
+    shares = [item.progress for item in feedback]
     assert shares == sorted(shares)
     assert 0.0 <= shares[0] < shares[-1] <= 1.0
     assert str(served.latched()) == str(result)
@@ -125,7 +125,7 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
             served.observer.until(lambda: feedback, "word of the goal that waits")
             assert served.wait(goal.cancel_goal_async()).goals_canceling
             assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
-            assert {each.stage for each in feedback} == {"waiting"}
+            assert {item.stage for item in feedback} == {"waiting"}
         assert list(served.wait(first).result.parameters.bags) == ["bag-1.mcap"]
         last = served.wait(third).result.parameters
         assert (list(last.bags), last.estimator, last.iterations) == (["bag-2.mcap"], "idim-ls", 0)

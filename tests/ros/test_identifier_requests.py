@@ -71,10 +71,10 @@ def test_names_that_lead_out_are_refused(
 
 
 def test_folder_beside_with_the_same_beginning_is_outside(inside: Path) -> None:
-    beside = inside.with_name("bags2")
-    beside.mkdir()
+    sibling = inside.with_name("bags2")
+    sibling.mkdir()
     with pytest.raises(UsageError, match="leads out of"):
-        confined(inside, str(beside), "bag_directory")
+        confined(inside, str(sibling), "bag_directory")
 
 
 @pytest.mark.parametrize(
@@ -124,13 +124,14 @@ def test_announced_bag_is_identified(served, simulated_bags: Path) -> None:
     served.node.destroy_publisher(publisher)
 
 
-def test_announced_bag_is_left_alone_without_auto() -> None:
+def test_announced_bag_is_left_alone_without_auto_and_if_it_is_not_whole() -> None:
     node, asked = SimpleNamespace(_managed=SimpleNamespace(state=ACTIVE)), []
     node._submit = lambda _, request, listener: asked.extend(request.bags)
-    for auto in (False, True):
+    node.node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=print))
+    for auto, complete in ((False, True), (True, False), (True, True)):
         node._settings = IdentifierSettings(auto=auto)
-        Identifier._bag_closed(node, BagClosed(bag=f"{auto}", complete=True))
-    assert asked == ["True"]
+        Identifier._bag_closed(node, BagClosed(bag=f"{auto} {complete}", complete=complete))
+    assert asked == ["True True"]
 
 
 @pytest.mark.parametrize(

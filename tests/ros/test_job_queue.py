@@ -216,5 +216,5 @@ def test_all_are_answered_when_the_node_ends(bench: Bench) -> None:
         bench.submit(name)
     bench.poll()
     bench.queue.close()
-    ended = [each for each in bench.log if len(each) == 3]
+    ended = [item for item in bench.log if len(item) == 3]
     assert sorted(ended) == [(name, False, "the identifier was shut down") for name in "ab"]

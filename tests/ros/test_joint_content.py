@@ -52,7 +52,7 @@ def test_messages_of_several_parts_are_read_once_each() -> None:
     content = JointContent(JOINT_STATE, ["a", "b"], BOTH)
     read: list[bytes] = []
     take = content._read
-    content._read = lambda each: (read.append(each), take(each))
+    content._read = lambda raw: (read.append(raw), take(raw))
     parts = [message("a", "b"), message("finger", effort=[])]
     for _ in range(20):
         content.look(parts)

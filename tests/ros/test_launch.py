@@ -29,11 +29,11 @@ def test_launch_file_starts_executables_that_exist_with_parameters_they_have(nam
         "bags": "b", "results": "r", "bag_prefix": "2024", "record": "true", "auto": "true",
         "autostart": "false", "use_sim_time": "True", "log_level": "debug", "namespace": "cell",
     }  # fmt: skip
-    found = launch(FILES[name], **REQUIRED[name], **everything)
-    assert sorted(executable for executable, _ in found.nodes) == sorted(NODES[name])
-    for executable, node in found.nodes:
+    launched = launch(FILES[name], **REQUIRED[name], **everything)
+    assert sorted(executable for executable, _ in launched.nodes) == sorted(NODES[name])
+    for executable, node in launched.nodes:
         assert os.access(ROOT / "scripts" / executable, os.X_OK)
-        types = {each.name: type(each.default) for each in fields(SETTINGS[executable])}
+        types = {item.name: type(item.default) for item in fields(SETTINGS[executable])}
         assert node["name"] == executable
         (parameters,) = node["parameters"]
         if executable == "collector":
@@ -43,10 +43,10 @@ def test_launch_file_starts_executables_that_exist_with_parameters_they_have(nam
         assert parameters["use_sim_time"] is True
         assert node["ros_arguments"] == ["--log-level", "debug"]
         assert node["output"] == "screen"
-    recorder = next(node for executable, node in found.nodes if executable == "recorder")
+    recorder = next(node for executable, node in launched.nodes if executable == "recorder")
     assert recorder["parameters"][0]["bag_prefix"] == "2024"
     assert recorder["parameters"][0]["record"] is True
-    identifier = next(node for executable, node in found.nodes if executable == "identifier")
+    identifier = next(node for executable, node in launched.nodes if executable == "identifier")
     assert identifier["parameters"][0]["autostart"] is False
 
 
@@ -65,11 +65,13 @@ def test_what_is_not_given_is_left_to_the_nodes() -> None:
 
 
 def test_robots_have_namespaces_and_folders_of_their_own() -> None:
-    found = launch(
+    launched = launch(
         FILES["robots"], robots="left, right=ur.yaml", configuration="arm.yaml", simulate="true"
     )
-    assert started(found) == [f"{side}/{name}" for side in ("left", "right") for name in SIMULATED]
-    given = {f"{node['namespace']}/{name}": node["parameters"][0] for name, node in found.nodes}
+    assert started(launched) == [
+        f"{side}/{name}" for side in ("left", "right") for name in SIMULATED
+    ]
+    given = {f"{node['namespace']}/{name}": node["parameters"][0] for name, node in launched.nodes}
     assert given["left/recorder"] == {"configuration": "arm.yaml", "bag_directory": "bags/left"}
     assert given["right/identifier"] == {
         "configuration": "ur.yaml",
@@ -98,14 +100,14 @@ def test_wrong_arguments_are_one_line(name: str, arguments: dict[str, str], word
 
 def test_collector_and_predictor_are_started_on_request() -> None:
     given = {**GIVEN, "namespace": "left", "predict": "true", "collect": "true"}
-    found = launched_nodes(FILES["robot"], **given, controller="arm_controller")
-    assert sorted(found) == ["collector", "identifier", "predictor", "recorder"]
-    assert found["collector"] == {"configuration": "arm.yaml", "controller": "arm_controller"}
+    launched = launched_nodes(FILES["robot"], **given, controller="arm_controller")
+    assert sorted(launched) == ["collector", "identifier", "predictor", "recorder"]
+    assert launched["collector"] == {"configuration": "arm.yaml", "controller": "arm_controller"}
     # The predictor looks where the identifier writes.
-    found = launch(FILES["robots"], robots="left", **GIVEN, predict="true")
+    launched = launch(FILES["robots"], robots="left", **GIVEN, predict="true")
     results = {
         executable: node["parameters"][0].get("output_directory")
-        for executable, node in found.nodes
+        for executable, node in launched.nodes
     }
     assert results["predictor"] == results["identifier"] == "results/left"
 
@@ -142,14 +144,14 @@ def test_what_to_do_next_is_said_at_once_where_no_node_says_that_it_is_ready() -
 
 
 def test_each_of_several_robots_says_what_to_do_next() -> None:
-    found = launch(FILES["robots"], robots="left,right", **GIVEN)
+    launched = launch(FILES["robots"], robots="left,right", **GIVEN)
     for number, words in enumerate(
         ["ready: it\n", "unconfigured: call\n", "ready: it\n", "already: it\n"]
     ):
-        found.hear(number, words)
-    assert len(found.said) == 1
-    found.hear(3, "ready after 61.5 s: publishes")
-    assert ["/left/" in said for said in found.said] == [True, False]
+        launched.hear(number, words)
+    assert len(launched.said) == 1
+    launched.hear(3, "ready after 61.5 s: publishes")
+    assert ["/left/" in said for said in launched.said] == [True, False]
 
 
 def test_every_argument_is_described_in_the_documentation() -> None:

@@ -48,6 +48,6 @@ def test_plotjuggler_names_fields_of_the_message() -> None:
 def test_rviz_shows_the_markers() -> None:
     document = yaml.safe_load((LAYOUTS / "residual.rviz").read_text())
     displays = document["Visualization Manager"]["Displays"]
-    (markers,) = [each for each in displays if each["Class"].endswith("MarkerArray")]
+    (markers,) = [display for display in displays if display["Class"].endswith("MarkerArray")]
     assert markers["Topic"]["Value"] == "/predictor/residual_markers"
     assert set(markers["Namespaces"]) == {"residual", "share"}

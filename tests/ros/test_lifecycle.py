@@ -68,7 +68,7 @@ def test_requests_are_accepted_between_activation_and_deactivation(
         client.job()
         client.parameter("auto")  # answered after the second request has arrived
         assert change(client, "deactivate")
-        messages = {client.wait(each).message for each in waiting}
+        messages = {client.wait(item).message for item in waiting}
     assert messages == {"the identifier was deactivated"}
     # The file is read anew when it is configured again.
     arm.write_text("nonsense: 2\n")

@@ -78,7 +78,7 @@ def test_message_says_what_is_suspected_and_not_confirmed(results: Path) -> None
     assert isnan(hint.torque_gap.noise_floor)
     assert hint.reason == "a search names it without 2 of 6 blocks only"
     assert hint.sentence.startswith("joint_1 may be braked by joint_2")
-    assert [each.effect for each in message.causes] == ["stribeck", "payload"]
+    assert [cause.effect for cause in message.causes] == ["stribeck", "payload"]
 
 
 def test_message_says_where_the_gap_lies_and_how_it_shrinks(results: Path) -> None:
@@ -116,7 +116,7 @@ def test_message_says_what_parameters_and_the_signal_chain_do(results: Path) -> 
     chain = message.signal_chain
     assert (chain.effort_shift.value, chain.effort_shift.std) == (0.0015, 0.0001)
     assert (chain.effort_shift.unit, chain.periods) == ("s", 1.5)
-    assert [(each.name, each.value) for each in chain.joint_shifts] == [
+    assert [(shift.name, shift.value) for shift in chain.joint_shifts] == [
         ("joint_1", 0.0014),
         ("joint_2", 0.0016),
     ]
@@ -164,9 +164,11 @@ def test_every_verdict_becomes_a_message(case: Case) -> None:
     result = sample_gap(case=case, given=case != "none", tracking=case != "both")
     message = gap_message(result, Time(), [], "diagnosis")
     assert (message.verdict, message.summary) == (result.verdict, result.summary)
-    assert [each.sentence for each in message.causes] == [each.sentence for each in result.causes]
-    assert [each.joint for each in message.joints] == list(result.joints)
-    assert [each.stage for each in message.stages] == [each.name for each in result.stages]
+    assert [cause.sentence for cause in message.causes] == [
+        cause.sentence for cause in result.causes
+    ]
+    assert [joint.joint for joint in message.joints] == list(result.joints)
+    assert [stage.stage for stage in message.stages] == [stage.name for stage in result.stages]
     assert len(message.regimes) == len(result.regimes)
     assert (message.unexplained_joint == "") == (result.unexplained is None)
 
@@ -176,9 +178,9 @@ def test_what_messages_have_no_field_for_is_left_to_gap_json(tmp_path: Path) -> 
     result = sample_everything(tmp_path)
     assert result.hints and result.contrast and result.transmissions and result.physical
     message = gap_message(result, Time(), [], "diagnosis")
-    assert [each.effect for each in message.causes] == [each.effect for each in result.causes]
-    assert [each.sentence for each in message.hints] == [each.sentence for each in result.hints]
-    assert all(isnan(each.probability) for each in message.causes)
+    assert [cause.effect for cause in message.causes] == [cause.effect for cause in result.causes]
+    assert [hint.sentence for hint in message.hints] == [hint.sentence for hint in result.hints]
+    assert all(isnan(cause.probability) for cause in message.causes)
 
 
 def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() -> None:
@@ -188,16 +190,20 @@ def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() 
     message = result_message(result, Time(sec=7), ["a.mcap"], "identification")
     estimates = message.parameters.estimates
     assert message.parameters.header.stamp.sec == 7
-    assert [each.remark for each in estimates] == [each.remark for each in result.parameters]
-    assert NOT_SIGNIFICANT in {each.remark for each in estimates}
+    assert [estimate.remark for estimate in estimates] == [
+        parameter.remark for parameter in result.parameters
+    ]
+    assert NOT_SIGNIFICANT in {estimate.remark for estimate in estimates}
     assert list(message.parameters.covariance) == result.covariance.ravel().tolist()
-    assert [each.value for each in message.refined_estimates] == [
-        each.value for each in result.refined.parameters
+    assert [refined_estimate.value for refined_estimate in message.refined_estimates] == [
+        parameter.value for parameter in result.refined.parameters
     ]
     assert list(message.moved) == ["Fv2"]
-    assert [each.whiteness for each in message.residuals] == [ResidualDiagnosis.AUTOCORRELATED] * 2
-    assert [(each.scope, each.null_hypothesis) for each in message.exogeneity] == [
-        (each.scope, each.null) for each in result.exogeneity.tests
+    assert [residual.whiteness for residual in message.residuals] == [
+        ResidualDiagnosis.AUTOCORRELATED
+    ] * 2
+    assert [(item.scope, item.null_hypothesis) for item in message.exogeneity] == [
+        (test.scope, test.null) for test in result.exogeneity.tests
     ]
     assert message.exogeneity[-1].outcome == InstrumentTest.NOT_RUN
     assert isnan(message.exogeneity[-1].p_value)

@@ -1,6 +1,5 @@
 """Two robots in two namespaces: the same nodes, the same configuration, nothing mixed up."""
 
-import json
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -8,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from std_msgs.msg import Bool, String
 
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
 from idim_iv_ros.cli.main import main
@@ -20,8 +18,7 @@ from idim_iv_ros.simulators.recording import recorded_topics
 from idim_iv_ros.simulators.robot import simulated_robot
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient
-from tests.ros.processes import LATCHED, Observer, Process, Robot, only_bag, start_node
-from tests.ros.true_parameters import require_truth
+from tests.ros.processes import Observer, Process, Robot, only_bag, start_node
 
 SIDES = ("left", "right")
 
@@ -63,7 +60,7 @@ def test_two_recorders_record_each_its_own_robot(
     heard: dict[str, str] = {}
 
     def diagnosed(message: DiagnosticArray) -> None:
-        heard.update({each.name: each.message for each in message.status})
+        heard.update({status.name: status.message for status in message.status})
 
     subscription = observer.node.create_subscription(DiagnosticArray, "/diagnostics", diagnosed, 10)
     for process in recorders.values():
@@ -129,8 +126,10 @@ def test_an_identifier_takes_the_robot_of_its_namespace(
     stack.callback(client.close)
     answer = client.identify("both.mcap", estimator="idim-ls")
     assert answer.success, answer.message
-    found = {each.name: each.value for each in answer.result.parameters.estimates}
-    assert found == pytest.approx({each.name: each.value for each in expected.parameters})
+    values = {estimate.name: estimate.value for estimate in answer.result.parameters.estimates}
+    assert values == pytest.approx(
+        {parameter.name: parameter.value for parameter in expected.parameters}
+    )
 
 
 @pytest.mark.parametrize(
@@ -164,70 +163,3 @@ def test_command_line_passes_the_namespace_and_arguments_of_ros(
         [passed] if passed else []
     )
     assert len(capsys.readouterr().err.splitlines()) == (0 if status == 0 else 1)
-
-
-@pytest.mark.load
-def test_two_simulators_recorders_and_identifiers_at_once(
-    start, observer: Observer, stack: ExitStack, tmp_path: Path
-) -> None:
-    """End to end: each identifier finds the truth of its own robot, in every bag it hears of."""
-    text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
-    assert "Fc1: 1.5012" in text
-    files = {}
-    for side, friction in zip(SIDES, ("1.5012", "2.5"), strict=True):
-        files[side] = tmp_path / f"{side}.yaml"
-        files[side].write_text(text.replace("Fc1: 1.5012", f"Fc1: {friction}"))
-    processes = {}
-    for side, file in files.items():
-        folder = tmp_path / side
-        recorder = start(
-            "recorder", side, configuration=file, bag_directory=folder / "bags", status_period=0.2
-        )
-        processes[side] = (
-            start("robot_simulator", side, configuration=file),
-            recorder,
-            start(
-                "identifier",
-                side,
-                f"recorder/bag_closed:={recorder.name.partition('/')[2]}/bag_closed",
-                configuration=file,
-                bag_directory=folder / "bags",
-                output_directory=folder / "results",
-                auto=True,
-                status_period=0.2,
-            ),
-        )
-    truths: dict[str, str] = {}
-    moving: dict[str, list[bool]] = {side: [] for side in SIDES}
-    for side, (simulator, _, _) in processes.items():
-        observer.node.create_subscription(
-            String,
-            f"/{simulator.name}/truth",
-            lambda message, side=side: truths.update({side: message.data}),
-            LATCHED,
-        )
-        observer.node.create_subscription(
-            Bool,
-            f"/{simulator.name}/moving",
-            lambda message, side=side: moving[side].append(message.data),
-            LATCHED,
-        )
-    observer.until(lambda: all(moving.values()), "simulators that are ready")
-    clients = {side: IdentifierClient(observer, each[2]) for side, each in processes.items()}
-    for simulator, recorder, _ in processes.values():
-        observer.follow(recorder)
-        assert observer.call("start").success
-        observer.name = simulator.name
-        assert observer.call("move").success
-    for side, (_, recorder, _) in processes.items():
-        observer.until(lambda side=side: moving[side][-2:] == [True, False], "the motion")
-        observer.follow(recorder)
-        assert observer.call("stop").success
-    for side, client in clients.items():
-        observer.until(lambda client=client: "joint_2" in client.diagnostics, "a result")
-        found = client.latched().parameters
-        assert list(found.bags) == [only_bag(tmp_path / side / "bags").name]
-        require_truth(found, json.loads(truths[side]))
-        client.close()
-    friction = {side: json.loads(truths[side])["Fc1"] for side in SIDES}
-    assert friction == {"left": 1.5012, "right": 2.5}

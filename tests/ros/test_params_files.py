@@ -23,8 +23,8 @@ def section(node: str) -> dict[str, object]:
 @pytest.mark.parametrize("node", SETTINGS)
 def test_file_lists_every_parameter_with_its_default(node: str) -> None:
     defaults = {
-        each.name: list(each.default) if isinstance(each.default, tuple) else each.default
-        for each in fields(SETTINGS[node])
+        item.name: list(item.default) if isinstance(item.default, tuple) else item.default
+        for item in fields(SETTINGS[node])
     }
     if node in ("predictor", "robot_simulator"):
         assert defaults.pop("configuration") == ""  # must be given
@@ -75,7 +75,7 @@ def test_groups_of_the_aggregator_hold_every_status() -> None:
     words = {name: group["contains"] for name, group in groups.items() if name != "path"}
 
     def group(status: str) -> list[str]:
-        return [name for name, each in words.items() if any(word in status for word in each)]
+        return [name for name, parts in words.items() if any(word in status for word in parts)]
 
     for status in ("/recorder: recording", "/left/recorder: /left/joint_states"):
         assert group(status) == ["recordings"]

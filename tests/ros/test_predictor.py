@@ -95,27 +95,27 @@ class Heard:
         self.predictions.append(message)
 
     def _diagnosis(self, message: DiagnosticArray) -> None:
-        for each in message.status:
-            source, _, what = each.name.partition(": ")
+        for status in message.status:
+            source, _, what = status.name.partition(": ")
             if source == f"/{self.name}":
-                self.diagnostics[what] = (each.level[0], each.message)
+                self.diagnostics[what] = (status.level[0], status.message)
 
     @property
     def last(self) -> Prediction:
         return self.predictions[-1] if self.predictions else Prediction(reason="nothing heard")
 
-    def until(self, robot: PlayedRobot, holds, what: str) -> None:
+    def until(self, robot: PlayedRobot, condition, what: str) -> None:
         """Let the robot move until something holds."""
 
-        def published_and_holds() -> bool:
+        def published_and_true() -> bool:
             robot.publish(self.said)
-            return bool(holds())
+            return bool(condition())
 
-        robot.observer.until(published_and_holds, what)
+        robot.observer.until(published_and_true, what)
 
     def close(self) -> None:
-        for each in self._subscriptions:
-            self._node.destroy_subscription(each)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
 
 
 @pytest.fixture(scope="module")
@@ -131,8 +131,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def robot(observer: Observer) -> Iterator[PlayedRobot]:
     robot = PlayedRobot(observer, "/played_joint_states")
     yield robot
-    for each in (robot.clock, robot.publisher):
-        observer.node.destroy_publisher(each)
+    for item in (robot.clock, robot.publisher):
+        observer.node.destroy_publisher(item)
 
 
 @pytest.fixture(scope="module")
@@ -182,17 +182,17 @@ def test_a_result_is_predicted_with_as_soon_as_it_is_announced(
     )
     predictor.predictions.clear()
     predictor.until(robot, lambda: len(predictor.predictions) >= 50, "some predictions")
-    valid = [each for each in predictor.predictions if each.valid]
+    valid = [prediction for prediction in predictor.predictions if prediction.valid]
     assert len(valid) == len(predictor.predictions)
     assert list(valid[0].name) == JOINTS
     assert (valid[0].robot, valid[0].identified.sec) == ("arm6", 1_700_000_000)
-    assert max(each.delay for each in valid) < 0.3  # 0.15 s and two batches of the test
-    residual = np.array([each.residual for each in valid])
-    measured = np.array([each.measured for each in valid])
+    assert max(item.delay for item in valid) < 0.3  # 0.15 s and two batches of the test
+    residual = np.array([item.residual for item in valid])
+    measured = np.array([item.measured for item in valid])
     # Names in another order: a single joint that was taken for another would not fit.
     assert np.all(np.nanstd(residual, axis=0) < 0.1 * np.nanstd(measured, axis=0))
     assert np.allclose(
-        residual, measured - np.array([each.predicted for each in valid]), equal_nan=True
+        residual, measured - np.array([item.predicted for item in valid]), equal_nan=True
     )
     predictor.until(robot, lambda: np.isfinite(predictor.last.noise_share).any(), "shares")
     predictor.until(robot, lambda: JOINTS[5] in predictor.diagnostics, "diagnostics of the joints")
@@ -201,7 +201,7 @@ def test_a_result_is_predicted_with_as_soon_as_it_is_announced(
     assert "N m RMS" in sentence or "no motion" in sentence
     predictor.until(robot, lambda: predictor.markers, "markers")
     markers = predictor.markers[-1].markers
-    assert [each.header.frame_id for each in markers[::2]] == [f"link_{k}" for k in range(1, 7)]
+    assert [marker.header.frame_id for marker in markers[::2]] == [f"link_{k}" for k in range(1, 7)]
     observer.node.destroy_publisher(publisher)
 
 
@@ -261,4 +261,4 @@ def test_colours_say_how_large_the_residual_is() -> None:
     grey = colour_of(math.nan)
     assert max(grey) - min(grey) < 0.1
     markers = residual_markers(["link"], ["joint"], [math.nan]).markers
-    assert [each.text for each in markers] == ["", "joint –"]
+    assert [marker.text for marker in markers] == ["", "joint –"]

@@ -8,8 +8,8 @@ def test_an_incident_is_a_warning_for_a_while() -> None:
     recent = RecentCounts()
     for second in range(60):
         late = 3 if second >= 5 else 0
-        found = recent.since(TopicStatus(received=100 * second, late=late), float(second))
-        assert found.late == (3 if 5 <= second < 5 + RECENT else 0)
+        rose = recent.since(TopicStatus(received=100 * second, late=late), float(second))
+        assert rose.late == (3 if 5 <= second < 5 + RECENT else 0)
 
 
 def test_what_came_before_the_first_look_counts() -> None:

@@ -97,7 +97,7 @@ def test_requests_out_of_order_and_wrong_parameters_are_refused_in_one_line(
     recorder, observer, tmp_path: Path
 ) -> None:
     recorder()
-    for name in ("stop", "pause", "resume", "split"):
+    for name in ("stop", "abort", "pause", "resume", "split"):
         answer = observer.call(name)
         assert not answer.success
         assert "call start first" in answer.message
@@ -133,14 +133,17 @@ def test_configuration_is_reloaded_without_restart(
 
 
 def test_idim_iv_record_is_the_recorder_and_an_interrupt_closes_its_bag(
-    robot, observer, tmp_path: Path, mortal: Path
+    robot, observer, tmp_path: Path, mortal: tuple[Path, str]
 ) -> None:
+    configuration, topic = mortal
     out = tmp_path / "out"
     command = [str(Path(sys.executable).parent / "idim-iv"), "record"]
-    process = Process([*command, "--config", str(mortal), "--out", str(out)], tmp_path, "recorder")
+    process = Process(
+        [*command, "--config", str(configuration), "--out", str(out)], tmp_path, "recorder"
+    )
     observer.follow(process)
-    robot.begin(topics=[{"name": "/mortal"}], count=100).run()
-    observer.received(100, "/mortal")
+    robot.begin(topics=[{"name": topic}], count=100).run()
+    observer.received(100, topic)
     assert process.finish() == 0
     observer.forget("recorder")
-    assert np.array_equal(numbers(only_bag(out), "/mortal"), np.arange(100.0))
+    assert np.array_equal(numbers(only_bag(out), topic), np.arange(100.0))

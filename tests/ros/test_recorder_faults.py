@@ -15,24 +15,25 @@ WARN, ERROR = 1, 2
 
 
 def test_killed_recorder_loses_at_most_the_last_chunk(
-    mortal_recorder, robot, observer, bags: Path, mortal: Path
+    mortal_recorder, robot, observer, bags: Path, mortal: tuple[Path, str]
 ) -> None:
-    process = mortal_recorder(record=True, chunk_duration=0.3, configuration=mortal)
-    topics = [{"name": "/mortal"}]
+    configuration, topic = mortal
+    process = mortal_recorder(record=True, chunk_duration=0.3, configuration=configuration)
+    topics = [{"name": topic}]
     robot.begin(count=700, topics=topics).run()
-    observer.received(700, "/mortal")
+    observer.received(700, topic)
     observer.until(lambda: observer.next_status().waiting == 0, "the end of a chunk")
     robot.begin(count=300, topics=topics).run()
-    observer.received(1000, "/mortal")
+    observer.received(1000, topic)
     process.kill()
     bag = only_bag(bags)
-    found = numbers(bag, "/mortal")
-    assert len(found) >= 700
-    assert np.array_equal(found, np.r_[np.arange(700.0), np.arange(300.0)][: len(found)])
+    written = numbers(bag, topic)
+    assert len(written) >= 700
+    assert np.array_equal(written, np.r_[np.arange(700.0), np.arange(300.0)][: len(written)])
     (file,) = bag.glob("*.mcap")
     for path in (bag, file):
         with AnyReader([path]) as reader:
-            assert sum(1 for _ in reader.messages()) == len(found)
+            assert sum(1 for _ in reader.messages()) == len(written)
 
 
 def test_recording_stops_before_the_disk_is_full(recorder, robot, observer, small_disk) -> None:
@@ -74,21 +75,22 @@ def test_messages_wait_in_memory_while_the_disk_is_full(
 
 
 def test_publisher_that_dies_and_returns(
-    recorder, robot, observer, bags: Path, tmp_path: Path, mortal: Path
+    recorder, robot, observer, bags: Path, tmp_path: Path, mortal: tuple[Path, str]
 ) -> None:
-    recorder(record=True, configuration=mortal)
-    topics = [{"name": "/mortal"}]
+    configuration, topic = mortal
+    recorder(record=True, configuration=configuration)
+    topics = [{"name": topic}]
     first = Robot(tmp_path, "first").begin(count=200, topics=topics)
     first.run()
-    observer.received(200, "/mortal")
+    observer.received(200, topic)
     first.kill()
-    observer.diagnosed("/mortal", "no message for", ERROR)
+    observer.diagnosed(topic, "no message for", ERROR)
     robot.begin(count=150, topics=topics).run()
-    observer.received(350, "/mortal")
-    assert observer.topic("/mortal").lost == 0
+    observer.received(350, topic)
+    assert observer.topic(topic).lost == 0
     observer.call("stop")
-    found = numbers(only_bag(bags), "/mortal")
-    assert np.array_equal(found, np.r_[np.arange(200.0), np.arange(150.0)])
+    written = numbers(only_bag(bags), topic)
+    assert np.array_equal(written, np.r_[np.arange(200.0), np.arange(150.0)])
 
 
 def test_publisher_that_returns_best_effort_is_subscribed_anew_and_one_that_leaves_is_reported(

@@ -11,7 +11,6 @@ from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
-from idim_iv_ros.nodes.collector.neighbours import RecorderNeighbour
 from idim_iv_ros.nodes.recorder.node import Recorder
 from idim_iv_ros.nodes.recorder.topic_monitor import TopicMonitor
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
@@ -82,7 +81,7 @@ def told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[.
 
 def logged(bag: Path) -> dict[str, list[int]]:
     with Reader(bag) as reader:
-        times: dict[str, list[int]] = {each.topic: [] for each in reader.connections}
+        times: dict[str, list[int]] = {item.topic: [] for item in reader.connections}
         for connection, time, _ in reader.messages():
             times[connection.topic].append(time)
     return times
@@ -123,16 +122,6 @@ def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
     assert "[WARN]" in capfd.readouterr().err
 
 
-def test_a_driver_that_is_silent_is_named_beside_a_description(told, capfd) -> None:
-    said = told()
-    said.recorder._start()
-    said.arrive(LATCHED, 1)
-    said.arrive(JOINTS)
-    assert ": 1 messages " in (answer := said.recorder._stop())
-    assert "nothing came on /told/joint_states" in answer
-    assert "[WARN]" in capfd.readouterr().err
-
-
 def test_a_whole_bag_is_none(told, capfd) -> None:
     said = told()
     said.recorder._start()
@@ -166,7 +155,7 @@ def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
     status = said.status()
     assert status.state == RecorderStatus.WAITING_FOR_CLOCK
     assert "/clock" in status.fault
-    assert not any(each.recorded for each in status.topics)
+    assert not any(topic.recorded for topic in status.topics)
     said.recorder._split()
     said.clock(7)
     said.arrive(JOINTS, 4, 5)
@@ -198,17 +187,6 @@ def test_a_recording_that_waits_can_be_stopped_and_begun_again(told, capfd) -> N
     said.recorder._stop()
     assert said.closed[1].messages == 1
     assert logged(Path(said.closed[1].bag)) == {"/told/robot_description": [9 * 10**9]}
-
-
-def test_a_collector_does_not_move_a_robot_for_a_recorder_that_waits(told) -> None:
-    said = told(use_sim_time="true")
-    said.recorder._start()
-    neighbour = RecorderNeighbour(said.recorder.node)
-    neighbour._reported(said.status())
-    assert "/clock" in neighbour.trouble()
-    said.clock(1)
-    neighbour._reported(said.status())
-    assert neighbour.trouble() == ""
 
 
 def test_a_snapshot_holds_nothing_from_before_the_clock(told) -> None:

@@ -23,7 +23,7 @@ from idim_iv_ros.recording import read_recordings
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.launch_file import launched_nodes
-from tests.ros.processes import HANG, LATCHED, ROOT, Process, start_launched, start_node
+from tests.ros.processes import HANG, LATCHED, ROOT, Process, end_all, start_launched, start_node
 from tests.ros.true_parameters import require_truth
 
 LONGEST_SILENCE = 2.0  # s
@@ -54,8 +54,7 @@ def demo(tmp_path: Path, stack, observer) -> tuple[IdentifierClient, ActionClien
         "stale_after": 10.0,
     }
     processes = {name: start_launched(name, tmp_path, given) for name, given in nodes.items()}
-    for process in processes.values():
-        stack.callback(process.end)
+    stack.callback(end_all, processes.values())
     client = IdentifierClient(observer, processes["identifier"])
     stack.callback(client.close)
     collect = ActionClient(observer.node, Collect, "/collector/collect")

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from tests.ros.conftest import ARM2
-from tests.ros.processes import HANG, ROOT, SETTINGS, Observer, Process, start_node
+from tests.ros.processes import HANG, ROOT, SETTINGS, Observer, Process, end_all, start_node
 
 VERBS = {
     "topics": ("publish", "subscribe"),
@@ -47,11 +47,11 @@ def nodes(
 ) -> Iterator[dict[str, Process]]:
     """All nodes at once, beside publishers of a robot's topics."""
     with ExitStack() as stack:
-        processes = {}
-        for node in SETTINGS:
-            folder = tmp_path_factory.mktemp(node)
-            processes[node] = start_node(node, folder, configuration=ARM2)
-            stack.callback(processes[node].end)
+        processes = {
+            node: start_node(node, tmp_path_factory.mktemp(node), configuration=ARM2)
+            for node in SETTINGS
+        }
+        stack.callback(end_all, processes.values())
         for topic, kind in PUBLISHED.items():
             publisher = observer.node.create_publisher(kind, topic, 1)
             stack.callback(observer.node.destroy_publisher, publisher)

@@ -6,8 +6,8 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosbags.highlevel import AnyReader
 
+from idim_iv_ros.nodes.recorder.node import ErrorWatch
 from idim_iv_ros.nodes.recorder.session import SnapshotRing
-from idim_iv_ros.nodes.recorder.snapshot_service import ErrorWatch
 from idim_iv_ros.recording.writing.write import TopicChannel
 from tests.ros.processes import numbers
 

@@ -27,23 +27,23 @@ def motion() -> Trajectory:
 def watched(motion: Trajectory, at, longest: float = 1.0) -> list[tuple[float, float, str]]:
     """Time, deviation and joint while the robot is at `at(time)`."""
     watch = Supervision(motion, at(0.0), LIMIT, longest)
-    found = []
+    looks = []
     time = 0.0
     while not watch.ended(time):
-        found.append((time, *watch.look(time, at(time))))
+        looks.append((time, *watch.look(time, at(time))))
         time += 0.02
-    return found
+    return looks
 
 
-def first_beyond(found: list[tuple[float, float, str]]) -> tuple[float, str]:
-    return next((time, joint) for time, size, joint in found if size > LIMIT)
+def first_beyond(looks: list[tuple[float, float, str]]) -> tuple[float, str]:
+    return next((time, joint) for time, size, joint in looks if size > LIMIT)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3, 0.8])
 def test_robot_that_begins_late_and_sags_follows(motion, delay: float) -> None:
     sag = np.array([0.02, -0.01])
-    found = watched(motion, lambda time: places(np.array([time - delay]))[0] + sag)
-    assert max(size for _, size, _ in found) < 0.05
+    looks = watched(motion, lambda time: places(np.array([time - delay]))[0] + sag)
+    assert max(size for _, size, _ in looks) < 0.05
 
 
 def test_robot_that_does_not_move_is_noticed_after_the_longest_delay(motion) -> None:
@@ -56,8 +56,8 @@ def test_robot_that_does_not_move_is_noticed_after_the_longest_delay(motion) -> 
 
 def test_robot_that_is_held_up_is_noticed_when_it_is_the_limit_behind(motion) -> None:
     """Held at 0.3 rad after 1 s, where the speed is 0.47 rad/s; 0.1 s of slack are 0.05 rad."""
-    found = watched(motion, lambda time: places(np.array([min(time, 1.0)]))[0])
-    time, joint = first_beyond(found)
+    looks = watched(motion, lambda time: places(np.array([min(time, 1.0)]))[0])
+    time, joint = first_beyond(looks)
     assert joint == "a"
     assert 1.0 < time < 1.5
 
@@ -76,7 +76,7 @@ def test_before_the_robot_moves_it_is_held_where_the_motion_begins(motion) -> No
 
 
 def test_end_of_a_motion_that_is_too_small_to_be_seen_is_not_waited_for(motion) -> None:
-    small = Trajectory(motion.joints, RATE, *(0.05 * each for each in (
+    small = Trajectory(motion.joints, RATE, *(0.05 * item for item in (
         motion.position, motion.velocity, motion.acceleration)))  # fmt: skip
     watch = Supervision(small, np.zeros(2), LIMIT, 60.0)
     assert not watch.ended(SECONDS + 0.9)

@@ -150,7 +150,7 @@ def test_watch_shows_what_nodes_say_and_ends_with_one_line(
         publish()
         seen = [state for state in states(url) if state["joints"]]
     event = seen[-1]
-    assert [each["name"] for each in event["joints"]] == list(JOINTS)
+    assert [item["name"] for item in event["joints"]] == list(JOINTS)
     assert event["joints"][0]["predicted"] == 1.25
     if CHROMIUM is not None:
         browser = Browser(tmp_path / "chromium")

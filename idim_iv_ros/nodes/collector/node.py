@@ -38,13 +38,7 @@ It needs the nodes recorder and identifier. Parameters: ros2 param describe /col
 
 
 class Collector:
-    """Parameters and the action around the collection that is under way.
-
-    Raises
-    ------
-    UsageError
-        A parameter has a value that is not allowed.
-    """
+    """Parameters and the action around the collection that is under way."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("collector")

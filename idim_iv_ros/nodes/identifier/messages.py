@@ -19,7 +19,7 @@ from idim_iv_ros.identification.result import IdentificationResult, JointResidua
 from idim_iv_ros.statistics import HypothesisTest
 
 M = TypeVar("M")
-_OWN = "idim_iv_interfaces/"
+_PACKAGE = "idim_iv_interfaces/"
 
 
 def gap_message(result: GapResult, stamp: Time, bags: Sequence[str], folder: str) -> msg.GapReport:
@@ -119,9 +119,9 @@ def _value(form: str, value: Any) -> object:
     """Convert a value to the type of a field: ``double``, ``sequence<string>`` and so on."""
     if form.startswith("sequence<"):
         inner = form.removeprefix("sequence<").removesuffix(">")
-        return [_value(inner, each) for each in (() if value is None else value)]
-    if form.startswith(_OWN):
-        return _message(getattr(msg, form.removeprefix(_OWN)), value)
+        return [_value(inner, item) for item in (() if value is None else value)]
+    if form.startswith(_PACKAGE):
+        return _message(getattr(msg, form.removeprefix(_PACKAGE)), value)
     if form == "double":
         return float("nan") if value is None else float(value)
     if form == "string":

@@ -118,15 +118,7 @@ class ManagedNode(LifecycleNode):
 
 
 class Identifier:
-    """Parameters, services, actions and topics around the queue of jobs.
-
-    Raises
-    ------
-    UsageError
-        A parameter has a value that is not allowed.
-    DataError
-        The history in the output directory cannot be read.
-    """
+    """Parameters, services, actions and topics around the queue of jobs."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self._managed = ManagedNode(

@@ -48,13 +48,7 @@ Parameters: ros2 param describe /predictor NAME."""
 
 
 class Predictor:
-    """Parameters and topics around a `LivePrediction`.
-
-    Raises
-    ------
-    UsageError
-        A parameter has a value that is not allowed, or the URDF of the configuration is wrong.
-    """
+    """Parameters and topics around a `LivePrediction`."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("predictor")
@@ -102,7 +96,9 @@ class Predictor:
         fields: dict[str, dict[str, str | None]] = {}
         for quantity, source in sources.items():
             fields.setdefault(resolve(topic_of(source)), {})[quantity] = field_of(source)
-        return tuple(JointTopic(self.node, name, self._joints, own) for name, own in fields.items())
+        return tuple(
+            JointTopic(self.node, name, self._joints, named) for name, named in fields.items()
+        )
 
     def _announced(self, message: msg.IdentificationResult) -> None:
         stamp = message.parameters.header.stamp

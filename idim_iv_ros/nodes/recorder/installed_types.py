@@ -62,7 +62,7 @@ def definition(message_type: str) -> Definition | None:
         if name in types or name in store.fielddefs:
             continue
         types.update(_from_file(name))
-        waiting += [each for _, described in types[name][1] for each in _named(described)]
+        waiting += [part for _, described in types[name][1] for part in _named(described)]
     store.register(types)
     text, _ = store.generate_msgdef(message_type, ros_version=2)
     return Definition(text, store.hash_rihs01(message_type))

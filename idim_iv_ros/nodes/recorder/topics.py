@@ -47,8 +47,7 @@ class _NeverExecuted(CallbackGroup):
     def can_execute(self, entity: object) -> bool:
         return False
 
-    def beginning_execution(self, entity: object) -> bool:
-        return False
+    beginning_execution = can_execute
 
     def ending_execution(self, entity: object) -> None:
         """Nothing was begun."""
@@ -59,7 +58,6 @@ class WatchedTopic:
 
     Parameters
     ----------
-    node : Node
     name : str
         Fully qualified.
     types : sequence of str or None

@@ -45,13 +45,7 @@ _LEAD = 0.3  # s in which the change to another motion is simulated; longer if t
 
 
 class RobotSimulator:
-    """Parameters, topics and services around a thread that publishes and one that plans.
-
-    Raises
-    ------
-    UsageError
-        No configuration, or one that cannot be simulated.
-    """
+    """Parameters, topics and services around a thread that publishes and one that plans."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         self.node = node = Node("robot_simulator")

@@ -21,16 +21,7 @@ _POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' 
 
 
 class LivePage:
-    """A server on the loopback interface, in threads of its own.
-
-    Parameters
-    ----------
-    port : int
-        0: any that is free.
-
-    Attributes
-    ----------
-    url : str
+    """A server on the loopback interface, in threads of its own; port 0 is any that is free.
 
     Raises
     ------
