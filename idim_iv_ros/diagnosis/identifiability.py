@@ -50,9 +50,9 @@ class Absorption:
         width = width_of(columns)
         inner, products = np.zeros((self._total, width)), np.zeros((width, width))
         for joint, rows in columns.items():
-            own = self._joints[joint]
-            white = self._noise_models[joint].standardized(rows, own.segments)
-            inner[own.columns] += self._model[joint].T @ white
+            of_model = self._joints[joint]
+            white = self._noise_models[joint].standardized(rows, of_model.segments)
+            inner[of_model.columns] += self._model[joint].T @ white
             products += white.T @ white
         projected = scipy.linalg.solve_triangular(
             self._basis.upper, inner[self._basis.kept], trans="T"

@@ -92,8 +92,8 @@ class Regression:
             pairs = zip(self.added, places, strict=True)
             blocks = [(block[joint], place) for block, place in pairs if joint in block]
             if blocks:
-                columns, own = zip(*blocks, strict=True)
-                rows = rows.with_columns(np.hstack(columns), np.concatenate(own))
+                columns, numbers = zip(*blocks, strict=True)
+                rows = rows.with_columns(np.hstack(columns), np.concatenate(numbers))
             made.append(rows)
         return tuple(made)
 
@@ -166,8 +166,8 @@ class Regression:
         residuals = []
         for rows in self.extended:
             basis = independent_basis(rows.r_factor[:, :-1], tolerance=NOT_SHOWN)
-            own = basis.solve(rows.r_factor[:, -1], len(rows.columns))
-            residuals.append(rows.torque - rows.matrix @ own)
+            values = basis.solve(rows.r_factor[:, -1], len(rows.columns))
+            residuals.append(rows.torque - rows.matrix @ values)
         return white_noise_models(self.joints, residuals)
 
 

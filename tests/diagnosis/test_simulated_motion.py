@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.refit.smooth_motion import above, corrected_motions
+from idim_iv_ros.diagnosis.refit.smooth_motion import corrected_motions, high_passed
 from idim_iv_ros.signals import ParallelDecimation
 
 RATE, CUTOFF = 500.0, 20.0
@@ -34,7 +34,7 @@ def other_loop(states: list[np.ndarray], order: int) -> np.ndarray:
 def difference(one: list[np.ndarray], other: list[np.ndarray]) -> float:
     """Of two accelerations where the motions join and above, as a share of the first's."""
     inner = slice(500, -500)
-    rest, whole = (above(each, RATE, CUTOFF)[inner] for each in (one[2] - other[2], one[2]))
+    rest, whole = (high_passed(each, RATE, CUTOFF)[inner] for each in (one[2] - other[2], one[2]))
     return float(np.std(rest) / np.std(whole))
 
 

@@ -311,9 +311,9 @@ def _rows_at_once(
     ends = np.cumsum(widths)
     blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
     for number, joint in enumerate(joints):
-        own = slice(number * ends[-1], (number + 1) * ends[-1])
+        of_joint = slice(number * ends[-1], (number + 1) * ends[-1])
         counting = [
-            table[own].compress(motion.kept[:, joint], axis=1)
+            table[of_joint].compress(motion.kept[:, joint], axis=1)
             for table, motion in zip(tables, data.motions, strict=True)
         ]
         rows = np.concatenate(counting, axis=1)

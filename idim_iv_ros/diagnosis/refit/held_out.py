@@ -114,7 +114,7 @@ class HeldOut:
         N m (N).
     whitened : the same, whitened to unit variance
         The stages without ``given``.
-    own_joints : for each effect the joints whose torque it moves
+    moved_joints : for each effect the joints whose torque it moves
     floors : tuple of NoiseFloor
     note : str
         How the data were divided.
@@ -126,7 +126,7 @@ class HeldOut:
     blocks: tuple[IntArray, ...]
     residuals: tuple[tuple[FloatArray, ...], ...]
     whitened: tuple[tuple[FloatArray, ...], ...]
-    own_joints: tuple[tuple[int, ...], ...]
+    moved_joints: tuple[tuple[int, ...], ...]
     floors: tuple[NoiseFloor, ...]
     note: str
 
@@ -176,7 +176,7 @@ class HeldOut:
 
         Beside the effects before it, over the joints whose torque it moves.
         """
-        joints = self.own_joints[effect]
+        joints = self.moved_joints[effect]
         count = 1 + max(int(self.folds[j].max()) for j in joints)
         energies = [
             [np.bincount(self.folds[j], self.whitened[stage][j] ** 2, count) for j in joints]
@@ -245,7 +245,7 @@ def held_out(
         blocks=row_blocks(data),
         residuals=tuple(stages),
         whitened=whitened,
-        own_joints=tuple(tuple(sorted(block)) for block in extended.added),
+        moved_joints=tuple(tuple(sorted(block)) for block in extended.added),
         floors=tuple(floors),
         note=note,
     )
@@ -331,9 +331,9 @@ def _solutions(
         factors.append(stacked_r_factor(reduced, places, extended.total + 1))
     solutions: list[list[FloatArray]] = [[] for _ in ends]
     leak = np.sqrt(_FOLD_LEAK)
-    for number, own in enumerate(factors):
+    for number, predicted in enumerate(factors):
         others = [factor for other, factor in enumerate(factors) if other != number]
-        factor = r_factor(np.vstack([*others, leak * own]))
+        factor = r_factor(np.vstack([*others, leak * predicted]))
         basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
         for stage, end in zip(solutions, ends, strict=True):
             stage.append(basis.leading(int(end)).solve(factor[:, -1], extended.total))

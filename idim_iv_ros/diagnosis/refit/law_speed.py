@@ -206,8 +206,8 @@ def _shares(
     if len(table) < settings.LEAST_ROWS:
         return None
     which = np.concatenate(constants)
-    known = [2, 3, 5] if feedforward else [2, 3]
-    plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, known]])
+    shared = [2, 3, 5] if feedforward else [2, 3]
+    plain_columns = np.column_stack([which[:, None] == np.unique(which), table[:, shared]])
     first = np.column_stack([plain_columns, table[:, 4]])
     rest = table[:, 1] - first @ np.linalg.lstsq(first, table[:, 1])[0]
     steady = away_from_events(rest, which, np.concatenate(times))

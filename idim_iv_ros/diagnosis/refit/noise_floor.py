@@ -98,8 +98,8 @@ def noise_floors(
 
 def common_floor(floors: Sequence[NoiseFloor]) -> float | None:
     """Noise of several joints together, root of the sum of squares; None where one is unknown."""
-    known = [floor.sigma for floor in floors if floor.sigma is not None]
-    return float(np.sqrt(np.sum(np.square(known)))) if len(known) == len(floors) else None
+    sigmas = [floor.sigma for floor in floors if floor.sigma is not None]
+    return float(np.sqrt(np.sum(np.square(sigmas)))) if len(sigmas) == len(floors) else None
 
 
 def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:

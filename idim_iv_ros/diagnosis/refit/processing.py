@@ -89,8 +89,8 @@ def widened(
     if simulated:
         cutoff = max(cutoff, prepared.cutoffs.decimation)
     else:
-        own = prepared.cutoffs.decimation
-        cutoff = float(np.clip(cutoff, settings.NARROWEST_BAND * own, own))
+        motion_band = prepared.cutoffs.decimation
+        cutoff = float(np.clip(cutoff, settings.NARROWEST_BAND * motion_band, motion_band))
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
     if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only

@@ -149,7 +149,7 @@ def refitted(
     recordings: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str],
-    beside: Callable[[Baseline], Baseline] | None = None,
+    with_nominal: Callable[[Baseline], Baseline] | None = None,
 ) -> Refit:
     """Refit the nominal model and align the effort.
 
@@ -158,7 +158,7 @@ def refitted(
     without
         Effects that are left out of the catalogue: gravity is looked for where the configuration
         has none, unless its direction is among them.
-    beside
+    with_nominal
         Puts another nominal model in the place of the URDF's; gravity is then not looked for.
 
     Raises
@@ -167,8 +167,8 @@ def refitted(
         As `identify`.
     """
     data = baseline(recordings, configuration)
-    if beside is not None:
-        data = beside(data)
+    if with_nominal is not None:
+        data = with_nominal(data)
         return _aligned_throughout(data, smooth_regression(data), without)
     regression = smooth_regression(data)
     may_lack = name_of("gravity") not in without
@@ -242,12 +242,12 @@ def _likelihood(refit: Refit) -> float:
 
 def _with_friction(data: Baseline, regression: Regression) -> Refit:
     """Align the effort; once more where dry friction turns early, as simulators solve it."""
-    own, rows, shift = aligned(data, regression)
-    softened = soft_friction(own, rows)
+    shifted, rows, shift = aligned(data, regression)
+    softened = soft_friction(shifted, rows)
     if softened is not None:
         data = softened.put_into(data)
-        own, rows, shift = aligned(data, smooth_regression(data))
-    return Refit(own, rows, shift, softened=softened)
+        shifted, rows, shift = aligned(data, smooth_regression(data))
+    return Refit(shifted, rows, shift, softened=softened)
 
 
 def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | None:

@@ -43,7 +43,7 @@ _DERIVATIVES = 3  # of the simulated motion: as it is, and its first and second 
 States = Sequence[FloatArray]
 
 
-def above(signal: FloatArray, rate: float, cutoff: float) -> FloatArray:
+def high_passed(signal: FloatArray, rate: float, cutoff: float) -> FloatArray:
     """Return what of a signal (s, n_joints) lies above the frequency where the motions join."""
     return signal - zero_phase_butterworth(
         signal,
@@ -85,9 +85,9 @@ def corrected_motions(
         derived.append(derivatives)
     rows, targets = [], []
     for real, states, decimation, rate in zip(measured, derived, decimations, rates, strict=True):
-        columns = [decimation.whole(above(state, rate, cutoff)) for state in states[2:]]
+        columns = [decimation.whole(high_passed(state, rate, cutoff)) for state in states[2:]]
         rows.append(np.stack(columns, axis=2))  # (m, n_joints, derivatives)
-        targets.append(decimation.whole(above(real[2] - states[2], rate, cutoff)))
+        targets.append(decimation.whole(high_passed(real[2] - states[2], rate, cutoff)))
     coefficients = _coefficients(np.concatenate(rows), np.concatenate(targets))
     return [
         [
@@ -109,8 +109,8 @@ def _coefficients(rows: FloatArray, targets: FloatArray) -> FloatArray:
         table = rows[:, used].reshape(count, -1)
         scale = np.linalg.norm(table, axis=0)
         scale[scale == 0.0] = 1.0
-        own = np.linalg.lstsq(table / scale, targets[:, joint], rcond=1e-6)[0] / scale
-        made[joint, used] = own.reshape(len(used), derivatives)
+        solution = np.linalg.lstsq(table / scale, targets[:, joint], rcond=1e-6)[0] / scale
+        made[joint, used] = solution.reshape(len(used), derivatives)
     return made
 
 
@@ -337,7 +337,7 @@ def _joined(
     for k, states in zip(simulated, corrected, strict=True):
         rate = motions[k].signals.rate
         made[k] = [
-            real - above(real - state, rate, cutoff)
+            real - high_passed(real - state, rate, cutoff)
             for real, state in zip(made[k], states, strict=True)
         ]
     return made
