@@ -117,10 +117,9 @@ def _print_whole(console: Console, result: GapResult) -> None:
     groups = untestable(result)
     if groups:
         rows = [
-            (effect_words(group.effect), group.joints or "all", group.reason,
-             group.excitation_needed)
-            for group in groups
-        ]  # fmt: skip
+            (effect_words(effect), joints or "all", reason, needed)
+            for effect, joints, reason, _, needed in groups
+        ]
         print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
     print_marked(console, "Note", result.notes)
 
