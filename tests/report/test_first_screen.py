@@ -263,11 +263,12 @@ def test_another_suffix_or_a_missing_library_is_refused_in_one_line(
 def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:
     result = _arm6("structural")
     cause = replace(result.causes[0], joint="joint_1", other_joint=None, joint_gaps=())
-    gaps = tuple(
+    joints = tuple(
         replace(gap, share=0.9 if gap.joint == "joint_5" else 0.02) for gap in result.joint_gaps
     )
+    where = replace(result.where, joints=joints)
     error = ParameterError("joint_5", 1.0, 1.0, 0.1, 0.99, 0.3)
-    result = replace(result, causes=(cause,), joint_gaps=gaps, parameter_errors=(error,))
+    result = replace(result, where=where, causes=(cause,), parameter_errors=(error,))
     first, second = diagnosis_headline(result)
     assert "joint_5" in first
     assert second.index("parameter values") < second.index("joint_1")
