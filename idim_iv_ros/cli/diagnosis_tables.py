@@ -116,12 +116,12 @@ def _print_details(console: Console, result: GapResult) -> None:
             for hint in result.hints
         ]
         print_table(console, "Hints, no causes", _HINTS, rows)
-    groups = [
-        (effect_words(group.effect), group.joints or "all", group.reason, group.excitation_needed)
-        for group in untestable(result)
+    rows = [
+        (effect_words(effect), joints or "all", reason, needed)
+        for effect, joints, reason, _, needed in untestable(result)
     ]
-    if groups:
-        print_table(console, "Not testable on this recording", _UNTESTABLE, groups)
+    if rows:
+        print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
     print_marked(console, "Note", result.notes)
 
 

@@ -9,7 +9,7 @@ from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
-from idim_iv_ros.report.gap_words import effect_at, effect_words
+from idim_iv_ros.report.gap_words import effect_at, effect_words, unnamed_error
 from idim_iv_ros.report.numerals import known, measured, percent
 from idim_iv_ros.report.section import Report
 from idim_iv_ros.statistics.verdict import Verdict
@@ -188,7 +188,7 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         rest, words = [], "Put the causes into your simulator, or into ours:"
         # Beside a torque scale or gravity the export cannot spread what no cause names.
         parts = {part_of(cause.effect) for cause in result.causes}
-        if result.parameter_errors and not parts & {"torque scale", "gravity"}:
+        if unnamed_error(result) and not parts & {"torque scale", "gravity"}:
             rest = ["--remainder"]
             words = "Put the causes and the other values into your simulator:"
         command = _command("export", "gap.json", "--config", config, *rest, "--out", "simulator")

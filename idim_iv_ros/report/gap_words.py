@@ -3,11 +3,17 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import Cause, GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    GapResult,
+    GapSeries,
+    NotTestable,
+    ParameterError,
+    Regime,
+)
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.identification.result import IdentificationResult
@@ -41,6 +47,7 @@ AXES = {
     "reversal": "Distance since reversal",
     "frequency": "Frequency",
 }
+_LEAST_SHARE = 0.01  # of the torque: a smaller parameter error is not mentioned first
 _STAGES = {"given": "nominal model", "refit": "refit"}
 
 
@@ -145,38 +152,20 @@ def held_out_words(result: GapResult, joint: str) -> str:
     return f"gap, rms on held-out data: {', '.join(sizes)}" if sizes else ""
 
 
-@dataclass(frozen=True)
-class Untestable:
-    """An effect that cannot be tested for the same reason at some joints, named in `joints`."""
-
-    effect: str
-    joints: str
-    reason: str
-    excitation_needed: str
-    smallest: str
-
-
-def untestable(result: GapResult) -> list[Untestable]:
-    """Return the effects that are not testable, joints with the same reason together."""
+def untestable(result: GapResult) -> list[tuple[str, str, str, str, str]]:
+    """Return effect, joints, reason, smallest size seen and motion needed; equal reasons as one."""
     groups: dict[tuple[str, str, str], list[NotTestable]] = {}
-    for each in result.not_testable:
-        key = (each.effect, each.reason, each.excitation_needed)
-        groups.setdefault(key, []).append(each)
-    return [
-        Untestable(effect, _joints(group), reason, needed, _smallest(group))
-        for (effect, reason, needed), group in groups.items()
-    ]
-
-
-def _joints(group: list[NotTestable]) -> str:
-    return ", ".join(member.joint for member in group if member.joint)
-
-
-def _smallest(group: list[NotTestable]) -> str:
-    sizes = dict.fromkeys(member.smallest for member in group)
-    if len(sizes) == 1:
-        return group[0].smallest
-    return ", ".join(f"{each.joint}: {each.smallest or 'at no size'}" for each in group)
+    for limit in result.not_testable:
+        groups.setdefault((limit.effect, limit.reason, limit.excitation_needed), []).append(limit)
+    rows = []
+    for (effect, reason, needed), group in groups.items():
+        joints = ", ".join(limit.joint for limit in group if limit.joint)
+        smallest = group[0].smallest
+        if any(limit.smallest != smallest for limit in group):
+            smallest = ", ".join(f"{limit.joint}: {limit.smallest or 'at no size'}"
+                                 for limit in group)  # fmt: skip
+        rows.append((effect, joints, reason, smallest, needed))
+    return rows
 
 
 def worth_seeing(result: Result, most: int = 2) -> set[str]:
@@ -228,6 +217,12 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
     )
 
 
+def unnamed_error(result: GapResult) -> ParameterError | None:
+    """Largest parameter error that no cause names; None where it is below 1 % of the torque."""
+    rest = max(result.parameter_errors, key=lambda error: error.share_of_torque, default=None)
+    return None if rest is None or rest.share_of_torque < _LEAST_SHARE else rest
+
+
 def wrong_numbers(result: GapResult) -> str:
     """Parameter errors in one line, with their count; empty where there are none."""
     wrong = [cause for cause in result.causes if cause.kind == "parametric"]
@@ -242,7 +237,7 @@ def wrong_numbers(result: GapResult) -> str:
             words += f" ({probability_words(cause)})"
         listed.append(words)
     lines = [f"{plural(len(wrong), 'error')}: {'; '.join(listed)}"] if wrong else []
-    rest = max(result.parameter_errors, key=lambda error: error.share_of_torque, default=None)
+    rest = unnamed_error(result)
     if rest is not None:
         share = percent(100.0 * rest.share_of_torque)
         lines.append(f"{'Further values' if wrong else 'Values'} that no cause names make up to "

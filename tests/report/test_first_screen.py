@@ -11,7 +11,13 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.diagnosis.result import Difference, EffectParameter, GapResult, RecordingAgreement
+from idim_iv_ros.diagnosis.result import (
+    Difference,
+    EffectParameter,
+    GapResult,
+    ParameterError,
+    RecordingAgreement,
+)
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import is_own
 from idim_iv_ros.identification.result import IdentificationResult
@@ -252,3 +258,18 @@ def test_another_suffix_or_a_missing_library_is_refused_in_one_line(
     assert "\n" not in str(refusal.value)
     with pytest.raises(UsageError, match="no folder"):
         require_picture(tmp_path / "nowhere" / "gap.svg")
+
+
+def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:
+    result = _arm6("structural")
+    cause = replace(result.causes[0], joint="joint_1", other_joint=None, joint_gaps=())
+    joints = tuple(
+        replace(gap, share=0.9 if gap.joint == "joint_5" else 0.02) for gap in result.joint_gaps
+    )
+    where = replace(result.where, joints=joints)
+    error = ParameterError("joint_5", 1.0, 1.0, 0.1, 0.99, 0.3)
+    result = replace(result, where=where, causes=(cause,), parameter_errors=(error,))
+    first, second = diagnosis_headline(result)
+    assert "joint_5" in first
+    assert second.index("parameter values") < second.index("joint_1")
+    assert "--remainder" in diagnosis_steps(Report(result))[0].code

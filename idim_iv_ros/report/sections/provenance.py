@@ -88,13 +88,13 @@ def _limits(report: Report[GapResult]) -> dict[str, Any]:
     return {
         "untestable": [
             (
-                effect_words(effect.effect),
-                effect.joints or "all",
-                sentence(effect.reason, result.joints),
-                effect.smallest or "at no size",
-                sentence(effect.excitation_needed, result.joints),
+                effect_words(effect),
+                joints or "all",
+                sentence(reason, result.joints),
+                smallest or "at no size",
+                sentence(needed, result.joints),
             )
-            for effect in untestable(result)
+            for effect, joints, reason, smallest, needed in untestable(result)
         ],
     }
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from idim_iv_ros.diagnosis.result import GapResult, JointGap, Regime, Stage
+from idim_iv_ros.diagnosis.result import GapResult, Regime, Stage
 from idim_iv_ros.report.gap_words import AXES, regime_range, small_unit, stage_words, torque_unit
 from idim_iv_ros.report.numerals import known, number, percent
 from idim_iv_ros.report.section import Report, Section
@@ -22,37 +22,9 @@ class Bar:
     length: float
 
 
-@dataclass(frozen=True)
-class StageRow:
-    """A model at one joint: bars, and gap, interval and tracking error as text."""
-
-    name: str
-    bars: tuple[Bar, ...]
-    value: str
-    interval: str
-    tracking: str
-
-
-@dataclass(frozen=True)
-class Waterfall:
+def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
     """All models at one joint; `floor` is the line of the noise floor, `origin` its source."""
-
-    joint: str
-    unit: str
-    small_unit: str
-    rows: tuple[StageRow, ...]
-    floor: Bar | None
-    floor_value: str
-    origin: str
-
-
-def waterfalls(result: GapResult) -> list[Waterfall]:
-    """Return the models of each joint."""
-    floors = {joint_gap.joint: joint_gap for joint_gap in result.joint_gaps}
-    return [_waterfall(result, joint, floors.get(joint)) for joint in result.joints]
-
-
-def _waterfall(result: GapResult, joint: str, gap: JointGap | None) -> Waterfall:
+    gap = next((gap for gap in result.joint_gaps if gap.joint == joint), None)
     floor = None if gap is None else gap.noise_floor
     largest = _largest(result.stages, joint, floor)
     rows, previous = [], None
@@ -60,15 +32,15 @@ def _waterfall(result: GapResult, joint: str, gap: JointGap | None) -> Waterfall
         rows.append(_row(stage, joint, previous, largest))
         value = stage.torque_rms.get(joint)
         previous = value if known(value) else previous
-    return Waterfall(
-        joint,
-        torque_unit(result, joint),
-        small_unit(result, joint),
-        tuple(rows),
-        None if floor is None else bar("full floor", 0.0, floor / largest),
-        number(floor),
-        gap.floor_origin if gap is not None and floor is not None else "unknown",
-    )
+    return {
+        "joint": joint,
+        "unit": torque_unit(result, joint),
+        "small_unit": small_unit(result, joint),
+        "rows": rows,
+        "floor": None if floor is None else bar("full floor", 0.0, floor / largest),
+        "floor_value": number(floor),
+        "origin": gap.floor_origin if gap is not None and floor is not None else "unknown",
+    }
 
 
 def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> float:
@@ -80,7 +52,8 @@ def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> floa
     return 1.04 * max(ends) or 1.0
 
 
-def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> StageRow:
+def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> dict[str, Any]:
+    """A model at one joint: bars, and gap, interval and tracking error as text."""
     value = stage.torque_rms.get(joint)
     interval = stage.torque_ci95.get(joint)
     if interval is not None and not (known(interval[0]) and known(interval[1])):
@@ -94,13 +67,13 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> St
         if interval is not None:
             bars.append(bar("whisker", interval[0] / largest, interval[1] / largest))
     tracking = None if stage.tracking_rms is None else stage.tracking_rms.get(joint)
-    return StageRow(
-        stage_words(stage.name),
-        tuple(bars),
-        number(value),
-        "–" if interval is None else f"{number(interval[0])} … {number(interval[1])}",
-        number(None if tracking is None else 1e3 * tracking),
-    )
+    return {
+        "name": stage_words(stage.name),
+        "bars": bars,
+        "value": number(value),
+        "interval": "–" if interval is None else " … ".join(map(number, interval)),
+        "tracking": number(None if tracking is None else 1e3 * tracking),
+    }
 
 
 def bar(css: str, low: float, high: float) -> Bar:
@@ -125,7 +98,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     if not stages:
         return None
     return {
-        "joints": waterfalls(report.result),
+        "joints": [_waterfall(report.result, joint) for joint in report.result.joints],
         "tracked": any(stage.tracking_rms for stage in stages),
         "remarks": _remarks(stages),
     }
