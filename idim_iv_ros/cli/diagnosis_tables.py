@@ -116,12 +116,12 @@ def _print_details(console: Console, result: GapResult) -> None:
             for hint in result.hints
         ]
         print_table(console, "Hints, no causes", _HINTS, rows)
-    rows = [
+    untested = [
         (effect_words(effect), joints or "all", reason, needed)
         for effect, joints, reason, _, needed in untestable(result)
     ]
-    if rows:
-        print_table(console, "Not testable on this recording", _UNTESTABLE, rows)
+    if untested:
+        print_table(console, "Not testable on this recording", _UNTESTABLE, untested)
     print_marked(console, "Note", result.notes)
 
 
