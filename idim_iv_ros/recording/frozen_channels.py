@@ -108,35 +108,40 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
     speed
         From which the joint moves, per sample; see `moving_speed`.
     """
+    frozen = _frozen(effort, position, speed, jumps=False)
+    if not frozen.any():
+        return frozen
     finite = effort[np.isfinite(effort)]
-    if len(finite) == 0:
-        return np.zeros(len(effort), dtype=bool)
     # At its limits a driver clips; zero is what it shows without torque.
     inside = (effort > finite.min()) & (effort < finite.max()) & (effort != 0.0)
-    return np.asarray(inside & _frozen(effort, position, speed, needs_jump=not _is_noisy(effort)))
+    return np.asarray(inside & frozen)
 
 
 def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
     """Mark the repeats of a position that is frozen and then jumps to where the joint has gone."""
-    return _frozen(position, position, speed, needs_jump=True)
+    return _frozen(position, position, speed, jumps=True)
 
 
-def _frozen(
-    values: FloatArray, position: FloatArray, speed: float, *, needs_jump: bool
-) -> BoolArray:
+def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bool) -> BoolArray:
     """Mark runs of equal values in motion that are much longer than those that are usual.
 
-    `needs_jump`: a run must end in a jump; otherwise, where repeats are usual, it must be much
+    With `jumps`, and where the channel is smooth, a run must end in a jump; else it must be much
     longer than the runs around it.
     """
+    none = np.zeros(len(values), dtype=bool)
     first, last = _runs(values)
     lengths = last - first + 1
+    # Most channels end here, and cost nothing more.
+    if lengths.max(initial=0) <= _LEAST_REPEATS + 1:
+        return none
     moved = _moved(position, first, last, speed)
     if np.count_nonzero(moved & np.isfinite(values[first])) < _LEAST_VALUES:
-        return np.zeros(len(values), dtype=bool)
+        return none
     usual = float(np.quantile(lengths[moved], _MOST))
     chosen = moved & (lengths > max(_LONGER * usual, _LEAST_REPEATS + 1.0))
-    if needs_jump:
+    if not chosen.any():
+        return none
+    if jumps or not _is_noisy(values):
         chosen &= _jumps(values, first, last)
     else:
         chosen[chosen] = _alone(lengths, moved, np.flatnonzero(chosen))
