@@ -10,7 +10,7 @@ from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.gap_words import effect_at, effect_words, unnamed_error
-from idim_iv_ros.report.numerals import known, measured, percent
+from idim_iv_ros.report.numerals import is_number, measured, percent
 from idim_iv_ros.report.section import Report
 from idim_iv_ros.statistics.verdict import Verdict
 
@@ -61,9 +61,11 @@ def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     if worst is None:
         words = f"The gap of the {model} could not be judged at any joint."
         return words, _cause_words(result, None)
-    size = (
-        f"The {model} misses {percent(worst.relative_percent, 3)} of the torque at {worst.joint}."
-    )
+    relative = worst.relative_percent
+    share = percent(relative, 3)
+    if relative is not None and relative > 100.0:
+        share = "more than all"
+    size = f"The {model} misses {share} of the torque at {worst.joint}."
     return size, _cause_words(result, worst.joint)
 
 
@@ -107,7 +109,7 @@ def _corrected(result: GapResult, joint: str) -> str:
     if len(result.stages) < 2:
         return ""
     first, last = (result.stages[k].torque_rms.get(joint) for k in (0, -1))
-    if first is None or last is None or not (known(first) and known(last)) or last >= first:
+    if first is None or last is None or not (is_number(first) and is_number(last)) or last >= first:
         return ""
     return f" ({percent(100.0 * (1.0 - last / first))} of it corrected)"
 

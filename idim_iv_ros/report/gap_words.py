@@ -21,7 +21,7 @@ from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import (
     MISSING,
-    known,
+    is_number,
     measured,
     number,
     percent,
@@ -142,7 +142,7 @@ def drawable(result: GapResult) -> list[GapSeries]:
 
 def held_out_words(result: GapResult, joint: str) -> str:
     """Return the gap at a joint of the nominal model, the refit and the extended model."""
-    stages = [stage for stage in result.stages if known(stage.torque_rms.get(joint))]
+    stages = [stage for stage in result.stages if is_number(stage.torque_rms.get(joint))]
     named = [stage for stage in stages if stage.name in _STAGES]
     if stages and stages[-1] not in named:
         named.append(stages[-1])
@@ -198,9 +198,9 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
     """
     gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
     share = MISSING
-    if gap.shrinkage is not None and known(gap.shrinkage):
+    if gap.shrinkage is not None and is_number(gap.shrinkage):
         share = percent(100.0 * min(gap.shrinkage, 1.0))
-        if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
+        if gap.ci95 is not None and is_number(gap.ci95[0]) and is_number(gap.ci95[1]):
             low, high = (round(100.0 * min(max(end, 0.0), 1.0)) for end in gap.ci95)
             share += f" ({low} to {high})"
     rivals = ", ".join(

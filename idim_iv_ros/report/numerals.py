@@ -14,7 +14,7 @@ _DIGITS = 15  # that a float holds
 _TINIEST = 1e-300  # a σ below is none: powers of ten end soon after
 
 
-def known(value: float | None) -> bool:
+def is_number(value: float | None) -> bool:
     """Whether there is a finite number."""
     return value is not None and math.isfinite(value)
 

@@ -24,7 +24,7 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.advice import diagnosis_headline, identification_headline, verdict_badge
 from idim_iv_ros.report.gap_words import VERDICTS, stage_words, torque_unit
-from idim_iv_ros.report.numerals import known, number, percent
+from idim_iv_ros.report.numerals import is_number, number, percent
 from idim_iv_ros.report.page import environment
 from idim_iv_ros.report.replay import headline
 from idim_iv_ros.report.robot_drawing import colour_bar, flat_robot
@@ -148,7 +148,7 @@ def _stages(result: GapResult) -> tuple[str, list[PictureBar]]:
         return "", []
     unit = torque_unit(result, worst.joint)
     sizes = [(stage.name, stage.torque_rms.get(worst.joint)) for stage in result.stages]
-    named = [(name, size) for name, size in sizes if size is not None and known(size)]
+    named = [(name, size) for name, size in sizes if size is not None and is_number(size)]
     if len(named) > _MOST_BARS:
         named = [*named[:2], *named[-_MOST_BARS + 2 :]]
     colours = {"given": "#8a94a3", "refit": "#d55e00"}
@@ -168,7 +168,7 @@ def _errors(result: IdentificationResult) -> tuple[str, list[PictureBar]]:
     rows = [
         (joint, error, "#0072b2", percent(error))
         for joint, error in list(errors.items())[:_MOST_BARS]
-        if error is not None and known(error)
+        if error is not None and is_number(error)
     ]
     return "Relative error of the torque", bars(rows)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from idim_iv_ros.model.skeleton import Skeleton
 from idim_iv_ros.report.figures import GREY, INK, Figure, layout
-from idim_iv_ros.report.numerals import known, percent
+from idim_iv_ros.report.numerals import is_number, percent
 from idim_iv_ros.types import FloatArray
 
 # From little to much; distinguished on white and on black, and by lightness.
@@ -42,7 +42,9 @@ class ShadedRobot:
     @property
     def largest(self) -> float:
         """End of the colour bar, percent."""
-        return max([value for value in self.values if value is not None and known(value)] + [1e-3])
+        return max(
+            [value for value in self.values if value is not None and is_number(value)] + [1e-3]
+        )
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -69,6 +71,12 @@ def robot_figure(robot: ShadedRobot, height: int = 380) -> Figure:
     origins = robot.skeleton.origins
     scale = [[place, f"rgb{colour}"] for place, colour in _COLOURS]
     names = [joint.replace("&", "&amp;").replace("<", "&lt;") for joint in robot.joints]
+    # Words at one place would cover each other: the last of joints that share it names all.
+    labels = list(names)
+    for joint in range(len(names) - 1):
+        if np.allclose(origins[joint], origins[joint + 1], atol=1e-6):
+            labels[joint + 1] = f"{labels[joint]}, {labels[joint + 1]}"
+            labels[joint] = ""
     data: list[dict[str, Any]] = [
         _scatter(lines, mode="lines", line={"color": GREY, "width": 9}, hoverinfo="skip"),
         _scatter(axes, mode="lines", line={"color": INK, "width": 3}, hoverinfo="skip"),
@@ -81,13 +89,13 @@ def robot_figure(robot: ShadedRobot, height: int = 380) -> Figure:
         _scatter(
             origins,
             mode="markers+text",
-            text=[f"{_SPACE * 4}{name}" for name in names],
+            text=[f"{_SPACE * 4}{label}" for label in labels],
             textposition="middle right",
             textfont={"size": 12, "color": INK},
-            customdata=[percent(value) for value in robot.values],
+            customdata=[robot.label(joint) for joint in range(len(names))],
             marker={
                 "size": 13,
-                "color": [value if known(value) else None for value in robot.values],
+                "color": [value if is_number(value) else None for value in robot.values],
                 "colorscale": scale,
                 "cmin": 0.0,
                 "cmax": robot.largest,
@@ -101,7 +109,7 @@ def robot_figure(robot: ShadedRobot, height: int = 380) -> Figure:
                     "tickfont": {"size": 11},
                 },
             },
-            hovertemplate=f"%{{text}}: %{{customdata}} ({robot.title})<extra></extra>",
+            hovertemplate=f"%{{customdata}} ({robot.title})<extra></extra>",
         ),
     ]
     low, high = robot.bounds

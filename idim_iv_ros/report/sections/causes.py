@@ -27,7 +27,7 @@ from idim_iv_ros.report.gap_words import (
     torque_unit,
 )
 from idim_iv_ros.report.numerals import (
-    known,
+    is_number,
     measured,
     number,
     percent,
@@ -101,8 +101,8 @@ def _error(result: GapResult, stage: Stage, joint: str | None) -> float | None:
     errors = stage.tracking_rms or {}
     if joint is not None:
         error = errors.get(joint)
-        return error if known(error) else None
-    if " or " in small_unit(result, None) or not all(known(error) for error in errors.values()):
+        return error if is_number(error) else None
+    if " or " in small_unit(result, None) or not all(is_number(error) for error in errors.values()):
         return None
     return math.sqrt(sum(error**2 for error in errors.values()))
 
@@ -206,21 +206,25 @@ def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> d
         "title": title,
         "sizes": sizes,
         "words": "; ".join(filter(None, (_shrinkage(gap), which))),
-        "share": None if not known(gap.shrinkage) else _percent_inside(gap.shrinkage),
+        "share": None if not is_number(gap.shrinkage) else _percent_inside(gap.shrinkage),
         "interval": None if gap.ci95 is None else tuple(map(_percent_inside, gap.ci95)),
     }
 
 
 def _percent_inside(share: float | None) -> float:
     """Return a share in percent, within the meter."""
-    return 0.0 if share is None or not known(share) else round(100.0 * min(max(share, 0.0), 1.0), 1)
+    return (
+        0.0
+        if share is None or not is_number(share)
+        else round(100.0 * min(max(share, 0.0), 1.0), 1)
+    )
 
 
 def _shrinkage(gap: Gap) -> str:
-    if gap.shrinkage is None or not known(gap.shrinkage):
+    if gap.shrinkage is None or not is_number(gap.shrinkage):
         return "its share is not known"
     interval = ""
-    if gap.ci95 is not None and known(gap.ci95[0]) and known(gap.ci95[1]):
+    if gap.ci95 is not None and is_number(gap.ci95[0]) and is_number(gap.ci95[1]):
         low, high = (number(100.0 * bound, 2) for bound in gap.ci95)
         interval = f" ({low} to {high} %)"
     of = "of the gap above the noise floor" if gap.noise_floor is not None else "of the gap"

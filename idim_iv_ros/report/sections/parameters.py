@@ -11,7 +11,7 @@ from idim_iv_ros.identification.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.report.advice import verdict_badge
-from idim_iv_ros.report.numerals import beside, known, measured, number, percent
+from idim_iv_ros.report.numerals import beside, is_number, measured, number, percent
 from idim_iv_ros.report.section import Report, Section
 
 POORLY_KNOWN_PERCENT = 30.0
@@ -37,9 +37,9 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
         "fit": result.fit,
         "alpha": result.instruments.alpha,
         "ls": "Ordinary LS" if ordinary else "IDIM-LS",
-        "with_essential": any(known(p.essential_value) for p in result.parameters),
+        "with_essential": any(is_number(p.essential_value) for p in result.parameters),
         "with_refined": bool(refined),
-        "with_given": any(known(p.given_value) for p in result.parameters),
+        "with_given": any(is_number(p.given_value) for p in result.parameters),
         "essential": len(ordered) - minor,
         "minor": minor,
         "folded": minor > 0 and len(ordered) > _LONG_TABLE,
@@ -59,7 +59,7 @@ def _row(
     parameter: ParameterEstimate, refined: RefinedEstimate | None, ordinary: bool
 ) -> dict[str, Any]:
     relative = parameter.relative_std_percent
-    poor = relative is None or not known(relative) or relative > POORLY_KNOWN_PERCENT
+    poor = relative is None or not is_number(relative) or relative > POORLY_KNOWN_PERCENT
     ls_value = parameter.ordinary_ls_value if ordinary else parameter.ls_value
     given, std = parameter.given_value, parameter.std
     essential = Cell("left out", None)
@@ -80,12 +80,12 @@ def _row(
         if refined is None
         else _measured(refined.value, refined.std),
         "ls": _cell(beside(ls_value, std), ls_value),
-        "given": _cell(beside(given, std) if known(given) else number(None), given),
+        "given": _cell(beside(given, std) if is_number(given) else number(None), given),
     }
 
 
 def _cell(text: str, value: float | None) -> Cell:
-    return Cell(text, value if known(value) else None)
+    return Cell(text, value if is_number(value) else None)
 
 
 def _measured(value: float | None, std: float | None) -> Cell:

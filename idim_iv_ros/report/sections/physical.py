@@ -6,7 +6,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.physical import LinkInertia, PhysicalParameters, StandardValue
-from idim_iv_ros.report.numerals import known, measured, number, p_value, percent
+from idim_iv_ros.report.numerals import is_number, measured, number, p_value, percent
 from idim_iv_ros.report.section import Report, Section
 
 _LARGE = 0.1  # σ from which the change of a base parameter is listed
@@ -30,7 +30,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
         "moved": [
             (each.name, number(each.estimate), number(each.value), f"{each.deviations:+.2f}")
             for each in sorted(found.base, key=lambda each: -abs(each.deviations))
-            if known(each.deviations) and abs(each.deviations) >= _LARGE
+            if is_number(each.deviations) and abs(each.deviations) >= _LARGE
         ],
         "values": [_value(parameter) for parameter in found.parameters],
         "error": _error(found),

@@ -7,7 +7,7 @@ from typing import Any
 
 from idim_iv_ros.diagnosis.result import GapResult, Regime, Stage
 from idim_iv_ros.report.gap_words import AXES, regime_range, small_unit, stage_words, torque_unit
-from idim_iv_ros.report.numerals import known, number, percent
+from idim_iv_ros.report.numerals import is_number, number, percent
 from idim_iv_ros.report.section import Report, Section
 
 _COLOURS = {"given": "given", "refit": "refit"}
@@ -31,7 +31,7 @@ def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
     for stage in result.stages:
         rows.append(_row(stage, joint, previous, largest))
         value = stage.torque_rms.get(joint)
-        previous = value if known(value) else previous
+        previous = value if is_number(value) else previous
     return {
         "joint": joint,
         "unit": torque_unit(result, joint),
@@ -48,7 +48,7 @@ def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> floa
     for stage in stages:
         value = stage.torque_rms.get(joint)
         high = stage.torque_ci95.get(joint, (0.0, 0.0))[1]
-        ends += [bound for bound in (value, high) if bound is not None and known(bound)]
+        ends += [bound for bound in (value, high) if bound is not None and is_number(bound)]
     return 1.04 * max(ends) or 1.0
 
 
@@ -56,10 +56,10 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> di
     """A model at one joint: bars, and gap, interval and tracking error as text."""
     value = stage.torque_rms.get(joint)
     interval = stage.torque_ci95.get(joint)
-    if interval is not None and not (known(interval[0]) and known(interval[1])):
+    if interval is not None and not (is_number(interval[0]) and is_number(interval[1])):
         interval = None
     bars = []
-    if value is not None and known(value):
+    if value is not None and is_number(value):
         colour = _COLOURS.get(stage.name, "effect")
         bars.append(bar(f"full {colour}", 0.0, value / largest))
         if previous is not None and previous > value:
@@ -168,7 +168,7 @@ def _cell(result: GapResult, regime: Regime | None, same: bool) -> dict[str, Any
     if regime is None:
         return None
     strength = 0.0
-    if known(regime.lift):
+    if is_number(regime.lift):
         strength = math.log2(max(regime.lift, 2.0**-_STRONGEST))
     return {
         "share": percent(100.0 * regime.energy_share),
@@ -181,7 +181,7 @@ def _cell(result: GapResult, regime: Regime | None, same: bool) -> dict[str, Any
 
 def _words(result: GapResult, regime: Regime) -> str:
     interval = ""
-    if regime.ci95 is not None and known(regime.ci95[0]) and known(regime.ci95[1]):
+    if regime.ci95 is not None and is_number(regime.ci95[0]) and is_number(regime.ci95[1]):
         interval = f" ({number(regime.ci95[0], 2)} to {number(regime.ci95[1], 2)})"
     bounds = regime_range(regime, result.session)
     if not (regime.axis == "time" and len(result.session) > 1):
