@@ -21,8 +21,12 @@ def _drawn(seed: int, **changes: float) -> IdentificationResult:
     """A result whose estimates scatter by their deviations; `changes` in deviations."""
     random, result = np.random.default_rng(seed), sample_result(6)
     parameters = [
-        replace(each, value=each.value + each.std * (random.normal() + changes.get(each.name, 0.0)))
-        for each in result.parameters
+        replace(
+            parameter,
+            value=parameter.value
+            + parameter.std * (random.normal() + changes.get(parameter.name, 0.0)),
+        )
+        for parameter in result.parameters
     ]
     return replace(result, parameters=tuple(parameters))
 

@@ -49,13 +49,13 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     out = tmp_path / "why"
     run("diagnose", bag, "--config", CONFIG, "--out", out, status=0)
     result = document(out)
-    structural = [each for each in result["causes"] if each["kind"] == "structural"]
-    assert [(each["effect"], each["joint"]) for each in structural] == [
+    structural = [cause for cause in result["causes"] if cause["kind"] == "structural"]
+    assert [(cause["effect"], cause["joint"]) for cause in structural] == [
         ("position_ripple", "joint_1")
     ]
     assert result["verdict"] in ("structural", "both")
     assert "position ripple at joint_1" in result["summary"].lower()
-    values = {name: each["value"] for name, each in structural[0]["parameters"].items()}
+    values = {name: cause["value"] for name, cause in structural[0]["parameters"].items()}
     assert values["wave_number_1"] == pytest.approx(21.0, abs=0.3)
     size = np.hypot(values["sine_1"], values["cosine_1"])
     assert size == pytest.approx(1.5, rel=0.1)
@@ -81,12 +81,12 @@ def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
     assert outcome.status == 0, outcome.error
     result = document(out)
     assert result["without"] == ["position_ripple"]
-    assert "position_ripple" not in [each["effect"] for each in result["causes"]]
+    assert "position_ripple" not in [cause["effect"] for cause in result["causes"]]
     assert "on request: position_ripple" in result["summary"]
-    assert [each["floor_origin"] for each in result["where"]["joints"]] == ["repeats"] * 2
+    assert [joint["floor_origin"] for joint in result["where"]["joints"]] == ["repeats"] * 2
     # White noise of 0.5 % of the limit, through a filter that passes a part of the band.
-    for each, noise in zip(result["where"]["joints"], (0.45, 0.175), strict=True):
-        assert 0.1 * noise < each["noise_floor"] < 0.6 * noise
+    for joint, noise in zip(result["where"]["joints"], (0.45, 0.175), strict=True):
+        assert 0.1 * noise < joint["noise_floor"] < 0.6 * noise
 
 
 @pytest.mark.parametrize(
@@ -113,18 +113,18 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
     for word in words:
         assert word in notes, notes
     assert [stage["stage"] for stage in result["stages"]][:2] == ["given", "refit"]
-    assert "controller_mismatch" not in [each["effect"] for each in result["causes"]]
+    assert "controller_mismatch" not in [cause["effect"] for cause in result["causes"]]
 
 
 def test_two_seconds_end_with_what_can_be_said(run, config, record, tmp_path: Path) -> None:
     short = write_arm(tmp_path / "short.mcap", record, slice(4000, 6000))
     out = tmp_path / "why"
     run("diagnose", short, "--config", config(), "--out", out, status=0)
-    (note,) = [each for each in document(out)["notes"] if "record a minute" in each]
+    (note,) = [note for note in document(out)["notes"] if "record a minute" in note]
     assert note.startswith("only 2 s were recorded")
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "from 2.00\N{NARROW NO-BREAK SPACE}s of recording" in page
-    assert "structural" not in [each["kind"] for each in document(out)["causes"]]
+    assert "structural" not in [cause["kind"] for cause in document(out)["causes"]]
 
 
 def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_path: Path) -> None:

@@ -206,7 +206,7 @@ def test_every_key_of_a_configuration_has_its_line(init, record) -> None:
     lines = out.read_text().splitlines()
     for keys in SECTIONS.values():
         for name in keys:
-            (*_, line) = [each for each in lines if re.match(rf"  (# )?{name}: ", each)]
+            (*_, line) = [text for text in lines if re.match(rf"  (# )?{name}: ", text)]
             assert "default: " in line
 
 

@@ -46,7 +46,9 @@ def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
     assert configuration.controller.type == "pd"
     checked = json.loads(run("check", bag, "--config", out, "--json").out)
     sentences = [finding["sentence"] for finding in checked["findings"]]
-    assert any(f"the reference is reference.positions of {SCALED}" in each for each in sentences)
+    assert any(
+        f"the reference is reference.positions of {SCALED}" in sentence for sentence in sentences
+    )
 
     identified = json.loads(run("identify", bag, "--config", out, "--json").out)
     assert identified["instruments"]["accepted"] is True

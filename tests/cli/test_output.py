@@ -173,7 +173,9 @@ def test_functions_take_text_paths_and_one_or_many_bags(bag, record, tmp_path: P
         idim_iv_ros.identify(given, configuration) for given in (bag, str(bag), iter([str(bag)]))
     ]
     results.append(idim_iv_ros.identify_recordings(one, configuration))
-    assert len({tuple(each.value for each in result.parameters) for result in results}) == 1
+    assert (
+        len({tuple(parameter.value for parameter in result.parameters) for result in results}) == 1
+    )
     written, _ = idim_iv_ros.write_report(results[0], str(tmp_path / "results"))
     assert written.is_file()
     with pytest.raises(idim_iv_ros.UsageError, match="no bag"):

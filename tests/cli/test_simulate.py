@@ -163,4 +163,4 @@ def test_bags_of_several_seeds_are_written_all_or_none(
     done = run("simulate", "--config", path, "--out", tmp_path / "s.mcap", "--duration", 1, *seeds)
     assert done.status == 2
     assert "No space left" in done.error
-    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]

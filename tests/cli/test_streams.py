@@ -67,7 +67,7 @@ def test_a_result_of_a_bag_whose_name_is_no_text_is_written_and_read(
     shutil.copy(bag, named)
     run("identify", named, "--config", config(), "--out", tmp_path / "out", status=0)
     document = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert [Path(each["path"]).name for each in document["bags"]] == [r"b\xe9.mcap"]
+    assert [Path(used["path"]).name for used in document["bags"]] == [r"b\xe9.mcap"]
     assert r"b\xe9.mcap" in (tmp_path / "out" / "report.html").read_text()
     first = run("init", named, "--urdf", document["configuration"]["robot"]["urdf"],
                 "--out", tmp_path / "first.yaml")  # fmt: skip
@@ -110,7 +110,7 @@ def test_no_file_is_named_by_a_dash_or_by_nothing(
     monkeypatch.chdir(tmp_path)
     path = config()
     refused(run("simulate", "--config", path, "--duration", 1, *arguments), 2)
-    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
 def test_an_option_is_refused_in_our_words(run, config) -> None:

@@ -45,8 +45,8 @@ def samples(
     """Positions and efforts as published; one in `every` messages."""
     time = START + np.round(np.arange(recording.samples) * 1e9 / recording.rate).astype(np.int64)
     first, last = (
-        None if each is None else round(each * recording.rate)
-        for each in (seconds.start, seconds.stop)
+        None if end is None else round(end * recording.rate)
+        for end in (seconds.start, seconds.stop)
     )
     kept = slice(first, last, every)
     return (
@@ -55,9 +55,9 @@ def samples(
     )
 
 
-def part(each: JointSamples, rows: slice) -> JointSamples:
-    named = None if each.named is None else each.named[rows]
-    return JointSamples(each.time[rows], each.values[rows], named)
+def part(stream: JointSamples, rows: slice) -> JointSamples:
+    named = None if stream.named is None else stream.named[rows]
+    return JointSamples(stream.time[rows], stream.values[rows], named)
 
 
 def play(live: LivePrediction, positions: JointSamples, efforts: JointSamples) -> list[Prediction]:

@@ -38,7 +38,7 @@ def offline(identified, recording, configuration):
 
 
 def places(predictions: list[Prediction]) -> np.ndarray:
-    stamps = np.array([each.stamp for each in predictions])
+    stamps = np.array([prediction.stamp for prediction in predictions])
     return np.round((stamps - START) * 1e-9 * RATE).astype(int)
 
 
@@ -51,8 +51,8 @@ def test_curves_are_those_of_the_offline_filters_on_what_had_arrived(
     window, order = live._window, identified.result.processing.position_order
     # The window keeps all but the share ROW_TOLERANCE of what is behind it; see below.
     tolerance = 2.0 * ROW_TOLERANCE * _largest_effort(identified, motion, acceleration)
-    for each in [each for each in predictions if not each.reason][50::100]:
-        (place,) = places([each])
+    for prediction in [prediction for prediction in predictions if not prediction.reason][50::100]:
+        (place,) = places([prediction])
         smoothed = place + window._smooth_wait + 1
         filtered = zero_phase_butterworth(
             motion.signals.position[: smoothed + window._wait],
@@ -67,10 +67,10 @@ def test_curves_are_those_of_the_offline_filters_on_what_had_arrived(
         both = np.hstack([motion.signals.torque[:smoothed], predicted[:smoothed]])
         both = zero_phase_butterworth(both, rate=RATE, cutoff=window._smoothing, order=order)
         measured, predicted = np.split(both[place], 2)
-        assert each.measured == pytest.approx(measured, abs=1e-6)
-        there = np.isfinite(each.predicted)
+        assert prediction.measured == pytest.approx(measured, abs=1e-6)
+        there = np.isfinite(prediction.predicted)
         assert there.any()
-        assert np.all(np.abs(each.predicted - predicted)[there] < tolerance[there])
+        assert np.all(np.abs(prediction.predicted - predicted)[there] < tolerance[there])
 
 
 def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(
@@ -78,7 +78,7 @@ def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(
 ) -> None:
     live, predictions = played
     motion, acceleration, predicted = offline
-    valid = [each for each in predictions if not each.reason]
+    valid = [prediction for prediction in predictions if not prediction.reason]
     assert len(valid) > 0.95 * len(predictions)
     both = zero_phase_butterworth(
         np.hstack([motion.signals.torque, predicted]),
@@ -90,10 +90,10 @@ def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(
     # Both filters leave out the share CURVE_TOLERANCE of their impulse response. The reflection
     # that continues an effort errs by four times its size at most; that of a position has the
     # opposite acceleration, and errs by twice that of the motion.
-    found = np.array([each.measured for each in valid])
+    found = np.array([prediction.measured for prediction in valid])
     peaks = np.abs(motion.signals.torque).max(axis=0)
     assert np.all(np.abs(found - measured) < 4.0 * CURVE_TOLERANCE * peaks)
-    error = np.array([each.predicted for each in valid]) - predicted
+    error = np.array([prediction.predicted for prediction in valid]) - predicted
     assert np.isfinite(error).mean() > 0.5
     largest = _largest_effort(identified, motion, acceleration)
     assert np.all(np.nanmax(np.abs(error), axis=0) < 2.0 * CURVE_TOLERANCE * largest)
@@ -153,7 +153,7 @@ def test_on_its_own_recording_the_residual_is_as_large_as_the_identification_lef
     rms = live.rows.share(1e9, 100)
     # The live rows are others of the same residual, and lack those of the first second.
     assert rms == pytest.approx(identified.noise_floor, rel=0.1)
-    shares = np.array([each.noise_share for each in predictions])
+    shares = np.array([prediction.noise_share for prediction in predictions])
     assert np.nanmedian(shares, axis=0) == pytest.approx(1.0, abs=0.2)
     for level in joint_levels(identified, live.rows, RATE, false_warnings=1.0):
         assert not level.beyond, level.sentence
@@ -164,9 +164,9 @@ def test_on_its_own_recording_the_residual_is_as_large_as_the_identification_lef
 def test_a_sample_is_predicted_within_a_fifth_of_a_second(played) -> None:
     live, predictions = played
     delays = [
-        START + PERIOD * (number + 1) - each.stamp
-        for number, each in enumerate(predictions)
-        if not each.reason
+        START + PERIOD * (number + 1) - prediction.stamp
+        for number, prediction in enumerate(predictions)
+        if not prediction.reason
     ]
     assert max(delays) * 1e-9 <= live.lag + 2.0 / RATE
     assert live.lag < 0.16
@@ -193,8 +193,10 @@ def test_stamps_that_jitter_change_little(identified, recording) -> None:
     shift = np.random.default_rng(5).uniform(-1e-4, 1e-4, len(positions))
     time = positions.time + np.round(shift * 1e9).astype(np.int64)
 
-    def at(each: JointSamples) -> JointSamples:
-        columns = [np.interp(time - START, each.time - START, column) for column in each.values.T]
+    def at(stream: JointSamples) -> JointSamples:
+        columns = [
+            np.interp(time - START, stream.time - START, column) for column in stream.values.T
+        ]
         return JointSamples(time, np.stack(columns, axis=1))
 
     live = LivePrediction(identified)
@@ -207,13 +209,13 @@ def test_stamps_that_jitter_change_little(identified, recording) -> None:
     assert np.all((ratio > 0.8) & (ratio < 1.1))
 
 
-def in_two_messages(each: JointSamples, *, apart: int, reverse: bool = False) -> JointSamples:
+def in_two_messages(stream: JointSamples, *, apart: int, reverse: bool = False) -> JointSamples:
     """Each sample as two: three joints, and the other three from `apart` samples later."""
-    count = len(each) - apart
-    named = np.zeros((2, count, each.values.shape[1]), dtype=bool)
+    count = len(stream) - apart
+    named = np.zeros((2, count, stream.values.shape[1]), dtype=bool)
     named[0, :, :3] = named[1, :, 3:] = True
-    values = np.stack([each.values[:count], each.values[apart:]])
-    time = np.stack([each.time[:count], each.time[apart:]])
+    values = np.stack([stream.values[:count], stream.values[apart:]])
+    time = np.stack([stream.time[:count], stream.time[apart:]])
     order = slice(None, None, -1 if reverse else 1)
     whole = slice(None, None, 1 + apart)
 
@@ -232,7 +234,7 @@ def test_joints_in_messages_of_one_stamp_are_predicted_as_in_one_message(
     pair = samples(recording, slice(0, 3))
     whole, split = LivePrediction(identified), LivePrediction(identified)
     expected = play(whole, *pair)[-1]
-    last = play(split, *(in_two_messages(each, apart=0, reverse=reverse) for each in pair))[-1]
+    last = play(split, *(in_two_messages(stream, apart=0, reverse=reverse) for stream in pair))[-1]
     assert (split.rate, split.late) == (RATE, 0)
     assert last.reason == "" and last.stamp == expected.stamp
     np.testing.assert_allclose(last.predicted, expected.predicted, atol=1e-6)
@@ -245,13 +247,13 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(
     seconds = slice(0, 5)
     pair = samples(recording, seconds)
     split = LivePrediction(identified)
-    apart = [in_two_messages(each, apart=1, reverse=True) for each in pair]
+    apart = [in_two_messages(stream, apart=1, reverse=True) for stream in pair]
     assert not play(split, *apart)[-1].reason
     assert (split.rate, split.late) == (RATE / 2.0, 0)
     shares = []
     for first in (0, 1):  # all joints at the stamps of the first three, and of the others
         whole = LivePrediction(identified)
-        play(whole, *(part(each, slice(first, None, 2)) for each in pair))
+        play(whole, *(part(stream, slice(first, None, 2)) for stream in pair))
         shares.append(whole.rows.share(1e9, 50))
     expected = np.concatenate([shares[0][:3], shares[1][3:]])
     assert split.rows.share(1e9, 50) == pytest.approx(expected, rel=0.05)
@@ -260,11 +262,11 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(
 def test_a_part_of_the_robot_that_falls_silent_is_not_predicted_any_more(
     identified, recording
 ) -> None:
-    pair = [in_two_messages(each, apart=0) for each in samples(recording, slice(0, 4))]
-    for each in pair:
-        each.named[4000:, 3:] = False
+    pair = [in_two_messages(stream, apart=0) for stream in samples(recording, slice(0, 4))]
+    for stream in pair:
+        stream.named[4000:, 3:] = False
     predictions = play(LivePrediction(identified), *pair)
-    assert any(not each.reason for each in predictions)
+    assert any(not prediction.reason for prediction in predictions)
     assert predictions[-1].reason.startswith("no position for")
 
 
@@ -284,16 +286,18 @@ def test_a_short_gap_is_left_out_and_a_long_one_begins_anew(identified, recordin
 
     def without(first: int, last: int) -> list[Prediction]:
         kept = np.r_[0:first, last : len(positions)]
-        pair = (JointSamples(each.time[kept], each.values[kept]) for each in (positions, efforts))
+        pair = (
+            JointSamples(stream.time[kept], stream.values[kept]) for stream in (positions, efforts)
+        )
         return play(LivePrediction(identified), *pair)
 
     short = without(3000, 3100)
-    assert [each.reason for each in short[20:] if each.reason] == []
-    around = [each for each in short if abs(each.stamp - START - 3.05e9) < 3e7]
+    assert [prediction.reason for prediction in short[20:] if prediction.reason] == []
+    around = [prediction for prediction in short if abs(prediction.stamp - START - 3.05e9) < 3e7]
     assert around
-    assert all(np.isnan(each.predicted).all() for each in around)
+    assert all(np.isnan(prediction.predicted).all() for prediction in around)
     long = without(2500, 4000)
-    reasons = [each.reason for each in long if each.reason]
+    reasons = [prediction.reason for prediction in long if prediction.reason]
     assert any(reason.startswith("no position for") for reason in reasons)
     assert any(reason.startswith("no sample for 1.5 s:") for reason in reasons)
     assert long[-1].reason == ""
@@ -308,8 +312,8 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
     ]
     live = LivePrediction(identified)
     predictions = play(live, *pair)
-    reasons = {each.reason for each in predictions}
-    assert any("position changed from 1000 to 250 Hz" in each for each in reasons)
+    reasons = {prediction.reason for prediction in predictions}
+    assert any("position changed from 1000 to 250 Hz" in reason for reason in reasons)
     assert live.rate == 250.0
     assert predictions[-1].reason == ""
     # White noise of the efforts, one sample in four, has four times the power in the same band.
@@ -344,8 +348,8 @@ def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(
     assert predictions[-1].reason == ""
     live = LivePrediction(identified)
     play(live, positions, efforts)
-    reasons = [each.reason for each in play(live, positions, efforts)]
-    assert any("back by 4 s" in each for each in reasons)
+    reasons = [prediction.reason for prediction in play(live, positions, efforts)]
+    assert any("back by 4 s" in reason for reason in reasons)
     assert reasons[-1] == ""
 
 
