@@ -19,7 +19,7 @@ RENAMED = {
 }
 RESULTS = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.glob("benchmarks/results/*.md"))
 # Where files of the repository stand on the site; those in docs/ keep their names.
-PLACES = RENAMED | {name: name for name in [*RESULTS, "CITATION.cff"]}
+PLACES = RENAMED | {name: name for name in [*RESULTS, "CITATION.cff", "params/nodes.yaml"]}
 SOURCES = {place: name for name, place in PLACES.items()}
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
 
