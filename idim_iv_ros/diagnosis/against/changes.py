@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
-from idim_iv_ros.diagnosis.comparison.folds import FOLDS, chosen_without
+from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
@@ -101,8 +102,9 @@ def quarters(data: Baseline, ledger: Ledger) -> IntArray:
         recording[blocks] = recordings
     blocks_of = np.bincount(recording)[recording]
     place = np.arange(len(recording)) - np.searchsorted(recording, recording)
-    turn = np.where(blocks_of < FOLDS, recording, 0)  # short ones take turns
-    return np.asarray((place * FOLDS // np.maximum(blocks_of, FOLDS) + turn) % FOLDS)
+    folds = int(settings.FOLDS)
+    turn = np.where(blocks_of < folds, recording, 0)  # short ones take turns
+    return np.asarray((place * folds // np.maximum(blocks_of, folds) + turn) % folds)
 
 
 def _has(keys: Collection[Key], term: Term) -> bool:

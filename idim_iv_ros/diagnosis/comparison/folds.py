@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Key
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import counted_alone
 from idim_iv_ros.diagnosis.comparison.select import Selection, climb
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
-
-FOLDS = 4
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,8 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
     nominal, options = comparison.nominal, comparison.options
     ledger = options.ledger
     if part is None:
-        count = ledger.block_count
-        part = np.arange(count) * FOLDS // max(count, FOLDS)
+        count, folds = ledger.block_count, int(settings.FOLDS)
+        part = np.arange(count) * folds // max(count, folds)
     keys, gains = [], []
     for fold in range(int(part.max()) + 1):
         counted: list[BoolArray] = [part[block] != fold for block in ledger.blocks]
