@@ -26,6 +26,8 @@ from idim_iv_ros.effects.registry import BY_NAME, name_of, parameter_words
 from idim_iv_ros.recording import SessionPart, in_recordings
 
 MOST_EVENTS = 5  # that are listed
+_MOST_CAUSES = 4  # after the first, in a summary
+_MOST_NUMBERS = 3  # of a cause, in a sentence
 # N m/rad: a shaft this stiff is only the limit of arithmetic, of encoders without noise.
 _RIGID = 1e12
 
@@ -409,7 +411,7 @@ def nothing_explains(*, remaining: bool) -> str:
 
 def further_causes(causes: Sequence[Cause]) -> str:
     """Causes after the first in a few words each."""
-    most = settings.MOST_CAUSES_IN_SUMMARY
+    most = _MOST_CAUSES
     listed = [
         f"{spaced(cause.effect)}{f' at {cause.joint}' if cause.joint else ''} "
         f"({listed_numbers(cause.effect, cause.parameters, 1)}; {likely(cause.probability)})"
@@ -481,7 +483,7 @@ def listed_numbers(
     effect: str, parameters: Mapping[str, EffectParameter], most: int | None = None
 ) -> str:
     """A few parameters with their intervals, those that are surest of the fitted."""
-    most = settings.MOST_NUMBERS_IN_SENTENCE if most is None else most
+    most = _MOST_NUMBERS if most is None else most
     return ", ".join(
         f"{parameter_words(effect, name)} {with_interval(parameter)}"
         for name, parameter in surest(parameters, most).items()

@@ -95,14 +95,43 @@ SOFT_FRICTION_SUPPORT = Setting(25.0, "ln likelihood",
     "gain of dry friction that turns before the joint, over friction that sticks, at which it is "
     "taken for a simulator's", CHOSEN)
 
+# The comparison of numbers and effects; shares are of the joint's torque (rms).
+MISFIT = Setting(0.0004, "torque of the joint (rms)",
+    "torque that shapes of the catalogue miss of a robot's, whatever its evidence", CHOSEN)
+MISFIT_OF_OTHERS = Setting(0.1, "torque of the other effects at the joint",
+    "the same beside other effects", CHOSEN)
+VISIBLE_OF_OTHERS = Setting(0.05, "torque of the largest other effect at the joint",
+    "torque beside errors of all numbers and the other effects that a term needs", CHOSEN)
+LEAST_SHARE = Setting(0.003, "torque of the joint (rms)",
+    "torque of a cause at one of its joints, at least", CHOSEN)
+LEAST_PROBABILITY = Setting(0.6, "",
+    "probability of a cause, at least; what has less is a hint", CHOSEN)
+ADEQUATE = Setting(0.5, "torque beyond the noise at its joint",
+    "part of it that a structural cause takes, at least", CHOSEN)
+PRIOR_OF_CURVE = Setting(0.2, "prior weight of an effect",
+    "prior weight of a free curve", CHOSEN)
+TEMPER = Setting(1.5, "",
+    "divides the evidence of whole models: rows are less independent than they seem", CHOSEN)
+ERROR_COST = Setting(5.0, "ln likelihood",
+    "cost of each e-fold by which errors of the nominal numbers exceed the least size", CHOSEN)
+LINKS_WORSE = Setting(0.3, "ln ratio",
+    "spread of the size of errors of links over that of drives, where links are worse", CHOSEN)
+DRIVES_WORSE = Setting(0.7, "ln ratio",
+    "the same where drives are worse: friction and drive inertia are hardest to come by", CHOSEN)
+MISFIT_OF_EVIDENCE = Setting(1e-3, "evidence explained at the joints",
+    "evidence that misfit may make: a smaller set of terms may lack it", CHOSEN)
+PRESENCE = Setting(0.95, "", "posterior probability against nothing of a term, at least", CHOSEN)
+NEAR = Setting(12.0, "ln evidence",
+    "distance from the best option up to which another one is in its set", CHOSEN)
+LEAST_EVIDENCE_OF_TERM = Setting(6.0, "ln evidence",
+    "evidence that one term more of a shape must bring", CHOSEN)
+
 # What an effect, a parameter error or a change of the law must bring to be accepted.
 LEAST_SUPPORT = Setting(8.0, "ln likelihood",
     "gain beyond Schwarz's penalty (and the search's) of an effect, a cause or a group of the law",
     CHOSEN)
 
 # Structural effects.
-NOISE_MODEL_MORE_STEPS = Count(2, "",
-    "fits of the noise models from those of the model before", NUMERICAL)
 LEAST_DENSITY = Setting(0.01, "mean spectral density",
     "noise that every frequency has at least: the model is wrong by a little everywhere", CHOSEN)
 LEAST_NONPARAMETRIC = Setting(0.01, "torque of the joint (rms)",
@@ -118,8 +147,6 @@ LEAST_TIME_BLOCK = Setting(1.0, "s",
 TIME_BLOCK = Setting(5.0, "s",
     "blocks of the bootstrap where the session is long enough: torques are "
     "predictable over seconds", PHYSICS)
-LEAST_ROOM = Setting(1e-3, "gap",
-    "what must lie above the noise floor for a shrinkage to be said", NUMERICAL)
 
 # Significance.
 NORMAL_95 = Setting(1.96, "standard deviations",
@@ -190,14 +217,10 @@ LEAST_SPEED_RANGE = Setting(1.5, "slowest speed that counts",
 # Simulated motion, sentences and notes.
 SIMULATION_LOST = Setting(1.0, "range of the joint",
     "tracking error from which on the simulation has not followed", CHOSEN)
-MOST_POINTS = Count(1500, "points", "points of a curve of the tracking error, at most", CONVENTION)
+MOST_POINTS = Count(1500, "points", "points of a curve of a motion, at most", CONVENTION)
 WORDS_OF_SUMMARY = Count(120, "words", "length of a summary, at most", CONVENTION)
 LEAST_WEIGHT_OF_RIVAL = Setting(0.02, "of the set's probability",
     "weight from which on another effect is in the set of a cause", CONVENTION)
-MOST_CAUSES_IN_SUMMARY = Count(4, "causes",
-    "causes after the first in the summary, at most", CONVENTION)
-MOST_NUMBERS_IN_SENTENCE = Count(3, "numbers",
-    "numbers of a cause in a sentence, at most", CONVENTION)
 SHORT_RECORDING = Setting(10.0, "s", "length below which a note asks for more", CHOSEN)
 # fmt: on
 

@@ -23,7 +23,7 @@ def test_a_setting_is_changed_for_a_while_and_what_came_before_it_is_kept() -> N
 def test_the_page_lists_first_what_changes_most() -> None:
     plain = {"verdict": "none", "causes": []}
     found = {"verdict": "structural", "causes": ["stribeck[joint_1]"]}
-    known = {"": plain, "MOST_CAUSES_IN_SUMMARY=2": plain, "LEAST_SUPPORT=4": found}
+    known = {"": plain, "FOLDS=2": plain, "LEAST_SUPPORT=4": found}
     rows = sensitivity.what_changes({"0123456789ab": known})[2:]
     assert "| `LEAST_SUPPORT` | 8 | 4 | 1 | 1 | 1 | 1 | 0123: structural" in rows[0]
-    assert rows[1].startswith("| `MOST_CAUSES_IN_SUMMARY` | 4 | 2 | 1 | 0 | 0 | 0 |")
+    assert rows[1].startswith("| `FOLDS` | 4 | 2 | 1 | 0 | 0 | 0 |")

@@ -12,4 +12,4 @@ def test_a_setting_is_a_number_and_keeps_what_it_says_at_another_value() -> None
     assert tried == 0.5 * settings.LEAST_SUPPORT
     assert (tried.unit, tried.origin) == (settings.LEAST_SUPPORT.unit, settings.CHOSEN)
     assert isinstance(settings.WORDS_OF_SUMMARY.times(2.0), int)
-    assert settings.MOST_CAUSES_IN_SUMMARY.times(0.01) == 1
+    assert settings.FOLDS.times(0.01) == 1

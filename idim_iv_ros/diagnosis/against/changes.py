@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
@@ -83,11 +82,11 @@ def changes_between(
                 continue
             times = sum(_has(keys, term) for keys in chosen.keys)
             often = times >= len(chosen.keys) - 1 and float(gains.sum()) > 0.0
-            matters = often and float(term.whole.max()) >= rules.LEAST_SHARE
+            matters = often and float(term.whole.max()) >= settings.LEAST_SHARE
             (accepted if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
     for curve in selection.curves:
         if curve.candidate.scope is not None:
-            (accepted if curve.presence >= rules.PRESENCE else doubtful)[curve] = ""
+            (accepted if curve.presence >= settings.PRESENCE else doubtful)[curve] = ""
     return Changes(selection, accepted, doubtful)
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison import rules
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
@@ -22,6 +21,7 @@ from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
+_MORE_STEPS = 2  # of the noise models, from those of the model before
 NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 
 
@@ -146,7 +146,7 @@ def _tested(
     fits = [regression.fit()]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
-        fits.append(regression.fit(fits[-1].noise_models, steps=settings.NOISE_MODEL_MORE_STEPS))
+        fits.append(regression.fit(fits[-1].noise_models, steps=_MORE_STEPS))
     outside = (
         *selection.curves,
         *(d.term for d in doubtful if d.term.candidate.kind is Kind.EFFECT and d.outside),
@@ -250,15 +250,15 @@ def _why_no_cause(term: Term, odds: float, beyond: float, times: str) -> tuple[s
     times
         In how many searches without a part of the time it is chosen.
     """
-    if term.presence < rules.PRESENCE:
+    if term.presence < settings.PRESENCE:
         return "it may be misfit of the model", False
     share = float(term.whole.max())
-    if share < rules.LEAST_SHARE:
+    if share < settings.LEAST_SHARE:
         return f"it is {100.0 * share:.2g} % of the torque: too small to matter", False
     structural = term.candidate.kind is Kind.EFFECT
-    if structural and float(term.visible.max()) < rules.ADEQUATE * beyond:
+    if structural and float(term.visible.max()) < settings.ADEQUATE * beyond:
         return "most of what remains at its joint is something else", True
-    if odds < rules.LEAST_PROBABILITY:
+    if odds < settings.LEAST_PROBABILITY:
         return (
             f"its probability is {100.0 * odds:.0f} %, and the search without a part of the time "
             f"chooses it in {times} cases"

@@ -4,13 +4,16 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import Options
 from idim_iv_ros.types import FloatArray, IntArray
 
+_NOTHING = 0.5  # prior probability that there is nothing more
+_RIVALS = 12  # effects and places whose scores over blocks of time are looked at
+_MOST_BANNED = 4  # places that are passed over because they are not visible
 _LOOKED_AT = 400  # options whose evidence is computed first: those with the highest bound
 _SHAPES_OF_PRIOR = 5  # more shapes than these cost no presence
 
@@ -27,13 +30,15 @@ class Prior:
         weight = np.zeros(len(options.keys))
         for numbers in names.values():
             first = options.candidates[options.candidate[options.key == numbers[0]][0]]
-            likely = rules.CURVE if first.kind is Kind.CURVE else first.effect.prior_weight
+            likely = (
+                settings.PRIOR_OF_CURVE if first.kind is Kind.CURVE else first.effect.prior_weight
+            )
             weight[numbers] = likely / len(numbers)
-        weight *= (1.0 - rules.NOTHING) / weight.sum()
+        weight *= (1.0 - _NOTHING) / weight.sum()
         shapes = np.bincount(options.key, minlength=len(options.keys))
         self.log = np.log(weight[options.key] / shapes[options.key])
         self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
-        self.nothing = float(np.log(rules.NOTHING))
+        self.nothing = float(np.log(_NOTHING))
 
 
 class Comparison:
@@ -69,13 +74,13 @@ class Comparison:
 
     def objective(self, terms: Sequence[Term]) -> float:
         """Tempered evidence of a whole model less what its terms cost."""
-        level = ModelWithTerms(self.nominal, tuple(terms)).level / rules.TEMPER
+        level = ModelWithTerms(self.nominal, tuple(terms)).level / settings.TEMPER
         return level - sum(self.prior.nothing - term.log_prior for term in terms)
 
     def _visible_one(self, model: ModelWithTerms) -> Term | None:
         ranking = _Ranking(self, model, curves=False)
         banned: set[Key] = {term.key for term in model.terms}
-        for _ in range(rules.MOST_BANNED):
+        for _ in range(_MOST_BANNED):
             term = ranking.first(banned)
             if term is None:
                 return None
@@ -91,7 +96,7 @@ class Comparison:
             if other.candidate.kind is not Kind.EFFECT:
                 continue
             others = np.maximum(others, np.minimum(other.whole, 1.0))
-        least = np.maximum(rules.MISFIT, rules.VISIBLE_OF_OTHERS * others)
+        least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
         return bool(np.any(term.visible > least))
 
     def dispersion(
@@ -201,7 +206,7 @@ class _Ranking:
         for term in self.model.terms:
             if term.candidate.kind is Kind.EFFECT:
                 others += term.visible**2
-        square = rules.MISFIT**2 + rules.MISFIT_OF_OTHERS**2 * others
+        square = settings.MISFIT**2 + settings.MISFIT_OF_OTHERS**2 * others
         joints = [options.candidates[options.candidate[k]].joints for k in self.order]
         return np.array([float(np.mean(square[list(where)])) for where in joints])
 
@@ -216,7 +221,7 @@ class _Ranking:
         seen: dict[int, tuple[float, float]] = {}
         for row in np.argsort(-score):
             k = int(self.order[row])
-            if score[row] < prior.nothing - 3.0 or len(seen) >= rules.RIVALS:
+            if score[row] < prior.nothing - 3.0 or len(seen) >= _RIVALS:
                 break
             if int(options.key[k]) not in seen:
                 z, values, vectors = self._directions[k]
@@ -266,7 +271,7 @@ class _Ranking:
             low = score[row] < prior.nothing - 6.0
             if not np.isfinite(score[row]) or low:
                 break
-            if kept and score[row] < score[kept[0][1]] - rules.NEAR:
+            if kept and score[row] < score[kept[0][1]] - settings.NEAR:
                 break
             acts_with = options.candidates[options.candidate[k]].effect.acts_with
             alone = acts_with and acts_with not in self.parts

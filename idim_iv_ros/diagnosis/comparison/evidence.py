@@ -10,8 +10,10 @@ averaged over what τ may be.
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison.rules import SIZES
 from idim_iv_ros.types import FloatArray
+
+# Torque that an effect may have, as a share of the joint's: its size is a mixture over these.
+SIZES = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])
 
 
 def by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:

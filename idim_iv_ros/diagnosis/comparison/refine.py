@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
@@ -43,7 +43,7 @@ def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term
     while True:
         longer = effect.longer(term.shape, place, comparison.catalogue.covered)
         best = _best_of(comparison, terms, number, [shape for shape, _ in longer])
-        if best is None or best[0] < highest + rules.LEAST_EVIDENCE_OF_TERM:
+        if best is None or best[0] < highest + settings.LEAST_EVIDENCE_OF_TERM:
             return term
         highest, term = best
 

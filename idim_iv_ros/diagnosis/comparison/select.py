@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison import rules
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
@@ -21,10 +21,12 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import (
     Term,
     Torques,
 )
+from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_MOST_TERMS = 8
 _ROUNDS = 10  # of adding one term
 _RESTARTS = 3
 _NOISE_VISITS = 3
@@ -151,7 +153,7 @@ def _with_likely_errors(
     if not options.ledger.nominal:
         only = comparison((1.0, 1.0))
         return only, climb(only, ())
-    starts = [(size, size) for size in rules.RELATIVE_ERRORS[:2]]
+    starts = [(size, size) for size in RELATIVE_ERRORS[:2]]
     starts.append(likeliest_errors(options.ledger, white, ()))
     best: tuple[float, Comparison, tuple[Term, ...]] | None = None
     tried: set[tuple[float, float]] = set()
@@ -162,7 +164,7 @@ def _with_likely_errors(
         tried.add(errors)
         this = comparison(errors)
         terms = climb(this, ())
-        value = this.objective(terms) + log_prior_of_errors(errors) / rules.TEMPER
+        value = this.objective(terms) + log_prior_of_errors(errors) / settings.TEMPER
         better = likeliest_errors(
             options.ledger, white, [_white_columns(white, options, t) for t in terms], terms
         )
@@ -176,10 +178,10 @@ def _with_likely_errors(
 
 def log_prior_of_errors(errors: tuple[float, float]) -> float:
     """Logarithm of what is usual of nominal models."""
-    logs = np.log(np.array(errors) / rules.RELATIVE_ERRORS[0])
+    logs = np.log(np.array(errors) / RELATIVE_ERRORS[0])
     apart = float(logs[0] - logs[1])
-    apart /= rules.LINKS_WORSE if apart > 0.0 else rules.DRIVES_WORSE
-    return -rules.ERROR_COST * float(logs.max()) - 0.5 * apart**2
+    apart /= settings.LINKS_WORSE if apart > 0.0 else settings.DRIVES_WORSE
+    return -settings.ERROR_COST * float(logs.max()) - 0.5 * apart**2
 
 
 def _white_columns(white: Whitened, options: Options, term: Term) -> dict[int, FloatArray]:
@@ -214,9 +216,9 @@ def likeliest_errors(
         stop = start + term.width
         free[b + start : b + stop, start:stop] = term.prior_root
         start = stop
-    best, highest = (rules.RELATIVE_ERRORS[0], rules.RELATIVE_ERRORS[0]), -np.inf
-    for link in rules.RELATIVE_ERRORS:
-        for drive in rules.RELATIVE_ERRORS:
+    best, highest = (RELATIVE_ERRORS[0], RELATIVE_ERRORS[0]), -np.inf
+    for link in RELATIVE_ERRORS:
+        for drive in RELATIVE_ERRORS:
             sizes = np.hstack([link * ledger.link_errors, drive * ledger.drive_errors])
             sizes = np.hstack([np.vstack([sizes, np.zeros((q, sizes.shape[1]))]), free])
             inner = sizes.T @ normal @ sizes + np.eye(sizes.shape[1])
@@ -282,7 +284,7 @@ def _grown(comparison: Comparison, start: tuple[Term, ...]) -> tuple[float, tupl
             terms = others if again is None else (*others[:number], again, *others[number:])
             best = _better(comparison, best, terms)
         state = frozenset(term.identity for term in terms)
-        if state in seen or len(terms) >= rules.MOST_EFFECTS:
+        if state in seen or len(terms) >= _MOST_TERMS:
             break
         seen.add(state)
         more = comparison.best(terms)
@@ -311,4 +313,4 @@ def _tolerance(comparison: Comparison, terms: tuple[Term, ...], others: tuple[Te
     for joint in gone & stay:
         gap = comparison.nominal.white.gap[joint]
         explained += 0.5 * max(float(gap @ gap - left[joint] @ left[joint]), 0.0)
-    return rules.TOLERANCE * explained / rules.TEMPER
+    return settings.MISFIT_OF_EVIDENCE * explained / settings.TEMPER

@@ -20,6 +20,7 @@ from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
 # Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
+_LEAST_ROOM = 1e-3  # of a gap, above the noise floor, for a shrinkage to be said
 _FOLD_LEAK = 1e-3
 _FEWEST_BLOCKS = 8  # in a short session: they are shorter then
 _RESAMPLES = 1000  # of the bootstrap
@@ -192,7 +193,7 @@ def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> Flo
     """(before − after) / (before − floor); NaN where there was nothing above the floor."""
     room = before - (floor or 0.0)
     share = (before - after) / np.where(room > 0.0, room, 1.0)
-    return np.asarray(np.where(room > settings.LEAST_ROOM * before, share, np.nan))
+    return np.asarray(np.where(room > _LEAST_ROOM * before, share, np.nan))
 
 
 def held_out(
