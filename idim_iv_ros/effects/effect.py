@@ -205,7 +205,7 @@ class StructuralEffect(Cause, Generic[S]):
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """Why a joint's motion cannot show it whatever its size; empty where it may.
 
-        What holds for every effect is in `diagnosis.identifiability.testability`.
+        What holds for every effect is in `diagnosis.identifiability.cannot_show`.
         """
         return ""
 

@@ -28,9 +28,8 @@ _CURVE_LAG = 0.15  # s, which both filters of the curves share
 _LEAST_SMOOTHING = 0.03  # s of it that is left to the efforts where the positions need more
 _HIGHEST = 0.8  # of the Nyquist frequency: smoothing that smooths nothing
 _EVERY = 0.2  # s between two looks for new rows
-_CONTEXT = (
-    0.24  # s of samples before the window, by which splines and bridged gaps are what they are
-)
+# s of samples before the window, by which splines and bridged gaps are what they are.
+_CONTEXT = 0.24
 
 
 @dataclass(frozen=True)

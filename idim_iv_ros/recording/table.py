@@ -257,9 +257,8 @@ def write_import(
 def _stamps(
     time: FilePath | None, rate: float | None, position: FloatArray, source: str
 ) -> FloatArray:
-    if len(position) < 2:
-        raise DataError(f"{source}: {len(position)} samples: nothing to import")
     if time is None:
+        _require_samples(position, source)
         assert rate is not None
         return _regular_stamps(len(position), rate)
     time = os.fspath(time)
@@ -271,6 +270,7 @@ def _stamps(
 
 def _checked_stamps(stamps: FloatArray, time: str, position: FloatArray, source: str) -> FloatArray:
     """Refuse stamps (n,) that no recording has; `time`, `source`: where both come from."""
+    _require_samples(position, source)
     if len(stamps) != len(position):
         raise DataError(f"{time}: {len(stamps)} stamps for {len(position)} samples of {source}")
     if not np.isfinite(stamps).all():
@@ -286,6 +286,12 @@ def _checked_stamps(stamps: FloatArray, time: str, position: FloatArray, source:
     if np.any(np.diff(np.round(stamps * 1e9)) <= 0.0):
         raise DataError(f"{time}: stamps less than 1 ns apart; are they in s?")
     return np.asarray(stamps)
+
+
+def _require_samples(position: FloatArray, source: str) -> None:
+    """Refuse positions (n, n_joints) of which there is no rate."""
+    if len(position) < 2:
+        raise DataError(f"{source}: {len(position)} samples: nothing to import")
 
 
 def _regular_stamps(samples: int, rate: float) -> FloatArray:

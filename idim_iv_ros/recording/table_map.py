@@ -38,9 +38,12 @@ _POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "m
 _SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
 _SPEEDS["rpm"] = 2.0 * np.pi / 60.0
 _EFFORTS = {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "kN": 1e3, "A": 1.0, "mA": 1e-3}
+# Of references and encoders behind the gears they are those of positions.
+_UNITS_OF = {"velocity": _SPEEDS, "velocity_reference": _SPEEDS, "effort": _EFFORTS}
 
 _TIME = re.compile(r"^(t|time|times|timestamp|stamp|sec|secs|seconds|clock)([_ .(\[]|$)", re.I)
 _UNITS = (("ns", r"ns\b|nano"), ("us", r"us\b|µs|micro"), ("ms", r"ms\b|milli"))
+_BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]")
 # Words of a name that say which signal it is; what is left says which joint.
 _WORDS = {
     "reference": r"ref|reference|des|desired|cmd|command|commanded|target|goal|set|setpoint",
@@ -272,6 +275,8 @@ def _text_table(
     try:
         return csv.read_csv(
             io.BytesIO(content),
+            # A process that ends while pyarrow starts its threads is aborted, if rarely.
+            read_options=csv.ReadOptions(use_threads=False),
             parse_options=csv.ParseOptions(delimiter=delimiter or _delimiter(content, decimal)),
             convert_options=csv.ConvertOptions(
                 decimal_point=decimal,
@@ -296,20 +301,25 @@ def _delimiter(content: bytes, decimal: str) -> str:
 
 def _signal(name: str) -> tuple[str, str] | None:
     """Signal and joint that a name stands for; None where no word of it says so."""
-    parts = re.findall(r"[A-Za-z]+|\d+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))
-    kinds, rest = set(), []
-    for part in parts:
-        kind = next((k for k, words in _WORDS.items() if re.fullmatch(words, part, re.I)), None)
-        if kind is not None:
-            kinds.add(kind)
-        elif part.lower() not in _OF_ALL:
-            rest.append(part.lower())
+    kinds = {_kind(word) for word in _words(name)} - {None}
     if not kinds:
         return None
+    signal = next(kind for kind in _WORDS if kind in kinds)
     if kinds >= {"reference", "velocity"}:
-        return "velocity_reference", "_".join(rest)
-    first = next(kind for kind in _WORDS if kind in kinds)
-    return first, "_".join(rest)
+        signal = "velocity_reference"
+    units = _UNITS_OF.get(signal, _POSITIONS)
+    bare = _BRACKETS.sub(lambda text: "" if _unit(text[1], units) else text[0], name)
+    words = [word.lower() for word in _words(bare) if _kind(word) is None]
+    return signal, "_".join(word for word in words if word not in _OF_ALL)
+
+
+def _words(name: str) -> list[str]:
+    """Words and numbers of a name, also of one like ``jointPosition1``."""
+    return re.findall(r"[A-Za-z]+|\d+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))
+
+
+def _kind(word: str) -> str | None:
+    return next((kind for kind, words in _WORDS.items() if re.fullmatch(words, word, re.I)), None)
 
 
 def proposed_map(table: Path) -> str:
@@ -388,13 +398,18 @@ def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[s
 
 def _named_unit(units: Mapping[str, float], names: list[str]) -> str:
     """The unit that stands in brackets in a name, as in ``Pos J1 [deg]``; else the first one."""
-    spelt = {unit.replace(" ", "").lower(): unit for unit in units} | {"°": "deg", "°/s": "deg/s"}
     for name in names:
-        for text in re.findall(r"[\[(]([^\])]+)[\])]", name):
-            unit = spelt.get(re.sub(r"[\s.·*]", "", text).lower(), "")
-            if unit in units:
+        for text in _BRACKETS.findall(name):
+            if unit := _unit(text, units):
                 return unit
     return next(iter(units))
+
+
+def _unit(text: str, units: Mapping[str, float]) -> str:
+    """Which of the units a text is, however it is spelt; empty where it is none of them."""
+    spelt = {unit.replace(" ", "").lower(): unit for unit in units} | {"°": "deg", "°/s": "deg/s"}
+    unit = spelt.get(re.sub(r"[\s.·*]", "", text).lower(), "")
+    return unit if unit in units else ""
 
 
 def _quoted(name: str) -> str:

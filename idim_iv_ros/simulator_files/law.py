@@ -24,7 +24,8 @@ class DriveLaw:
         Infinite where there is none.
     period, delay : s
         Of the control; from the command to the torque.
-    known : bool
+    configured : bool
+        Whether a law is known.
     beyond : tuple of str
         What of the law simulators have no element for.
     """

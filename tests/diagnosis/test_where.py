@@ -139,11 +139,14 @@ def test_repeats_are_found_with_their_shift_and_others_are_not() -> None:
     assert found[0].lag == -1234
 
 
-def test_periods_inside_a_recording_are_found() -> None:
-    one = _reference(3, 4.0) * np.sin(np.pi * np.arange(4000) / 4000)[:, None]
-    found = find_repeats([np.concatenate([one, one, one])], 1000.0, 50.0)
+@pytest.mark.parametrize(("seconds", "periods"), [(4.0, 3.0), (10.0, 1.25)])
+def test_periods_inside_a_recording_are_found(seconds: float, periods: float) -> None:
+    period = round(1000 * seconds)
+    one = _reference(3, seconds) * np.sin(np.pi * np.arange(period) / period)[:, None]
+    whole = np.concatenate([one, one, one])[: round(periods * period)]
+    found = find_repeats([whole], 1000.0, 50.0)
     assert [(r.first, r.second) for r in found] == [(0, 0)]
-    assert found[0].lag == 4000
+    assert found[0].lag == period
 
 
 def test_drift_between_repeats_is_not_noise() -> None:

@@ -80,13 +80,26 @@ def test_a_proposed_map_has_the_signs_and_units_of_the_text(tmp_path: Path, comm
     if comma:
         stamps = [f"{2 * k}" for k in range(len(TIME))]
     text = _text(stamps, comma).replace("Pos A", "Pos A [°]").replace("Stamp", "Stamp (ms)")
-    (tmp_path / "log.csv").write_text(text)
+    (tmp_path / "log.csv").write_text(text.replace("Tau B", "Tau B [mNm]"))
     proposed = proposed_map(tmp_path / "log.csv")
     assert f"unit: {'ms' if comma else 'iso'}}}" in proposed
     assert "position: deg" in proposed
     position, effort, _ = _imported(tmp_path, proposed)
     np.testing.assert_allclose(position, POSITION, atol=1e-5)
-    np.testing.assert_allclose(effort, EFFORT, atol=1e-7)
+    np.testing.assert_allclose(effort, 1e-3 * EFFORT, atol=1e-7)
+
+
+def test_letters_in_brackets_are_joints_where_they_are_no_unit(tmp_path: Path) -> None:
+    text = "t,Pos [A],Pos [B],Tau [A],Tau [B]\n" + "0,1,2,3,4\n" * 3
+    (tmp_path / "log.csv").write_text(text)
+    assert "a: {position: 'Pos [A]'" in proposed_map(tmp_path / "log.csv")
+
+
+def test_a_single_row_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(_text(["0.0"], comma=False))
+    with pytest.raises(DataError, match="1 samples"):
+        _imported(tmp_path, TEXT_MAP.format(unit="s", decimal="."))
+    assert not (tmp_path / "out.mcap").exists()
 
 
 @pytest.mark.parametrize("suffix", ["h5", "npz", "mat", "parquet"])

@@ -152,10 +152,11 @@ def find_repeats(
 def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: bool) -> int | None:
     """Shift at which two references agree best; None where they never agree for long enough.
 
-    That of a reference to `itself` is the smallest after it has left itself.
+    That of a reference to `itself` is the smallest after it has left itself, however much of the
+    recording comes before.
     """
-    shorter = min(len(one), len(two))
-    least = max(settings.REPEAT_LEAST_OVERLAP * rate, settings.REPEAT_LEAST_SHARE * shorter)
+    share = 0.0 if itself else settings.REPEAT_LEAST_SHARE * min(len(one), len(two))
+    least = max(settings.REPEAT_LEAST_OVERLAP * rate, share)
     lags, distance, overlap = _distances(one[::stride], two[::stride])
     usable = overlap * stride >= least
     if itself:

@@ -127,10 +127,7 @@ class JointMessageType:
             try:
                 located = Located(message, kind)
                 names, columns = self._columns(located, quantities)
-            except (
-                ValueError,
-                KeyError,
-            ):  # or a definition without its fields
+            except (ValueError, KeyError):  # KeyError: a definition without its fields
                 continue
             if len(kinds) == 1 or len(message) - located.end < _PADDING:
                 return located.layout(names, columns)
