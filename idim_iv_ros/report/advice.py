@@ -218,7 +218,8 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         steps = [Step("See how well each parameter is known:", line)]
     else:
         line = command("check", *bags, "--config", config)
-        steps = [Step("Look for gaps and clipped efforts in the recordings:", line)]
+        words = f"Check the recordings, and units, signs and zero positions in {config}:"
+        steps = [Step(words, line)]
     if laws:
         steps.append(Step(f"Correct the control law in {config}:", "\n".join(map(_law, laws))))
     return [*steps, recording]

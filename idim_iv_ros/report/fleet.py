@@ -42,6 +42,7 @@ _NOTHING = {
     (False, False): f"{_FEW_ROBOTS}, and too few bags at different times to say whether one "
     "changed.",
 }
+_MOST_BAGS = 3  # of a robot in a command
 _MOST_CHANGES = 60  # drawn; the others are in the table
 
 
@@ -106,7 +107,7 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
     ]
     return {
         "badge": _badge(result),
-        "headline": headline(result),
+        "headlines": _headlines(result),
         "steps": steps(result, reports, files),
         "tiles": [
             ("Robots", count(len(result.robots)), f"{ordinary} ordinary"),
@@ -153,21 +154,30 @@ def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list
     if first is None or first.attention == "recordings":
         words = "Record the robots again, a bag each, and compare anew:"
         return [Step(words, command("fleet", "identify", *whole))]
-    if not reports:
-        return [Step("Find out why they stand out:", command("fleet", "diagnose", *whole))]
-    contrast = _contrast_step(result, first, files)
-    page = reports.get(first.robot)
-    reading = [Step(f"Read what {first.robot} has:", files.here(page))] if page else []
-    return [*reading, *([contrast] if contrast else [])]
+    again = [Step("Find out why they stand out:", command("fleet", "diagnose", *whole))]
+    return (_contrast_step(result, first, files) or again) if reports else again
 
 
-def _contrast_step(result: FleetResult, robot: FleetRobot, files: Files) -> Step | None:
-    """Compare a robot with itself before a change, or with an ordinary one; None if not here."""
+def _headlines(result: FleetResult) -> list[str]:
+    """How the fleet is, what the first robot that stands out has, and how sure that is."""
+    lines = [headline(result)]
+    first = result.robots[0] if result.robots else None
+    if first is not None and (first.changes or any(q.differs for q in first.quantities)):
+        lines.append(f"{first.robot}: {first.reasons[0].rstrip('.')}.")
+        lines.append(
+            f"At most {100.0 * result.false_discoveries:g}{THIN}% of such robots are by chance."
+        )
+    return lines
+
+
+def _contrast_step(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
+    """Compare a robot with itself before a change, or with an ordinary one; none if not here."""
     used = [bag for bag in result.bags if bag.used and bag.robot == robot.robot]
+    used.sort(key=lambda bag: bag.time or "")
     if robot.attention == "changed":
         begin = min(change.begin for change in robot.changes)
-        before = [bag.uri for bag in used if bag.time and bag.time < begin]
-        after = [bag.uri for bag in used if bag.time and bag.time >= begin]
+        before = [bag.uri for bag in used if bag.time and bag.time < begin][-_MOST_BAGS:]
+        after = [bag.uri for bag in used if bag.time and bag.time >= begin][-_MOST_BAGS:]
         words = f"See what changed in {robot.robot}:"
     else:
         typical = [s for s in result.screen if s.type == robot.type and s.why == "typical"]
@@ -176,14 +186,14 @@ def _contrast_step(result: FleetResult, robot: FleetRobot, files: Files) -> Step
         ordinary = typical[0].robot if typical else ""
         words = f"See in what {robot.robot} differs from {ordinary}, an ordinary robot:"
     if not before or not after or not all(map(is_local, (*before, *after))):
-        return None
+        return []
     try:
         config = str(path_of(used[0], Path(files.config)))
     except UsageError:
-        return None
+        return []
     first, second = ([str(local_path(uri)) for uri in uris] for uris in (before, after))
     line = command("diagnose", *first, "--against", *second, "--config", config, "--out", "changed")
-    return Step(words, line)
+    return [Step(words, line)]
 
 
 def headline(result: FleetResult) -> str:

@@ -99,7 +99,8 @@ def shrinkage(result: ReplayResult) -> list[Row]:
             bar("whisker", after.low / longest, after.high / longest),
         )
         floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
-        shown = [f"{1e3 * error.rms:.3g} {unit}" for error in (before, after)]
+        half = 0.5e3 * (after.high - after.low)
+        shown = [f"{1e3 * before.rms:.3g} {unit}", f"{1e3 * after.rms:.3g} ± {half:.1g} {unit}"]
         left = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
         rows.append((name, bars, floor, shown[0], shown[1], left))
     return rows
@@ -119,7 +120,7 @@ def headline(result: ReplayResult) -> str:
     end = "The end of the simulated arm" if name == _TOOL else f"Simulated {name}"
     return (
         f"{end} is {before} from the robot's in the nominal model, and {after} in the model "
-        f"{_MODELS[last.name]}.{_ON[result.held_out]}"
+        f"{_MODELS[last.name]} (95 %).{_ON[result.held_out]}"
     )
 
 
