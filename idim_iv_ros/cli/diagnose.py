@@ -107,7 +107,7 @@ def diagnose_command(
             nominal=nominal,
             progress=progress,
         ),
-        partial(write_gap_report, force=force, config=config),
+        partial(write_gap_report, force=force, config=config, bags=[*bags, *(against or ())]),
         write_picture,
         out=out,
         names=(GAP, REPORT),

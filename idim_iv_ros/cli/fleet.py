@@ -95,7 +95,14 @@ def fleet_command(
         with report_warnings():
             pages = _write_robots(answer, run, force)
             reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
-            _, page = write_report(answer.result, out, reports=reports, force=force)
+            _, page = write_report(
+                answer.result,
+                out,
+                reports=reports,
+                force=force,
+                config=config,
+                bags=[source],
+            )
     _print(output.console, answer, pages, verbose)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
@@ -131,7 +138,13 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
         folder = Path(run.out) / "robots" / diagnosis.screened.robot
         page: Path | None = folder / "report.html"
         if diagnosis.gap is not None and diagnosis.gap.series:
-            _, page = write_gap_report(diagnosis.gap, folder, force=force, config=run.config)
+            _, page = write_gap_report(
+                diagnosis.gap,
+                folder,
+                force=force,
+                config=run.config,
+                bags=diagnosis.screened.bags,
+            )
         if page is not None and page.is_file():
             pages[diagnosis.screened.robot] = page
     return pages

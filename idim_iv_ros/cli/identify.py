@@ -50,7 +50,7 @@ def identify_command(
         from idim_iv_ros.report.picture import write_picture
     result, numbers, page = output.produce(
         lambda progress: identify(bags, configuration, estimator=estimator, progress=progress),
-        partial(write_report, force=force, config=config),
+        partial(write_report, force=force, config=config, bags=bags),
         write_picture,
         out=out,
         names=(RESULT, REPORT),

@@ -72,7 +72,7 @@ def replay_command(
         lambda progress: replay_bags(
             bags, configuration, model=model, effects=effects, progress=progress
         ),
-        partial(write_replay_report, force=force),
+        partial(write_replay_report, force=force, config=config, bags=bags),
         write_replay_picture,
         out=out,
         names=(REPLAY, REPORT),

@@ -71,7 +71,7 @@ def servo_command(
         lambda progress: identify_servos(
             bags, configuration, gains=settings, model_error=model_error, progress=progress
         ),
-        partial(write_report, force=force),
+        partial(write_report, force=force, config=config, bags=bags),
         lambda result, path: None,
         out=out,
         names=(SERVO, REPORT),

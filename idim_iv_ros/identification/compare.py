@@ -44,6 +44,8 @@ class ParameterComparison:
     names : (str, str)
         Files.
     robot : str
+    bags : (tuple of str, tuple of str)
+        Recordings of both.
     pairs : tuple of ParameterPair
     limit : float
         Standard deviations from which on a parameter differs.
@@ -53,6 +55,7 @@ class ParameterComparison:
 
     names: tuple[str, str]
     robot: str
+    bags: tuple[tuple[str, ...], tuple[str, ...]]
     pairs: tuple[ParameterPair, ...]
     limit: float
     alone: tuple[str, ...]
@@ -118,6 +121,10 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
     return ParameterComparison(
         names=(str(first), str(second)),
         robot=results[0].robot,
+        bags=(
+            tuple(bag.path for bag in results[0].bags),
+            tuple(bag.path for bag in results[1].bags),
+        ),
         pairs=tuple(sorted(pairs, key=lambda pair: -abs(pair.deviations))),
         limit=limit,
         alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),

@@ -4,14 +4,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from idim_iv_ros.diagnosis.result import Cause, GapResult, RecordingAgreement, Unexplained
+from idim_iv_ros.diagnosis.result import (
+    Cause,
+    ContrastResult,
+    GapResult,
+    RecordingAgreement,
+    Unexplained,
+)
 from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.gap_words import effect_at, effect_words, unnamed_error
 from idim_iv_ros.report.numerals import is_number, measured, percent
-from idim_iv_ros.report.section import Report
+from idim_iv_ros.report.section import Files, Report
 from idim_iv_ros.statistics.verdict import Verdict
 
 # Badge of each verdict on an identification: class, sign; in the order of `Verdict`.
@@ -154,36 +161,39 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
     bags = [bag.path for bag in result.bags]
     steps = []
     if colour == "bad":
-        command = _command("diagnose", *bags, "--config", config, "--out", "why")
-        steps.append(Step("Look for the effect that the model lacks:", command))
+        line = command("diagnose", *bags, "--config", config, "--out", "why")
+        steps.append(Step("Look for the effect that the model lacks:", line))
     if result.processing.advice:
         advice = result.processing.advice[0]
         steps.append(Step(f"Follow the advice on {config}, then identify again:", advice))
     if not result.converged:
         words = f"Check the control law and the nominal model in {config}: no convergence."
-        steps.append(Step(words, _command("check", *bags, "--config", config)))
+        steps.append(Step(words, command("check", *bags, "--config", config)))
     if any(IMPOSSIBLE in (p.remark, p.essential_remark) for p in result.parameters) or (
         colour == "open"
     ):
-        command = _command("excite", "--config", config, "--out", "motion")
-        steps.append(Step("Record a motion that shows all parameters:", command))
+        line = command("excite", "--config", config, "--out", "motion")
+        steps.append(Step("Record a motion that shows all parameters:", line))
     if colour in ("good", "fair"):
-        command = _command("export", "result.json", "--config", config, "--out", "simulator")
-        steps.append(Step("Put the new values into your simulator:", command))
-        command = _command("diagnose", *bags, "--config", config, "--out", "why")
-        steps.append(Step("See what the nominal model lacks, and why:", command))
+        line = command(
+            "export", report.files.here(RESULT), "--config", config, "--out", "simulator"
+        )
+        steps.append(Step("Put the new values into your simulator:", line))
+        line = command("diagnose", *bags, "--config", config, "--out", "why")
+        steps.append(Step("See what the nominal model lacks, and why:", line))
     if len(steps) == 1:
-        command = _command("excite", "--config", config, "--out", "motion")
-        steps.append(Step("Record another motion and identify again:", command))
+        line = command("excite", "--config", config, "--out", "motion")
+        steps.append(Step("Record another motion and identify again:", line))
     return steps[:_MOST_STEPS]
 
 
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return what to do after a diagnosis: one command, then what to record."""
-    result, config = report.result, report.config
+    result, config, files = report.result, report.config, report.files
+    bags = files.recordings(result.bags)
     apart = [recording.bag for recording in result.recordings if recording.differences]
     if apart:
-        return _steps_of_disagreement(result, apart, config)
+        return _steps_of_disagreement(result, apart, files)
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
     recording = _recording_step(result, config)
     if len(laws) < len(result.causes):
@@ -193,22 +203,23 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         if unnamed_error(result) and not parts & {"torque scale", "gravity"}:
             rest = ["--remainder"]
             words = "Put the causes and the other values into your simulator:"
-        command = _command("export", "gap.json", "--config", config, *rest, "--out", "simulator")
-        steps = [Step(words, command)]
+        line = command("export", files.here(GAP), "--config", config, *rest, "--out", "simulator")
+        steps = [Step(words, line)]
     elif laws:
         steps = []
     elif result.verdict == "parametric":
         words = "Put the numbers that the recording asks for into your simulator:"
-        command = _command(
-            "export", "gap.json", "--config", config, "--remainder", "--out", "simulator"
+        line = command(
+            "export", files.here(GAP), "--config", config, "--remainder", "--out", "simulator"
         )
-        steps = [Step(words, command)]
+        steps = [Step(words, line)]
     elif result.verdict == "none":
-        command = _command("identify", *result.bags, "--config", config, "--out", "results")
-        steps = [Step("See how well each parameter is known:", command)]
+        line = command("identify", *bags, "--config", config, "--out", "results")
+        steps = [Step("See how well each parameter is known:", line)]
     else:
-        command = _command("check", *result.bags, "--config", config)
-        steps = [Step("Look for gaps and clipped efforts in the recordings:", command)]
+        line = command("check", *bags, "--config", config)
+        words = f"Check the recordings, and units, signs and zero positions in {config}:"
+        steps = [Step(words, line)]
     if laws:
         steps.append(Step(f"Correct the control law in {config}:", "\n".join(map(_law, laws))))
     return [*steps, recording]
@@ -223,11 +234,12 @@ def _law(cause: Cause) -> str:
     return f"{cause.joint}: {numbers}"
 
 
-def _steps_of_disagreement(result: GapResult, apart: Sequence[str], config: str) -> list[Step]:
+def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files) -> list[Step]:
     """Take the recordings that agree by themselves, and each other one."""
-    together = [bag for bag in result.bags if bag not in apart]
-    first = _command("diagnose", *together, "--config", config, "--out", "agreeing")
-    second = _command("diagnose", apart[0], "--config", config, "--out", "differing")
+    together = files.recordings(bag for bag in result.bags if bag not in apart)
+    odd = files.recordings(apart[:1])
+    first = command("diagnose", *together, "--config", files.config, "--out", "agreeing")
+    second = command("diagnose", *odd, "--config", files.config, "--out", "differing")
     return [
         Step("Diagnose the recordings that agree by themselves:", first),
         Step(f"Diagnose {apart[0]} by itself, and compare:", second),
@@ -241,8 +253,8 @@ def _value(value: float, std: float | None, unit: str) -> str:
 
 def _recording_step(result: GapResult, config: str) -> Step:
     """What to record: to separate causes, to see what this recording cannot show, or to verify."""
-    motion = _command("excite", "--for", "diagnosis", "--config", config, "--out", "motion")
-    again = _command("diagnose", "NEW.mcap", "--config", config, "--out", "after")
+    motion = _motion(config)
+    again = command("diagnose", "NEW.mcap", "--config", config, "--out", "after")
     for cause in result.causes:
         for other in cause.indistinguishable_from:
             how = separating_motion(cause.effect, other.effect)
@@ -261,5 +273,31 @@ def _recording_step(result: GapResult, config: str) -> Step:
     return Step("Record again where the simulator matters to you, and compare:", again)
 
 
-def _command(*words: str) -> str:
+def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
+    """Return what to do with what changed: its place on the robot, and the second set's values."""
+    reference, against = files.recordings(contrast.reference), files.recordings(contrast.against)
+    if not contrast.differs:
+        line = command("diagnose", *reference, *against, "--config", files.config, "--out", "both")
+        return [Step("Diagnose all recordings together, which shows more:", line)]
+    line = command("diagnose", *against, "--config", files.config, "--out", "after")
+    if not contrast.causes:
+        return [Step("See what the second set lacks by itself:", line)]
+    first = contrast.causes[0]
+    where = effect_at(first.effect, first.joint)
+    steps = [Step(f"Look at the robot ({where}); diagnose the second set for its values:", line)]
+    for rival in first.indistinguishable_from:
+        how = separating_motion(first.effect, rival.effect)
+        if how and not how.startswith("no motion"):
+            words = f"Record the motion that separates it from {effect_words(rival.effect)}:"
+            steps.append(Step(words, _motion(files.config)))
+            break
+    return steps
+
+
+def _motion(config: str) -> str:
+    return command("excite", "--for", "diagnosis", "--config", config, "--out", "motion")
+
+
+def command(*words: str) -> str:
+    """Return a command of this program with these words, quoted for a shell."""
     return f"idim-iv {shell_command(*words)}"

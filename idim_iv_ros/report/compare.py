@@ -1,8 +1,10 @@
 """The page of two identifications side by side: every parameter with both intervals."""
 
 from idim_iv_ros.identification.compare import ParameterComparison, ParameterPair
+from idim_iv_ros.report.advice import Step, command
 from idim_iv_ros.report.numerals import INTERVAL, measured, number
 from idim_iv_ros.report.page import one_section, page_html
+from idim_iv_ros.report.section import CONFIGURATION
 
 
 def compare_html(comparison: ParameterComparison) -> str:
@@ -14,12 +16,24 @@ def compare_html(comparison: ParameterComparison) -> str:
         "Parameters",
         badge=("bad", "≠", "differences") if differ else ("good", "✓", "no difference"),
         sentence=comparison.sentence,
+        steps=[_step(comparison, differ)],
         names=comparison.names,
         alone=", ".join(comparison.alone),
         rows=[_row(pair) for pair in comparison.pairs],
     )
     subtitle = " and ".join(comparison.names)
     return page_html(comparison.robot, "two identifications", subtitle, [section])
+
+
+def _step(comparison: ParameterComparison, differ: bool) -> Step:
+    """What to do with the recordings of both: find out what changed, or take them together."""
+    first, second = comparison.bags
+    end = ("--config", CONFIGURATION, "--out")
+    if differ:
+        line = command("diagnose", *first, "--against", *second, *end, "changed")
+        return Step("Find out which effect changed, and by how much:", line)
+    line = command("identify", *first, *second, *end, "together")
+    return Step("Identify from all recordings together, with smaller intervals:", line)
 
 
 def _row(pair: ParameterPair) -> dict[str, object]:

@@ -2,9 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from idim_iv_ros.errors import UsageError
+from idim_iv_ros.fleet.remote import is_local, local_path
 from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
+from idim_iv_ros.fleet.robots import path_of
+from idim_iv_ros.report.advice import Step, command
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
 from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
 from idim_iv_ros.report.numerals import (
@@ -18,6 +23,7 @@ from idim_iv_ros.report.numerals import (
     sentence,
 )
 from idim_iv_ros.report.page import one_section, page_html
+from idim_iv_ros.report.section import UNPLACED, Files
 
 _BADGES = {
     "differs": ("bad", "▲", "differs"),
@@ -36,10 +42,13 @@ _NOTHING = {
     (False, False): f"{_FEW_ROBOTS}, and too few bags at different times to say whether one "
     "changed.",
 }
+_MOST_BAGS = 3  # of a robot in a command
 _MOST_CHANGES = 60  # drawn; the others are in the table
 
 
-def fleet_html(result: FleetResult, reports: Mapping[str, str] | None = None) -> str:
+def fleet_html(
+    result: FleetResult, reports: Mapping[str, str] | None = None, files: Files = UNPLACED
+) -> str:
     """Return the report of a fleet as one self-contained HTML document.
 
     Parameters
@@ -48,6 +57,8 @@ def fleet_html(result: FleetResult, reports: Mapping[str, str] | None = None) ->
         What `fleet_result` found.
     reports : mapping of str to str, optional
         Address of each robot's own report, relative to the page, by the name of the robot.
+    files : Files, optional
+        As commands on the page name them; its recordings are the source of the fleet.
     """
     bags = plural(len(result.bags), "bag")
     return page_html(
@@ -57,7 +68,7 @@ def fleet_html(result: FleetResult, reports: Mapping[str, str] | None = None) ->
         [
             one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
             for anchor, title, shown in (
-                ("attention", "What needs attention", _attention(result, reports)),
+                ("attention", "What needs attention", _attention(result, reports or {}, files)),
                 ("types", "Parameters of each type", _types(result)),
                 ("changes", "Changes over time", _changes(result)),
                 ("diagnoses", "What to diagnose", _diagnoses(result)),
@@ -78,7 +89,7 @@ def _subtitle(result: FleetResult) -> str:
     return f"{plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
 
 
-def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[str, Any]:
+def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) -> dict[str, Any]:
     ordinary = sum(robot.attention == "none" for robot in result.robots)
     differs = sum(any(q.differs for q in robot.quantities) for robot in result.robots)
     changed = sum(bool(robot.changes) for robot in result.robots)
@@ -87,7 +98,7 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
     corrupt = sum(bag.status == "corrupt" for bag in result.bags)
     missing = sum(bag.status == "missing" for bag in result.bags)
     why = f"{corrupt} corrupt, {missing} missing" if missing else f"{corrupt} corrupt"
-    rows = [_row(robot, reports or {}) for robot in result.robots]
+    rows = [_row(robot, reports) for robot in result.robots]
     urgent = [
         row for row, robot in zip(rows, result.robots, strict=True) if robot.attention != "none"
     ]
@@ -95,8 +106,9 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
         row for row, robot in zip(rows, result.robots, strict=True) if robot.attention == "none"
     ]
     return {
-        "kind": _kind(result),
-        "headline": headline(result),
+        "badge": _badge(result),
+        "headlines": _headlines(result),
+        "steps": steps(result, reports, files),
         "tiles": [
             ("Robots", count(len(result.robots)), f"{ordinary} ordinary"),
             ("Differ from their type", count(differs), "in a parameter or a residual"),
@@ -111,16 +123,77 @@ def _attention(result: FleetResult, reports: Mapping[str, str] | None) -> dict[s
     }
 
 
-def _kind(result: FleetResult) -> str:
-    """Colour of the headline: nothing is good that was not judged."""
+def _badge(result: FleetResult) -> tuple[str, str, str]:
+    """Badge of the headline: nothing is good that was not judged."""
     if any(q.differs for robot in result.robots for q in robot.quantities):
-        return "bad"
+        return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
-        return "bad"
+        return "bad", "↗", "a robot changed"
     judged = [robot for robot in result.robots if robot.quantities]
     compared = any(math.isfinite(robot.p_value) for robot in judged)
     followed = any(math.isfinite(robot.change_p_value) for robot in judged)
-    return "good" if compared and followed else "open"
+    if compared and followed:
+        return "good", "✓", "nothing stands out"
+    return "open", "?", "not all could be judged"
+
+
+def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list[Step]:
+    """Return what to do: find out what the first robot that stands out has, or go on recording."""
+    whole = (
+        *(files.bags or ("FOLDER",)),
+        "--config",
+        files.config,
+        "--out",
+        files.folder or "fleet",
+    )
+    used = [bag for bag in result.bags if bag.used]
+    if not used:
+        bags = [bag.uri for bag in result.bags[:1]]
+        return [Step("See why:", command("check", *bags, "--config", files.config))]
+    first = next((robot for robot in result.robots if robot.attention != "none"), None)
+    if first is None or first.attention == "recordings":
+        words = "Record the robots again, a bag each, and compare anew:"
+        return [Step(words, command("fleet", "identify", *whole))]
+    again = [Step("Find out why they stand out:", command("fleet", "diagnose", *whole))]
+    return (_contrast_step(result, first, files) or again) if reports else again
+
+
+def _headlines(result: FleetResult) -> list[str]:
+    """How the fleet is, what the first robot that stands out has, and how sure that is."""
+    lines = [headline(result)]
+    first = result.robots[0] if result.robots else None
+    if first is not None and (first.changes or any(q.differs for q in first.quantities)):
+        lines.append(f"{first.robot}: {first.reasons[0].rstrip('.')}.")
+        lines.append(
+            f"At most {100.0 * result.false_discoveries:g}{THIN}% of such robots are by chance."
+        )
+    return lines
+
+
+def _contrast_step(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
+    """Compare a robot with itself before a change, or with an ordinary one; none if not here."""
+    used = [bag for bag in result.bags if bag.used and bag.robot == robot.robot]
+    used.sort(key=lambda bag: bag.time or "")
+    if robot.attention == "changed":
+        begin = min(change.begin for change in robot.changes)
+        before = [bag.uri for bag in used if bag.time and bag.time < begin][-_MOST_BAGS:]
+        after = [bag.uri for bag in used if bag.time and bag.time >= begin][-_MOST_BAGS:]
+        words = f"See what changed in {robot.robot}:"
+    else:
+        typical = [s for s in result.screen if s.type == robot.type and s.why == "typical"]
+        before = [*typical[0].bags] if typical else []
+        after = [uri for s in result.screen if s.robot == robot.robot for uri in s.bags]
+        ordinary = typical[0].robot if typical else ""
+        words = f"See in what {robot.robot} differs from {ordinary}, an ordinary robot:"
+    if not before or not after or not all(map(is_local, (*before, *after))):
+        return []
+    try:
+        config = str(path_of(used[0], Path(files.config)))
+    except UsageError:
+        return []
+    first, second = ([str(local_path(uri)) for uri in uris] for uris in (before, after))
+    line = command("diagnose", *first, "--against", *second, "--config", config, "--out", "changed")
+    return [Step(words, line)]
 
 
 def headline(result: FleetResult) -> str:

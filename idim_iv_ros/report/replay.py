@@ -5,9 +5,11 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
+from idim_iv_ros.report.advice import Step, command
 from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
+from idim_iv_ros.report.section import UNPLACED, Files
 from idim_iv_ros.report.sections.stages import Bar, bar
 from idim_iv_ros.report.time_axis import peaks
 from idim_iv_ros.simulators.replay_result import (
@@ -33,18 +35,18 @@ _BUCKETS = 220
 _FEW = 3
 
 
-def replay_html(result: ReplayResult) -> str:
+def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
     """Return the report of a replay as one self-contained HTML document."""
     return page_html(
         result.robot,
         "replay in MuJoCo",
         f"References of {with_unit(result.duration, 's')} of recording, "
         f"{plural(len(result.joints), 'joint')}",
-        [one_section("replay.html.j2", "replay", "Replay", **shown(result))],
+        [one_section("replay.html.j2", "replay", "Replay", **shown(result, files))],
     )
 
 
-def shown(result: ReplayResult) -> dict[str, Any]:
+def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
     """What the template shows."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     plots = [
@@ -54,6 +56,7 @@ def shown(result: ReplayResult) -> dict[str, Any]:
     return {
         "badge": badge(result),
         "headline": headline(result),
+        "steps": steps(result, files),
         "shrinkage": shrinkage(result),
         "stages": [(stage.name, stage.model, stage.note) for stage in result.stages],
         "columns": ["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
@@ -96,7 +99,8 @@ def shrinkage(result: ReplayResult) -> list[Row]:
             bar("whisker", after.low / longest, after.high / longest),
         )
         floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
-        shown = [f"{1e3 * error.rms:.3g} {unit}" for error in (before, after)]
+        half = 0.5e3 * (after.high - after.low)
+        shown = [f"{1e3 * before.rms:.3g} {unit}", f"{1e3 * after.rms:.3g} ± {half:.1g} {unit}"]
         left = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
         rows.append((name, bars, floor, shown[0], shown[1], left))
     return rows
@@ -116,7 +120,7 @@ def headline(result: ReplayResult) -> str:
     end = "The end of the simulated arm" if name == _TOOL else f"Simulated {name}"
     return (
         f"{end} is {before} from the robot's in the nominal model, and {after} in the model "
-        f"{_MODELS[last.name]}.{_ON[result.held_out]}"
+        f"{_MODELS[last.name]} (95 %).{_ON[result.held_out]}"
     )
 
 
@@ -138,6 +142,30 @@ def badge(result: ReplayResult) -> tuple[str, str, str]:
     if any(two.low > one.rms for one, two in pairs):
         return "bad", "✕", "the corrected simulator is farther from the robot"
     return "open", "≈", "no clear difference"
+
+
+def steps(result: ReplayResult, files: Files) -> list[Step]:
+    """Return what to do after a replay: use what was found, or ask why it is no closer."""
+    config, bags = ("--config", files.config), files.recordings(result.bags)
+    diagnosis = command("diagnose", *bags, *config, "--out", "why")
+    if result.best.tracking is None:
+        return [Step("Check the recordings and the control law:", command("check", *bags, *config))]
+    if result.best is result.stages[0]:
+        again = command("replay", *bags, *config, "--effects", "why/gap.json", "--out", "replay")
+        return [
+            Step("Find out why the simulator differs from the robot:", diagnosis),
+            Step("Replay with what was found:", again),
+        ]
+    if badge(result)[0] != "good":
+        return [Step("See what the simulator lacks on these recordings:", diagnosis)]
+    model = () if result.model == "urdf" else ("--model", result.model)
+    effects = (*model, *config, "--effects", result.effects)
+    other = command("replay", "NEW.mcap", *effects, "--out", "verified")
+    todo = [Step("Record another motion, and see whether the simulator is as close there:", other)]
+    if result.held_out is not None:  # what was found is a diagnosis, which can be exported
+        line = command("export", result.effects, *config, "--out", "simulator")
+        todo.insert(0, Step("Put what was found into your simulator:", line))
+    return todo
 
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:

@@ -3,9 +3,10 @@
 import json
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from jinja2 import Environment
@@ -77,18 +78,54 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
 
 
 @dataclass(frozen=True)
+class Files:
+    """Files as the commands of a page name them, so that they run where the page was made.
+
+    Attributes
+    ----------
+    config : str
+        The robot's configuration file.
+    folder : str
+        Of the page and its numbers.
+    bags : tuple of str
+        Paths of the recordings; of a fleet its source.
+    """
+
+    config: str = CONFIGURATION
+    folder: str = ""
+    bags: tuple[str, ...] = ()
+
+    def here(self, name: str) -> str:
+        """Return the path of a file beside the page."""
+        return str(Path(self.folder, name))
+
+    def recordings(self, names: Iterable[str]) -> list[str]:
+        """Return the paths of recordings; the name of one whose path is unknown or ambiguous."""
+        paths = {name: [bag for bag in self.bags if Path(bag).name == name] for name in names}
+        return [places[0] if len(places) == 1 else name for name, places in paths.items()]
+
+
+# Of a page that is made apart from the files of its result.
+UNPLACED = Files()
+
+
+@dataclass(frozen=True)
 class Report(Generic[R]):
     """A result as its page shows it.
 
     Attributes
     ----------
     result : IdentificationResult or GapResult
-    config : str
-        The robot's configuration file as commands and instructions name it.
+    files : Files
     """
 
     result: R
-    config: str = CONFIGURATION
+    files: Files = UNPLACED
+
+    @property
+    def config(self) -> str:
+        """The robot's configuration file as commands and instructions name it."""
+        return self.files.config
 
     @property
     def numbers(self) -> str:

@@ -4,34 +4,38 @@ from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.report.advice import Step, command
 from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, axis, layout, line
 from idim_iv_ros.report.numerals import plural
 from idim_iv_ros.report.page import one_section, page_html
+from idim_iv_ros.report.section import UNPLACED, Files
 from idim_iv_ros.servo.result import ServoNumber, ServoResult, ServoSeries
 
 _HEIGHT = 260
 _FEW = 3
 
 
-def servo_html(result: ServoResult) -> str:
+def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
     """Return the report as one self-contained HTML document."""
     recordings = plural(len(result.recordings), "recording")
     return page_html(
         result.robot,
         "servos, without torques",
         f"{recordings}, {plural(len(result.joints), 'joint')}",
-        [one_section("servo.html.j2", "servos", "Servos", **shown(result))],
+        [one_section("servo.html.j2", "servos", "Servos", **shown(result, files))],
     )
 
 
-def shown(result: ServoResult) -> dict[str, Any]:
+def shown(result: ServoResult, files: Files = UNPLACED) -> dict[str, Any]:
     """What the template shows."""
     plots = [
         (series.joint, series.recording, servo_figure(series, index))
         for index, series in enumerate(result.series)
     ]
     return {
+        "badge": badge(result),
         "headline": headline(result),
+        "steps": steps(result, files),
         "columns": ["", *([name, "num"] for name in SUMMARY_COLUMNS[1:])],
         "summary": summary_rows(result),
         "reasons": [f"{j.joint}: {j.reason}" for j in result.joints if j.reason],
@@ -104,6 +108,31 @@ def headline(result: ServoResult) -> str:
             f"behaves as {check.low:.4g} to {check.high:.4g}{more}."
         )
     return text
+
+
+def badge(result: ServoResult) -> tuple[str, str, str]:
+    """Whether the servos are known in N m, and the gains that were given are the right ones."""
+    absolute = [joint.absolute for joint in result.joints]
+    if not all(check.agrees for check in result.gains):
+        return "bad", "✕", "a gain is not what was given"
+    if all(absolute):
+        return "good", "✓", "known in N m"
+    return ("fair", "≈", "partly known in N m") if any(absolute) else ("open", "?", "only ratios")
+
+
+def steps(result: ServoResult, files: Files) -> list[Step]:
+    """Return what to do with the servos: simulate with them, or record what shows the others."""
+    absolute = [joint.absolute for joint in result.joints]
+    bags = files.recordings(result.recordings)
+    todo = []
+    if any(absolute):
+        line = command("diagnose", *bags, "--config", files.here("servo.yaml"), "--out", "why")
+        words = "servo.xml and servo_isaac_lab.py go into the simulator; see what it still lacks:"
+        todo.append(Step(words, line))
+    if not all(absolute):
+        line = command("excite", "--for", "servo", "--config", files.config, "--out", "motion")
+        todo.append(Step("Record a motion with more load on the other servos:", line))
+    return todo
 
 
 def number_rows(numbers: tuple[ServoNumber, ...]) -> list[tuple[str, str, str]]:

@@ -29,7 +29,7 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.fleet import fleet_html
 from idim_iv_ros.report.page import gap_report_html, report_html
 from idim_iv_ros.report.replay import replay_html
-from idim_iv_ros.report.section import CONFIGURATION
+from idim_iv_ros.report.section import CONFIGURATION, Files
 from idim_iv_ros.report.servo import servo_html
 from idim_iv_ros.servo.result import ServoResult
 from idim_iv_ros.simulators.replay_result import ReplayResult
@@ -53,6 +53,7 @@ def write_report(
     *,
     force: bool = False,
     config: FilePath = CONFIGURATION,
+    bags: Sequence[FilePath] = (),
     reports: Mapping[str, str] | None = None,
 ) -> tuple[Path, Path | None]:
     """Write the numbers of a result, then its page: result.json and report.html, for example.
@@ -69,8 +70,9 @@ def write_report(
     force : bool
         Replace files there that this program did not write.
     config : str or Path
-        The robot's configuration file as the page of an identification or diagnosis names it in
-        commands and instructions.
+        The robot's configuration file as commands and instructions on the page name it.
+    bags : sequence of str or Path
+        Paths of the recordings, for commands on the page too; of a fleet its source.
     reports : mapping of str to str, optional
         Of a fleet: address of each robot's own report, relative to `out`, by the robot's name.
 
@@ -85,11 +87,13 @@ def write_report(
         The folder cannot be written, or holds another result or a file of somebody else.
     """
     name, page_name, html = _FILES[type(result)]
-    draw = partial(html, result)
+    files = (str(config), str(out), tuple(map(str, bags)))
     if isinstance(result, (IdentificationResult, GapResult)):
-        draw = partial(html, result, str(config))
+        draw = partial(html, result, *files)
     elif isinstance(result, FleetResult):
-        draw = partial(html, result, reports)
+        draw = partial(html, result, reports, Files(*files))
+    else:
+        draw = partial(html, result, Files(*files))
     numbers, page = Path(out) / name, Path(out) / page_name
     with require_writable(Path(out), (name, page_name), force=force):
         try:

@@ -31,7 +31,7 @@ from idim_iv_ros.report.advice import (
 from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import THIN, percent
 from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
-from idim_iv_ros.report.section import Report
+from idim_iv_ros.report.section import Files, Report
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
@@ -70,7 +70,7 @@ def test_the_verdict_of_an_identification_is_two_short_sentences(case, joints: i
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: Case) -> None:
-    steps = diagnosis_steps(Report(_arm6(case), "arm6.yaml"))
+    steps = diagnosis_steps(Report(_arm6(case), Files("arm6.yaml")))
     assert 2 <= len(steps) <= 3
     assert all(step.words and step.code for step in steps)
     assert re.match(r"idim-iv (excite|diagnose) .*--config arm6\.yaml", steps[-1].code)
@@ -96,24 +96,24 @@ def test_recordings_that_differ_in_something_named_come_before_any_cause(named: 
     assert headline[0].endswith("of the torque at joint_2.")
     assert "friction level" in headline[1]
     assert _words(headline) <= 30
-    first, second = diagnosis_steps(Report(result, "arm6.yaml"))
+    first, second = diagnosis_steps(Report(result, Files("arm6.yaml")))
     assert first.code.startswith("idim-iv diagnose a.mcap b.mcap --config arm6.yaml")
     assert second.code.startswith("idim-iv diagnose odd.mcap --config arm6.yaml")
 
 
 @pytest.mark.parametrize("case", KINDS)
 def test_an_identification_ends_in_two_or_three_steps(case) -> None:
-    steps = identification_steps(Report(sample_result(6, case), "tx40.yaml"))
+    steps = identification_steps(Report(sample_result(6, case), Files("tx40.yaml")))
     assert 2 <= len(steps) <= 3
     assert any("--config tx40.yaml" in step.code for step in steps)
 
 
 @pytest.mark.parametrize("case", ["structural", "parametric", "both"])
 def test_causes_go_into_the_simulator_by_one_command(case: Case) -> None:
-    steps = diagnosis_steps(Report(_arm6(case), "arm6.yaml"))
+    steps = diagnosis_steps(Report(_arm6(case), Files("arm6.yaml")))
     assert steps[0].code == "idim-iv export gap.json --config arm6.yaml --out simulator"
     law = replace(_arm6("structural").causes[0], effect="controller_mismatch")
-    steps = diagnosis_steps(Report(replace(_arm6(case), causes=(law,)), "arm6.yaml"))
+    steps = diagnosis_steps(Report(replace(_arm6(case), causes=(law,)), Files("arm6.yaml")))
     assert "export" not in steps[0].code
     assert steps[0].words == "Correct the control law in arm6.yaml:"
 

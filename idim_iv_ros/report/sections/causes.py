@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
-from idim_iv_ros.report.advice import FAMILIES
+from idim_iv_ros.report.advice import FAMILIES, contrast_steps
 from idim_iv_ros.report.gap_words import (
     effect_at,
     effect_words,
@@ -317,6 +317,7 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
     return {
         "badge": contrast_badge(contrast),
         "answer": contrast.sentence,
+        "steps": contrast_steps(contrast, report.files),
         "reference": ", ".join(contrast.reference),
         "against": ", ".join(contrast.against),
         "cards": [change_card(result, cause) for cause in contrast.causes],
