@@ -119,8 +119,8 @@ def headline(result: ReplayResult) -> str:
     name, _, _, before, after, _ = rows[-1]
     end = "The end of the simulated arm" if name == _TOOL else f"Simulated {name}"
     return (
-        f"{end} is {before} from the robot's in the nominal model, and {after} in the model "
-        f"{_MODELS[last.name]} (95 %).{_ON[result.held_out]}"
+        f"{end} is {before} from the robot's in the nominal model, and {after} (95 %) in the model "
+        f"{_MODELS[last.name]}.{_ON[result.held_out]}"
     )
 
 
