@@ -115,5 +115,7 @@ def diagnose_command(
         force=force,
     )
     print_diagnosis(output.console, result, whole=verbose)
-    print_physical(output, result, numbers, config)
+    # Without a named cause the export would change nothing else.
+    rest = () if result.causes else ("--remainder",)
+    print_physical(output, result, numbers, config, *rest)
     output.name_files(numbers, page)

@@ -83,6 +83,11 @@ def _print_causes(console: Console, result: GapResult, whole: bool) -> None:
     if numbers:
         title = "Causes, strongest first" if whole else "Numbers of the model that are wrong"
         print_table(console, title, _NUMBERS, numbers)
+    for row, cause in rows if whole else ():
+        gaps = [f"{gap.joint} {_arrow((gap.before, gap.after), torque_unit(result, gap.joint))}"
+                for gap in cause.joint_gaps]  # fmt: skip
+        if len(gaps) > 1:
+            console.print(Text(f"{row[0]} takes of the torque gap, rms: {', '.join(gaps)}"))
 
 
 def _print_what_is_left(console: Console, result: GapResult) -> None:

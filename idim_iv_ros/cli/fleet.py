@@ -96,12 +96,7 @@ def fleet_command(
             pages = _write_robots(answer, run, force)
             reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
             _, page = write_report(
-                answer.result,
-                out,
-                reports=reports,
-                force=force,
-                config=config,
-                bags=[source],
+                answer.result, out, reports=reports, force=force, config=config, bags=[source]
             )
     _print(output.console, answer, pages, verbose)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
@@ -138,12 +133,9 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
         folder = Path(run.out) / "robots" / diagnosis.screened.robot
         page: Path | None = folder / "report.html"
         if diagnosis.gap is not None and diagnosis.gap.series:
+            bags = diagnosis.screened.bags
             _, page = write_gap_report(
-                diagnosis.gap,
-                folder,
-                force=force,
-                config=run.config,
-                bags=diagnosis.screened.bags,
+                diagnosis.gap, folder, force=force, config=run.config, bags=bags
             )
         if page is not None and page.is_file():
             pages[diagnosis.screened.robot] = page

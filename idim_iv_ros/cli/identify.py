@@ -67,7 +67,11 @@ def identify_command(
 
 
 def print_physical(
-    output: Output, result: IdentificationResult | GapResult, numbers: Path | None, config: Path
+    output: Output,
+    result: IdentificationResult | GapResult,
+    numbers: Path | None,
+    config: Path,
+    *options: str,
 ) -> None:
     """Name the command that takes the answer into a simulator; else say why it cannot be."""
     from idim_iv_ros.cli.output import next_command
@@ -79,7 +83,7 @@ def print_physical(
     if not result.physical.test.accepted:
         output.line(f"Physical parameters: {result.physical.sentence}")
     if numbers is not None:
-        command = next_command("export", [numbers], config, "--out", "simulator")
+        command = next_command("export", [numbers], config, *options, "--out", "simulator")
         output.line(f"Into a simulator: {command}")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.fleet.content import configuration_digest
-from idim_iv_ros.fleet.result import BagResult, FleetBag
+from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.source import BagEntry
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.model import build_inverse_model, read_urdf_file
@@ -92,7 +92,7 @@ def robots_of(
     return typed, {robot: loaded[path] for robot, path in paths.items()}
 
 
-def path_of(entry: BagEntry | BagResult | FleetBag, config: Path) -> Path:
+def path_of(entry: BagEntry | BagResult, config: Path) -> Path:
     """Return the configuration of the robot of a bag, in a folder of them or the only one.
 
     Raises

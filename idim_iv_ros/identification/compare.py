@@ -44,7 +44,7 @@ class ParameterComparison:
     names : (str, str)
         Files.
     robot : str
-    bags : (tuple of str, tuple of str)
+    bags : tuple of tuple of str
         Recordings of both.
     pairs : tuple of ParameterPair
     limit : float
@@ -55,7 +55,7 @@ class ParameterComparison:
 
     names: tuple[str, str]
     robot: str
-    bags: tuple[tuple[str, ...], tuple[str, ...]]
+    bags: tuple[tuple[str, ...], ...]
     pairs: tuple[ParameterPair, ...]
     limit: float
     alone: tuple[str, ...]
@@ -121,10 +121,7 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
     return ParameterComparison(
         names=(str(first), str(second)),
         robot=results[0].robot,
-        bags=(
-            tuple(bag.path for bag in results[0].bags),
-            tuple(bag.path for bag in results[1].bags),
-        ),
+        bags=tuple(tuple(bag.path for bag in result.bags) for result in results),
         pairs=tuple(sorted(pairs, key=lambda pair: -abs(pair.deviations))),
         limit=limit,
         alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),

@@ -6,13 +6,13 @@ from typing import get_args
 
 from idim_iv_ros.diagnosis.result import (
     Cause,
+    ContrastCause,
     ContrastResult,
     GapResult,
     RecordingAgreement,
     Unexplained,
 )
 from idim_iv_ros.effects.registry import part_of
-from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
@@ -156,46 +156,42 @@ def _listed(joints: Sequence[str], most: int = 3) -> str:
 
 def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
     """Return what to do after an identification, the most important first."""
-    result, config = report.result, report.config
+    result, files, config = report.result, report.files, report.files.config
     colour = verdict_badge(result.verdict.verdict)[0]
     bags = [bag.path for bag in result.bags]
+    diagnosis = files.command("diagnose", *bags, out="why")
+    motion = files.command("excite", out="motion")
     steps = []
     if colour == "bad":
-        line = command("diagnose", *bags, "--config", config, "--out", "why")
-        steps.append(Step("Look for the effect that the model lacks:", line))
+        steps.append(Step("Look for the effect that the model lacks:", diagnosis))
     if result.processing.advice:
         advice = result.processing.advice[0]
         steps.append(Step(f"Follow the advice on {config}, then identify again:", advice))
     if not result.converged:
         words = f"Check the control law and the nominal model in {config}: no convergence."
-        steps.append(Step(words, command("check", *bags, "--config", config)))
+        steps.append(Step(words, files.command("check", *bags)))
     if any(IMPOSSIBLE in (p.remark, p.essential_remark) for p in result.parameters) or (
         colour == "open"
     ):
-        line = command("excite", "--config", config, "--out", "motion")
-        steps.append(Step("Record a motion that shows all parameters:", line))
+        steps.append(Step("Record a motion that shows all parameters:", motion))
     if colour in ("good", "fair"):
-        line = command(
-            "export", report.files.here(RESULT), "--config", config, "--out", "simulator"
-        )
-        steps.append(Step("Put the new values into your simulator:", line))
-        line = command("diagnose", *bags, "--config", config, "--out", "why")
-        steps.append(Step("See what the nominal model lacks, and why:", line))
+        values = files.command("export", files.here(RESULT), out="simulator")
+        steps.append(Step("Put the new values into your simulator:", values))
+        steps.append(Step("See what the nominal model lacks, and why:", diagnosis))
     if len(steps) == 1:
-        line = command("excite", "--config", config, "--out", "motion")
-        steps.append(Step("Record another motion and identify again:", line))
+        steps.append(Step("Record another motion and identify again:", motion))
     return steps[:_MOST_STEPS]
 
 
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return what to do after a diagnosis: one command, then what to record."""
-    result, config, files = report.result, report.config, report.files
+    result, config, files = report.result, report.files.config, report.files
     bags = files.recordings(result.bags)
     apart = [recording.bag for recording in result.recordings if recording.differences]
     if apart:
         return _steps_of_disagreement(result, apart, files)
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
-    recording = _recording_step(result, config)
+    recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
         rest, words = [], "Put the causes into your simulator, or into ours:"
         # Beside a torque scale or gravity the export cannot spread what no cause names.
@@ -203,23 +199,20 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         if unnamed_error(result) and not parts & {"torque scale", "gravity"}:
             rest = ["--remainder"]
             words = "Put the causes and the other values into your simulator:"
-        line = command("export", files.here(GAP), "--config", config, *rest, "--out", "simulator")
+        line = files.command("export", files.here(GAP), *rest, out="simulator")
         steps = [Step(words, line)]
     elif laws:
         steps = []
     elif result.verdict == "parametric":
         words = "Put the numbers that the recording asks for into your simulator:"
-        line = command(
-            "export", files.here(GAP), "--config", config, "--remainder", "--out", "simulator"
-        )
+        line = files.command("export", files.here(GAP), "--remainder", out="simulator")
         steps = [Step(words, line)]
     elif result.verdict == "none":
-        line = command("identify", *bags, "--config", config, "--out", "results")
+        line = files.command("identify", *bags, out="results")
         steps = [Step("See how well each parameter is known:", line)]
     else:
-        line = command("check", *bags, "--config", config)
         words = f"Check the recordings, and units, signs and zero positions in {config}:"
-        steps = [Step(words, line)]
+        steps = [Step(words, files.command("check", *bags))]
     if laws:
         steps.append(Step(f"Correct the control law in {config}:", "\n".join(map(_law, laws))))
     return [*steps, recording]
@@ -238,8 +231,8 @@ def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files
     """Take the recordings that agree by themselves, and each other one."""
     together = files.recordings(bag for bag in result.bags if bag not in apart)
     odd = files.recordings(apart[:1])
-    first = command("diagnose", *together, "--config", files.config, "--out", "agreeing")
-    second = command("diagnose", *odd, "--config", files.config, "--out", "differing")
+    first = files.command("diagnose", *together, out="agreeing")
+    second = files.command("diagnose", *odd, out="differing")
     return [
         Step("Diagnose the recordings that agree by themselves:", first),
         Step(f"Diagnose {apart[0]} by itself, and compare:", second),
@@ -251,18 +244,13 @@ def _value(value: float, std: float | None, unit: str) -> str:
     return " ".join(filter(None, (text, half, unit)))
 
 
-def _recording_step(result: GapResult, config: str) -> Step:
+def _recording_step(result: GapResult, files: Files) -> Step:
     """What to record: to separate causes, to see what this recording cannot show, or to verify."""
-    motion = _motion(config)
-    again = command("diagnose", "NEW.mcap", "--config", config, "--out", "after")
-    for cause in result.causes:
-        for other in cause.indistinguishable_from:
-            how = separating_motion(cause.effect, other.effect)
-            pair = f"{effect_words(cause.effect)} from {effect_words(other.effect)}"
-            if how.startswith("no motion"):
-                continue
-            if how:
-                return Step(f"Record the motion that separates {pair}:", motion)
+    motion = _motion(files)
+    again = files.command("diagnose", "NEW.mcap", out="after")
+    separating = _separating_steps(result.causes, files)
+    if separating:
+        return separating[0]
     if isinstance(result.unexplained, Unexplained):
         joint = result.unexplained.joint
         return Step(f"Watch {joint} while you record again; does the residual come back?", motion)
@@ -277,27 +265,26 @@ def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
     """Return what to do with what changed: its place on the robot, and the second set's values."""
     reference, against = files.recordings(contrast.reference), files.recordings(contrast.against)
     if not contrast.differs:
-        line = command("diagnose", *reference, *against, "--config", files.config, "--out", "both")
+        line = files.command("diagnose", *reference, *against, out="both")
         return [Step("Diagnose all recordings together, which shows more:", line)]
-    line = command("diagnose", *against, "--config", files.config, "--out", "after")
+    line = files.command("diagnose", *against, out="after")
     if not contrast.causes:
         return [Step("See what the second set lacks by itself:", line)]
-    first = contrast.causes[0]
-    where = effect_at(first.effect, first.joint)
-    steps = [Step(f"Look at the robot ({where}); diagnose the second set for its values:", line)]
-    for rival in first.indistinguishable_from:
-        how = separating_motion(first.effect, rival.effect)
-        if how and not how.startswith("no motion"):
-            words = f"Record the motion that separates it from {effect_words(rival.effect)}:"
-            steps.append(Step(words, _motion(files.config)))
-            break
-    return steps
+    where = effect_at(contrast.causes[0].effect, contrast.causes[0].joint)
+    first = Step(f"Look at the robot ({where}); diagnose the second set for its values:", line)
+    return [first, *_separating_steps(contrast.causes, files)]
 
 
-def _motion(config: str) -> str:
-    return command("excite", "--for", "diagnosis", "--config", config, "--out", "motion")
+def _separating_steps(causes: Sequence[Cause | ContrastCause], files: Files) -> list[Step]:
+    """Record the motion that separates the first pair of causes that one does separate."""
+    for cause in causes:
+        for other in cause.indistinguishable_from:
+            how = separating_motion(cause.effect, other.effect)
+            if how and not how.startswith("no motion"):
+                pair = f"{effect_words(cause.effect)} from {effect_words(other.effect)}"
+                return [Step(f"Record the motion that separates {pair}:", _motion(files))]
+    return []
 
 
-def command(*words: str) -> str:
-    """Return a command of this program with these words, quoted for a shell."""
-    return f"idim-iv {shell_command(*words)}"
+def _motion(files: Files) -> str:
+    return files.command("excite", "--for", "diagnosis", out="motion")

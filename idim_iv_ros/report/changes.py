@@ -286,7 +286,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
         "single": [row for row in rows if row.source != SUM and row.significant is not False],
         "kept": [row for row in rows if row.source != SUM and row.significant is False],
         "sums": [row for row in rows if row.source == SUM],
-        "config": report.config,
+        "config": report.files.config,
         "given_known": any(row.given is not None for row in rows),
     }
 

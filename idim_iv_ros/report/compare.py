@@ -1,10 +1,10 @@
 """The page of two identifications side by side: every parameter with both intervals."""
 
 from idim_iv_ros.identification.compare import ParameterComparison, ParameterPair
-from idim_iv_ros.report.advice import Step, command
+from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.numerals import INTERVAL, measured, number
 from idim_iv_ros.report.page import one_section, page_html
-from idim_iv_ros.report.section import CONFIGURATION
+from idim_iv_ros.report.section import UNPLACED
 
 
 def compare_html(comparison: ParameterComparison) -> str:
@@ -28,11 +28,10 @@ def compare_html(comparison: ParameterComparison) -> str:
 def _step(comparison: ParameterComparison, differ: bool) -> Step:
     """What to do with the recordings of both: find out what changed, or take them together."""
     first, second = comparison.bags
-    end = ("--config", CONFIGURATION, "--out")
     if differ:
-        line = command("diagnose", *first, "--against", *second, *end, "changed")
+        line = UNPLACED.command("diagnose", *first, "--against", *second, out="changed")
         return Step("Find out which effect changed, and by how much:", line)
-    line = command("identify", *first, *second, *end, "together")
+    line = UNPLACED.command("identify", *first, *second, out="together")
     return Step("Identify from all recordings together, with smaller intervals:", line)
 
 

@@ -2,14 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.remote import is_local, local_path
 from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
-from idim_iv_ros.fleet.robots import path_of
-from idim_iv_ros.report.advice import Step, command
+from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
 from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
 from idim_iv_ros.report.numerals import (
@@ -139,61 +136,46 @@ def _badge(result: FleetResult) -> tuple[str, str, str]:
 
 def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list[Step]:
     """Return what to do: find out what the first robot that stands out has, or go on recording."""
-    whole = (
-        *(files.bags or ("FOLDER",)),
-        "--config",
-        files.config,
-        "--out",
-        files.folder or "fleet",
-    )
-    used = [bag for bag in result.bags if bag.used]
-    if not used:
+    source, out = (*files.bags, "FOLDER")[0], files.folder or "fleet"
+    if not any(bag.used for bag in result.bags):
         bags = [bag.uri for bag in result.bags[:1]]
-        return [Step("See why:", command("check", *bags, "--config", files.config))]
-    first = next((robot for robot in result.robots if robot.attention != "none"), None)
-    if first is None or first.attention == "recordings":
-        words = "Record the robots again, a bag each, and compare anew:"
-        return [Step(words, command("fleet", "identify", *whole))]
-    again = [Step("Find out why they stand out:", command("fleet", "diagnose", *whole))]
-    return (_contrast_step(result, first, files) or again) if reports else again
+        return [Step("See why the first bag cannot be used:", files.command("check", *bags))]
+    first = result.robots[0]
+    if first.attention in ("recordings", "none"):
+        line = files.command("fleet", "identify", source, out=out)
+        return [Step("Record the robots again, a bag each, and compare anew:", line)]
+    contrast = _contrast_steps(result, first, files) if reports else []
+    again = files.command("fleet", "diagnose", source, out=out)
+    return contrast or [Step("Find out why they stand out:", again)]
 
 
 def _headlines(result: FleetResult) -> list[str]:
     """How the fleet is, what the first robot that stands out has, and how sure that is."""
-    lines = [headline(result)]
-    first = result.robots[0] if result.robots else None
-    if first is not None and (first.changes or any(q.differs for q in first.quantities)):
-        lines.append(f"{first.robot}: {first.reasons[0].rstrip('.')}.")
-        lines.append(
-            f"At most {100.0 * result.false_discoveries:g}{THIN}% of such robots are by chance."
-        )
-    return lines
+    if _badge(result)[0] != "bad":
+        return [headline(result)]
+    first, share = result.robots[0], f"{100.0 * result.false_discoveries:g}{THIN}%"
+    reason = f"{first.robot}: {first.reasons[0].rstrip('.')}."
+    return [headline(result), reason, f"At most {share} of such robots are by chance."]
 
 
-def _contrast_step(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
+def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
     """Compare a robot with itself before a change, or with an ordinary one; none if not here."""
-    used = [bag for bag in result.bags if bag.used and bag.robot == robot.robot]
-    used.sort(key=lambda bag: bag.time or "")
+    screened = [s for s in result.screen if s.robot == robot.robot or s.why == "typical"]
+    after = [uri for s in screened if s.robot == robot.robot for uri in s.bags]
+    ordinary = [s for s in screened if s.type == robot.type and s.robot != robot.robot][:1]
+    before = [uri for s in ordinary for uri in s.bags]
     if robot.attention == "changed":
-        begin = min(change.begin for change in robot.changes)
-        before = [bag.uri for bag in used if bag.time and bag.time < begin][-_MOST_BAGS:]
-        after = [bag.uri for bag in used if bag.time and bag.time >= begin][-_MOST_BAGS:]
-        words = f"See what changed in {robot.robot}:"
-    else:
-        typical = [s for s in result.screen if s.type == robot.type and s.why == "typical"]
-        before = [*typical[0].bags] if typical else []
-        after = [uri for s in result.screen if s.robot == robot.robot for uri in s.bags]
-        ordinary = typical[0].robot if typical else ""
-        words = f"See in what {robot.robot} differs from {ordinary}, an ordinary robot:"
-    if not before or not after or not all(map(is_local, (*before, *after))):
-        return []
-    try:
-        config = str(path_of(used[0], Path(files.config)))
-    except UsageError:
+        ordinary, begin = [], min(change.begin for change in robot.changes)
+        dated = sorted((bag.time, bag.uri) for bag in result.bags
+                       if bag.used and bag.time and bag.robot == robot.robot)  # fmt: skip
+        before = [uri for time, uri in dated if time < begin][-_MOST_BAGS:]
+        after = [uri for time, uri in dated if time >= begin][-_MOST_BAGS:]
+    if not (before and after and all(map(is_local, (*before, *after)))):
         return []
     first, second = ([str(local_path(uri)) for uri in uris] for uris in (before, after))
-    line = command("diagnose", *first, "--against", *second, "--config", config, "--out", "changed")
-    return [Step(words, line)]
+    line = files.command("diagnose", *first, "--against", *second, out="changed")
+    other = f"{ordinary[0].robot}, an ordinary robot" if ordinary else "what it was"
+    return [Step(f"See in what {robot.robot} differs from {other}:", line)]
 
 
 def headline(result: FleetResult) -> str:

@@ -18,7 +18,7 @@ from idim_iv_ros.report import numerals
 from idim_iv_ros.report.changes import CHANGES
 from idim_iv_ros.report.gap_words import duration
 from idim_iv_ros.report.numerals import plural, with_unit
-from idim_iv_ros.report.section import CONFIGURATION, Files, R, Report, Section
+from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
 from idim_iv_ros.report.sections.friction import FRICTION
 from idim_iv_ros.report.sections.parameters import PARAMETERS
@@ -65,12 +65,7 @@ DIAGNOSIS: tuple[Section[Any], ...] = (
 _METHODS = {"idim-iv": "IDIM-IV", "idim-ls": "IDIM-LS"}
 
 
-def report_html(
-    result: IdentificationResult,
-    config: str = CONFIGURATION,
-    folder: str = "",
-    bags: Sequence[str] = (),
-) -> str:
+def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     """Return the report of an identification as one self-contained HTML document.
 
     A section that fails leaves its place with one line, and a `ReportWarning`.
@@ -79,9 +74,8 @@ def report_html(
     ----------
     result : IdentificationResult
         What `identify` found.
-    config : str
-        The robot's configuration file as commands in the report name it; `folder` and `bags`:
-        of the result, and paths of the recordings.
+    files : Files
+        As commands in the report name them.
     """
     seconds = sum(bag.duration for bag in result.bags)
     method = _METHODS.get(result.estimator, result.estimator)
@@ -90,16 +84,11 @@ def report_html(
         "dynamic parameters",
         f"{method} identification of {plural(len(result.joints), 'joint')} from "
         f"{with_unit(seconds, 's')} of recording",
-        _sections(Report(result, Files(config, folder, tuple(bags))), IDENTIFICATION),
+        _sections(Report(result, files), IDENTIFICATION),
     )
 
 
-def gap_report_html(
-    result: GapResult,
-    config: str = CONFIGURATION,
-    folder: str = "",
-    bags: Sequence[str] = (),
-) -> str:
+def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
     """Return the report of a diagnosis as one self-contained HTML document.
 
     A section that fails leaves its place with one line, and a `ReportWarning`.
@@ -108,16 +97,15 @@ def gap_report_html(
     ----------
     result : GapResult
         What `diagnose` found.
-    config : str
-        The robot's configuration file as commands in the report name it; `folder` and `bags`:
-        of the result, and paths of the recordings.
+    files : Files
+        As commands in the report name them.
     """
     return page_html(
         result.robot,
         "sim-to-real gap",
         f"Diagnosis of {plural(len(result.joints), 'joint')} from "
         f"{with_unit(duration(result), 's')} of recording",
-        _sections(Report(result, Files(config, folder, tuple(bags))), DIAGNOSIS),
+        _sections(Report(result, files), DIAGNOSIS),
     )
 
 

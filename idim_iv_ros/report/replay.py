@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
-from idim_iv_ros.report.advice import Step, command
+from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
@@ -119,8 +119,8 @@ def headline(result: ReplayResult) -> str:
     name, _, _, before, after, _ = rows[-1]
     end = "The end of the simulated arm" if name == _TOOL else f"Simulated {name}"
     return (
-        f"{end} is {before} from the robot's in the nominal model, and {after} in the model "
-        f"{_MODELS[last.name]} (95 %).{_ON[result.held_out]}"
+        f"{end} is {before} from the robot's in the nominal model, and {after} (95 %) in the model "
+        f"{_MODELS[last.name]}.{_ON[result.held_out]}"
     )
 
 
@@ -146,24 +146,17 @@ def badge(result: ReplayResult) -> tuple[str, str, str]:
 
 def steps(result: ReplayResult, files: Files) -> list[Step]:
     """Return what to do after a replay: use what was found, or ask why it is no closer."""
-    config, bags = ("--config", files.config), files.recordings(result.bags)
-    diagnosis = command("diagnose", *bags, *config, "--out", "why")
+    bags = files.recordings(result.bags)
     if result.best.tracking is None:
-        return [Step("Check the recordings and the control law:", command("check", *bags, *config))]
-    if result.best is result.stages[0]:
-        again = command("replay", *bags, *config, "--effects", "why/gap.json", "--out", "replay")
-        return [
-            Step("Find out why the simulator differs from the robot:", diagnosis),
-            Step("Replay with what was found:", again),
-        ]
+        return [Step("Check the recordings and the control law:", files.command("check", *bags))]
     if badge(result)[0] != "good":
-        return [Step("See what the simulator lacks on these recordings:", diagnosis)]
-    model = () if result.model == "urdf" else ("--model", result.model)
-    effects = (*model, *config, "--effects", result.effects)
-    other = command("replay", "NEW.mcap", *effects, "--out", "verified")
+        diagnosis = files.command("diagnose", *bags, out="why")
+        return [Step("Find out what this simulator lacks on these recordings:", diagnosis)]
+    effects = ("--model", result.model, "--effects", result.effects)
+    other = files.command("replay", "NEW.mcap", *effects, out="verified")
     todo = [Step("Record another motion, and see whether the simulator is as close there:", other)]
-    if result.held_out is not None:  # what was found is a diagnosis, which can be exported
-        line = command("export", result.effects, *config, "--out", "simulator")
+    if result.held_out is not None and result.model == "urdf":  # a diagnosis was replayed
+        line = files.command("export", result.effects, "--refit", out="simulator")
         todo.insert(0, Step("Put what was found into your simulator:", line))
     return todo
 

@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import ReportWarning, one_line
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IdentificationResult
@@ -104,6 +105,11 @@ class Files:
         paths = {name: [bag for bag in self.bags if Path(bag).name == name] for name in names}
         return [places[0] if len(places) == 1 else name for name, places in paths.items()]
 
+    def command(self, *words: str, out: str = "") -> str:
+        """Return a command of this program with the configuration, quoted for a shell."""
+        end = ("--out", out) if out else ()
+        return f"idim-iv {shell_command(*words, '--config', self.config, *end)}"
+
 
 # Of a page that is made apart from the files of its result.
 UNPLACED = Files()
@@ -121,11 +127,6 @@ class Report(Generic[R]):
 
     result: R
     files: Files = UNPLACED
-
-    @property
-    def config(self) -> str:
-        """The robot's configuration file as commands and instructions name it."""
-        return self.files.config
 
     @property
     def numbers(self) -> str:

@@ -1,10 +1,11 @@
 """The page of an identification without torques: the servos, and how well they are simulated."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.report.advice import Step, command
+from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, axis, layout, line
 from idim_iv_ros.report.numerals import plural
 from idim_iv_ros.report.page import one_section, page_html
@@ -123,14 +124,14 @@ def badge(result: ServoResult) -> tuple[str, str, str]:
 def steps(result: ServoResult, files: Files) -> list[Step]:
     """Return what to do with the servos: simulate with them, or record what shows the others."""
     absolute = [joint.absolute for joint in result.joints]
-    bags = files.recordings(result.recordings)
     todo = []
     if any(absolute):
-        line = command("diagnose", *bags, "--config", files.here("servo.yaml"), "--out", "why")
+        written = replace(files, config=files.here("servo.yaml"))
+        line = written.command("diagnose", *files.recordings(result.recordings), out="why")
         words = "servo.xml and servo_isaac_lab.py go into the simulator; see what it still lacks:"
         todo.append(Step(words, line))
     if not all(absolute):
-        line = command("excite", "--for", "servo", "--config", files.config, "--out", "motion")
+        line = files.command("excite", "--for", "servo", out="motion")
         todo.append(Step("Record a motion with more load on the other servos:", line))
     return todo
 

@@ -87,13 +87,9 @@ def write_report(
         The folder cannot be written, or holds another result or a file of somebody else.
     """
     name, page_name, html = _FILES[type(result)]
-    files = (str(config), str(out), tuple(map(str, bags)))
-    if isinstance(result, (IdentificationResult, GapResult)):
-        draw = partial(html, result, *files)
-    elif isinstance(result, FleetResult):
-        draw = partial(html, result, reports, Files(*files))
-    else:
-        draw = partial(html, result, Files(*files))
+    draw = partial(html, result, files=Files(str(config), str(out), tuple(map(str, bags))))
+    if isinstance(result, FleetResult):
+        draw = partial(draw, reports=reports)
     numbers, page = Path(out) / name, Path(out) / page_name
     with require_writable(Path(out), (name, page_name), force=force):
         try:

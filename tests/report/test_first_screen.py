@@ -23,6 +23,7 @@ from idim_iv_ros.files import is_own
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_report_html, report_html
 from idim_iv_ros.report.advice import (
+    contrast_steps,
     diagnosis_headline,
     diagnosis_steps,
     identification_headline,
@@ -32,6 +33,7 @@ from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import THIN, percent
 from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
 from idim_iv_ros.report.section import Files, Report
+from tests.report.sample_contrast import sample_contrast
 from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
@@ -99,6 +101,24 @@ def test_recordings_that_differ_in_something_named_come_before_any_cause(named: 
     first, second = diagnosis_steps(Report(result, Files("arm6.yaml")))
     assert first.code.startswith("idim-iv diagnose a.mcap b.mcap --config arm6.yaml")
     assert second.code.startswith("idim-iv diagnose odd.mcap --config arm6.yaml")
+
+
+def test_commands_name_the_files_where_they_lie() -> None:
+    files = Files("arm6.yaml", "out/why", ("data/a.mcap", "x/b.mcap", "y/b.mcap"))
+    steps = diagnosis_steps(Report(_arm6("both"), files))
+    assert steps[0].code == "idim-iv export out/why/gap.json --config arm6.yaml --out simulator"
+    assert files.recordings(["a.mcap", "b.mcap"]) == ["data/a.mcap", "b.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("differs", "bags", "out"), [(True, "x/b1 x/b2", "after"), (False, "a x/b1 x/b2", "both")]
+)
+def test_what_changed_ends_in_a_diagnosis(differs: bool, bags: str, out: str) -> None:
+    contrast = sample_contrast().contrast
+    assert contrast is not None
+    files = Files("arm2.yaml", bags=("x/b1", "x/b2"))
+    steps = contrast_steps(replace(contrast, differs=differs), files)
+    assert steps[0].code == f"idim-iv diagnose {bags} --config arm2.yaml --out {out}"
 
 
 @pytest.mark.parametrize("case", KINDS)

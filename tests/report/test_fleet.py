@@ -11,7 +11,8 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.result import FleetResult
 from idim_iv_ros.report import write_report
-from idim_iv_ros.report.fleet import fleet_html, headline
+from idim_iv_ros.report.fleet import fleet_html, headline, steps
+from idim_iv_ros.report.section import Files
 
 STEP = [0.0] * 5 + [5.0] * 5
 
@@ -36,6 +37,21 @@ def test_the_page_names_robots_that_differ_or_changed_and_bags_that_were_not_use
     assert "arm2-003/10.mcap" in page and "The file is cut off." in page
     assert page.count("data-figure=") == 1 + sum(len(robot.changes) for robot in result.robots)
     assert "<b>6" not in page and "&lt;b&gt;6" in page
+
+
+def test_the_next_command_compares_a_robot_that_differs_with_an_ordinary_one(
+    result: FleetResult,
+) -> None:
+    files = Files("arm2.yaml", "out", ("bags",))
+    (first,) = steps(result, {}, files)
+    assert first.code == "idim-iv fleet diagnose bags --config arm2.yaml --out out"
+    (first,) = steps(result, {"arm2-001": "robots/arm2-001/report.html"}, files)
+    before, after = first.code.removeprefix("idim-iv diagnose ").split(" --against ")
+    assert "arm2-001" not in before and after.count("arm2-001") == after.count(".mcap") > 0
+    changed = replace(result, robots=tuple(r for r in result.robots if r.attention == "changed"))
+    (first,) = steps(changed, {"arm2-002": "report.html"}, files)
+    bags = " ".join(f"arm2-002/0{k}.mcap" for k in (3, 4, 5))
+    assert first.code.startswith(f"idim-iv diagnose {bags} --against ")
 
 
 def test_a_fleet_in_which_nothing_stands_out_says_so() -> None:

@@ -14,7 +14,8 @@ from idim_iv_ros.configuration import Configuration, SimulatorSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import DynamicParameters, InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.recording import write_bag
-from idim_iv_ros.report.replay import shrinkage
+from idim_iv_ros.report.replay import shrinkage, steps
+from idim_iv_ros.report.section import Files
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
 from idim_iv_ros.simulators.mujoco_plant import (
     add_motors,
@@ -183,6 +184,9 @@ def test_recordings_of_the_fit_are_left_out_where_there_are_others(
     both = replay_bags([bag, other], configuration, effects=effects)
     assert (alone.bags, alone.held_out) == ((bag.name,), False)
     assert (both.bags, both.held_out) == ((other.name,), True)
+    first = steps(both, Files("arm.yaml"))[0]
+    assert first.code == f"idim-iv export {effects} --refit --config arm.yaml --out simulator"
+    assert "diagnose" in steps(alone, Files("arm.yaml"))[0].code
     rows = {row[0]: row for row in shrinkage(both)}
     joint, tool = rows["joint_1"], rows["end of the arm"]
     assert both.stages[0].tool is not None and both.best.tool is not None

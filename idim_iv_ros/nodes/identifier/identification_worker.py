@@ -36,7 +36,6 @@ from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording, Signal
 from idim_iv_ros.report import write_gap_report, write_report
 from idim_iv_ros.report.page import report_html
-from idim_iv_ros.report.section import CONFIGURATION
 from idim_iv_ros.simulators.robot import simulated_robot
 from idim_iv_ros.types import FloatArray
 
@@ -211,7 +210,7 @@ def _identify(request: Mapping[str, Any], configuration: Configuration, progress
         progress=progress,
     )
     progress("writing", 1.0)
-    write_report(result, Path(request["out"]))
+    write_report(result, Path(request["out"]), bags=request["bags"])
     return result.verdict.sentence
 
 
@@ -226,7 +225,7 @@ def _diagnose(request: Mapping[str, Any], configuration: Configuration, progress
         progress=progress,
     )
     progress("writing", 1.0)
-    write_gap_report(result, Path(request["out"]))
+    write_gap_report(result, Path(request["out"]), bags=request["bags"])
     return " ".join(result.summary.split())
 
 
@@ -244,7 +243,7 @@ def rehearse() -> None:
             "processing": {"position_cutoff": 30.0},
         }
     )
-    report_html(identify_recordings(_recording(configuration), configuration), CONFIGURATION)
+    report_html(identify_recordings(_recording(configuration), configuration))
 
 
 def _recording(configuration: Configuration) -> Recording:

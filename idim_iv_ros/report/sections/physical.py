@@ -3,7 +3,6 @@
 from typing import Any
 
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.physical import LinkInertia, PhysicalParameters, StandardValue
 from idim_iv_ros.report.numerals import is_number, measured, number, p_value, percent
@@ -22,7 +21,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     found = result.physical
     if found is None:
         return {"found": None, "reason": result.why_no_physical} if result.why_no_physical else None
-    command = ["idim-iv", "export", report.numbers, "--config", report.config, "--out", "simulator"]
+    numbers = report.files.here(report.numbers)
     return {
         "found": found,
         "reason": "",
@@ -36,7 +35,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
         "error": _error(found),
         "p_value": p_value(found.test.p_value),
         "distance": number(found.test.statistic),
-        "command": shell_command(*command),
+        "command": report.files.command("export", numbers, out="simulator"),
     }
 
 

@@ -20,7 +20,7 @@ def _context(report: Report[Any]) -> dict[str, Any]:
     result = report.result
     diagnosis = isinstance(result, GapResult)
     # Whoever reads the page elsewhere has the configuration from it, not its folder.
-    name = PurePath(report.config).name
+    name = PurePath(report.files.config).name
     if diagnosis:
         options = [word for effect in result.without for word in ("--without", effect)]
         words = ["diagnose", *result.bags, "--config", name, "--out", "why", *options]
