@@ -46,7 +46,7 @@ class Bag:
         Definition of each type, as far as the bag holds it.
     damages : list of str
         What is wrong with which file.
-    found, missing : Counter
+    seen, missing : Counter
         Messages of each wanted topic that were found, and that are known to be lost.
     counted : bool
         Whether `missing` is all that is lost.
@@ -57,7 +57,7 @@ class Bag:
     topics: dict[str, str] = field(default_factory=dict)
     definitions: dict[str, SchemaText] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
-    found: Counter[str] = field(default_factory=Counter)
+    seen: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
     counted: bool = True
     _passed: Counter[str] = field(default_factory=Counter)
