@@ -363,7 +363,10 @@ def _regimes(
     regimes: list[Regime] = []
     findings: list[Finding] = []
     edge = data.prepared.configuration.processing.decimation_edge
-    blocks = row_blocks(data, settings.LEAST_TIME_BLOCK)  # the shortest: regimes may be events
+    # A twentieth of the session: regimes may be events, and residuals are predictable for a while.
+    rows = sum(len(motion.kept) for motion in data.motions)
+    length = np.clip(rows / data.row_rate / 20, settings.LEAST_TIME_BLOCK, settings.TIME_BLOCK)
+    blocks = row_blocks(data, float(length))
     for joint, name in enumerate(data.joints):
         residual, runs = residuals[joint], regression.joints[joint].segments
         parts = [(axis, residual**2, blocks[joint]) for axis in axes[joint]]

@@ -104,11 +104,11 @@ def _why_not(
         return f"it is {joint.tied}" if joint.tied else f"it has {joint.beyond}"
     if _is_gripper(joint):
         return "a gripper, by its name"
-    if any(each is None or each.lowest is None for each in position):
+    if any(seen is None or seen.lowest is None for seen in position):
         return "not in the bag"
-    if not needless and not all(each is not None and each.largest_effort for each in effort):
+    if not needless and not all(seen is not None and seen.largest_effort for seen in effort):
         return "its effort is empty or zero"
-    moved = max(each.range for each in position if each is not None)
+    moved = max(seen.range for seen in position if seen is not None)
     if moved < _STILL[joint.type]:
         unit = unit_at("rad", joint.type)
         return f"it stands still: it moves over {moved:.1g} {unit}"

@@ -96,7 +96,7 @@ def propose_law(motions: Sequence[Motion]) -> ProposedLaw:
     if any(motion.signals.position_reference is None for motion in motions):
         return ProposedLaw()
     fits = [fit for motion in motions for fit in _fits(motion)]
-    fit, half = max(fits, key=lambda each: float(each[0].r_squared.sum()))
+    fit, half = max(fits, key=lambda pair: float(pair[0].r_squared.sum()))
     worst = float(fit.r_squared.min())
     if worst < _LEAST_R_SQUARED:
         return ProposedLaw(

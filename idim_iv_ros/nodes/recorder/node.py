@@ -172,9 +172,9 @@ class Recorder:
         status.header.stamp = self.node.get_clock().now().to_msg()
         self._status.publish(status)
         diagnoses = [recorder_diagnosis(name, status, self._session.ring)]
-        for topic, each in zip(self._topics.topics, statuses, strict=True):
-            recent = self._recent.setdefault(topic.name, RecentCounts()).since(each, now)
-            diagnoses.append(topic_diagnosis(name, topic, each, recent))
+        for topic, counted in zip(self._topics.topics, statuses, strict=True):
+            recent = self._recent.setdefault(topic.name, RecentCounts()).since(counted, now)
+            diagnoses.append(topic_diagnosis(name, topic, counted, recent))
         self._diagnostics.publish(DiagnosticArray(header=status.header, status=diagnoses))
         if status.fault != self._fault:
             self._fault = status.fault

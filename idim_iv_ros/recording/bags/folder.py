@@ -46,7 +46,7 @@ class Bag:
         Definition of each type, as far as the bag holds it.
     damages : list of str
         What is wrong with which file.
-    found, missing : Counter
+    seen, missing : Counter
         Messages of each wanted topic that were found, and that are known to be lost.
     counted : bool
         Whether `missing` is all that is lost.
@@ -57,7 +57,7 @@ class Bag:
     topics: dict[str, str] = field(default_factory=dict)
     definitions: dict[str, SchemaText] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
-    found: Counter[str] = field(default_factory=Counter)
+    seen: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
     counted: bool = True
     _passed: Counter[str] = field(default_factory=Counter)
@@ -138,7 +138,7 @@ class Bag:
         return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
 
     def _meet(self, topic: str, batch: MessageBatch) -> None:
-        self.found[topic] += len(batch)
+        self.seen[topic] += len(batch)
         # Batch by batch: what is lost between two of them has no part in it.
         self._passed[topic] += int(batch.arrival.max()) - int(batch.arrival.min())
         self._steps[topic] += len(batch) - 1
@@ -146,11 +146,11 @@ class Bag:
     def _compare(self, wanted: set[str]) -> None:
         """Count what is missing against metadata.yaml, where it says how much there was."""
         counts = _counts(self.path)
-        if any(counts.get(topic, 0) < self.found[topic] for topic in self.found):
+        if any(counts.get(topic, 0) < self.seen[topic] for topic in self.seen):
             return
         expected = {topic: count for topic, count in counts.items() if topic in wanted}
         if expected:
-            self.missing = Counter({t: count - self.found[t] for t, count in expected.items()})
+            self.missing = Counter({t: count - self.seen[t] for t, count in expected.items()})
             self.counted = True
 
 
@@ -309,7 +309,7 @@ def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
 
 
 def _topic_sentence(bag: Bag, topic: str) -> str:
-    saved_count, missing = bag.found[topic], bag.missing[topic]
+    saved_count, missing = bag.seen[topic], bag.missing[topic]
     interval = bag.intervals.get(topic, 0.0)
     saved = f"{saved_count * interval:.4g} s"
     if not bag.counted:
