@@ -160,7 +160,7 @@ def on_one_clock(
     notes : list of Note
         What was left out, and why.
     """
-    # After a pause, too, a stretch begins: where stamps are times of arrival, a stray one makes one.
+    # After a pause, too, a stretch begins: a stray time of arrival makes one.
     starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))
     stops = np.append(starts[1:], len(time))
     if len(starts) == 1:
