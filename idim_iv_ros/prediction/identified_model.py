@@ -5,14 +5,16 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
-from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, kinematics_digest
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import JointTransform, joint_transform
 from idim_iv_ros.types import FloatArray
+from idim_iv_ros.validation import first_problem
 
 # What must be as it was when the result was made: its numbers mean something else otherwise.
 _SAME = {
@@ -43,6 +45,8 @@ class IdentifiedModel:
     values : (b,)
         Base parameters.
     couplings : tuple of (int, int)
+    processing : ProcessingSection
+        That the result was made with.
     """
 
     path: Path
@@ -51,6 +55,7 @@ class IdentifiedModel:
     transform: JointTransform
     values: FloatArray
     couplings: tuple[tuple[int, int], ...]
+    processing: ProcessingSection
 
     @property
     def robot(self) -> str:
@@ -135,6 +140,10 @@ def identified_model(
     values = np.array([parameter.value for parameter in result.parameters])
     if not np.isfinite(values).all():
         raise UsageError(f"{path}: a parameter has no value; run `idim-iv identify` again")
+    try:
+        processing = ProcessingSection.model_validate(result.configuration.get("processing") or {})
+    except ValidationError as error:
+        raise UsageError(f"{path}: configuration.processing: {first_problem(error)}") from error
     return IdentifiedModel(
         path=path,
         result=result,
@@ -142,6 +151,7 @@ def identified_model(
         transform=joint_transform(configuration),
         values=values,
         couplings=model.regressor.layout.coupling_joints,
+        processing=processing,
     )
 
 

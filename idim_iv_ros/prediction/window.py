@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
 from idim_iv_ros.prediction.rows import ResidualRows
 from idim_iv_ros.prediction.stream import JointSamples
@@ -83,7 +82,7 @@ class PredictionWindow:
         self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
         self._smoothing, self._smooth_wait = self._curve_filter(result.processing.decimation_cutoff)
         self.lag = (self._wait + self._smooth_wait) / rate
-        given = ProcessingSection.model_validate(result.configuration.get("processing") or {})
+        given = identified.processing
         # The decimation of the identification at this rate: the same edge in Hz.
         self._factor = max(1, round(rate / result.processing.row_rate))
         self.row_rate = rate / self._factor

@@ -160,8 +160,8 @@ def on_one_clock(
     notes : list of Note
         What was left out, and why.
     """
-    follows = _follows(np.diff(time), np.diff(arrival), interval)
-    starts = np.flatnonzero(np.concatenate([[True], ~follows]))
+    # After a pause, too, a stretch begins: a stray time of arrival makes one.
+    starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))
     stops = np.append(starts[1:], len(time))
     if len(starts) == 1:
         return np.arange(len(time)), []
@@ -185,11 +185,16 @@ def on_one_clock(
     return np.flatnonzero(np.repeat(chained, lengths)), notes
 
 
+def _usual(steps: IntArray, interval: float) -> BoolArray:
+    """Whether time went on by `steps` as it does from one message to the next."""
+    longest = max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
+    return np.asarray((steps >= -_SET_BACK * interval) & (steps <= longest))
+
+
 def _follows(steps: IntArray, arrived: IntArray, interval: float) -> BoolArray:
     """Whether time went on by `steps`, as usual or after a pause in which `arrived` went on too."""
-    usual = steps <= max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
-    pause = (arrived >= _ARRIVES * steps) & (steps <= _LONGEST_PAUSE * 1e9)
-    return np.asarray((steps >= -_SET_BACK * interval) & (usual | pause))
+    pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
+    return np.asarray(_usual(steps, interval) | pause)
 
 
 def _longest_chain(

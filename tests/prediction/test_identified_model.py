@@ -1,5 +1,6 @@
 """A result is used for the robot and configuration that it was made with, and for no other."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +53,19 @@ def test_a_file_that_is_no_result_is_refused(tmp_path, configuration, identified
     path.write_text("{}")
     with pytest.raises(UsageError, match="not an identification"):
         identified_model(path, configuration, identified.model, "arm6.urdf")
+
+
+@pytest.mark.parametrize("processing", [{"colour": 1}, {"decimation_edge": -1.0}, 5])
+def test_a_result_of_unknown_processing_is_refused(
+    tmp_path, result, configuration, identified, processing
+) -> None:
+    document = json.loads(result.read_text())
+    document["configuration"]["processing"] = processing
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(UsageError) as refusal:
+        identified_model(path, configuration, identified.model, "arm6.urdf")
+    assert "\n" not in str(refusal.value)
 
 
 def test_units_follow_the_joint_and_the_effort(identified) -> None:

@@ -9,6 +9,7 @@ import scipy.interpolate  # noqa: F401 - its import would count as memory of a r
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.recording.clock import on_one_clock
 from tests.recording.bag_writer import joint_state, write
 
 RATE = 100.0
@@ -164,3 +165,17 @@ def test_stamps_from_an_unset_clock_and_a_single_one_from_a_set_clock_mean_arriv
     recording, _ = read(tmp_path, stamps)
     assert recording.clocks[0].source == "arrival"
     assert_measured(recording, VALUES)
+
+
+@pytest.mark.parametrize("jump", [-400.0, 400.0])
+@pytest.mark.parametrize("length", [1, 30])
+def test_stray_stamps_are_left_out_where_they_are_times_of_arrival_too(
+    jump: float, length: int
+) -> None:
+    """Of a topic without a header, or of a bag that was converted."""
+    time = (1e9 * (1000.0 + STAMPS)).astype(np.int64)
+    stray = np.concatenate([np.arange(first, first + length) for first in (200, 600)])
+    time[stray] += int(1e9 * jump)
+    kept, notes = on_one_clock("/joint_states", time, time, 1e9 / RATE)
+    np.testing.assert_array_equal(kept, np.delete(np.arange(COUNT), stray))
+    assert len(notes) == 1
