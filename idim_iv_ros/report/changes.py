@@ -93,7 +93,7 @@ def changed_values(
             for p in result.parameters
         ]
         attributed = []
-    keys = {each.key for each in attributed if each.key}
+    keys = {part.key for part in attributed if part.key}
     rows = [*attributed, *(value for value in values if not value.key or value.key not in keys)]
     return sorted(rows, key=lambda row: row.source == SUM)
 

@@ -73,12 +73,12 @@ def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]
     in a line.
     """
     numbers = np.asarray(values, dtype=float)
-    known = np.isfinite(numbers)
+    finite = np.isfinite(numbers)
     low, high = (
-        (float(numbers[known].min()), float(numbers[known].max())) if known.any() else (0, 0)
+        (float(numbers[finite].min()), float(numbers[finite].max())) if finite.any() else (0, 0)
     )
     step = (high - low) / _LEVELS or 1.0
-    scaled = np.where(known, np.round((np.where(known, numbers, low) - low) / step), BREAK)
+    scaled = np.where(finite, np.round((np.where(finite, numbers, low) - low) / step), BREAK)
     data = base64.b64encode(scaled.astype("<u2").tobytes()).decode("ascii")
     return {"levels": data, "low": low, "step": step}
 

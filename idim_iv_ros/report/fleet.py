@@ -12,12 +12,12 @@ from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
 from idim_iv_ros.report.numerals import (
     MISSING,
     THIN,
-    beside,
     count,
     number,
     p_value,
     plural,
     sentence,
+    with_digits_of,
 )
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -126,9 +126,9 @@ def _badge(result: FleetResult) -> tuple[str, str, str]:
         return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
         return "bad", "↗", "a robot changed"
-    judged = [robot for robot in result.robots if robot.quantities]
-    compared = any(math.isfinite(robot.p_value) for robot in judged)
-    followed = any(math.isfinite(robot.change_p_value) for robot in judged)
+    counted = [robot for robot in result.robots if robot.quantities]
+    compared = any(math.isfinite(robot.p_value) for robot in counted)
+    followed = any(math.isfinite(robot.change_p_value) for robot in counted)
     if compared and followed:
         return "good", "✓", "nothing stands out"
     return "open", "?", "not all could be judged"
@@ -182,8 +182,8 @@ def headline(result: FleetResult) -> str:
     """Say in one sentence how the fleet is."""
     differs = [robot.robot for robot in result.robots if any(q.differs for q in robot.quantities)]
     changed = [robot.robot for robot in result.robots if robot.changes]
-    judged = [robot for robot in result.robots if robot.quantities]
-    if not judged:
+    counted = [robot for robot in result.robots if robot.quantities]
+    if not counted:
         return "No bag of this fleet could be used."
     parts = []
     if differs:
@@ -192,8 +192,8 @@ def headline(result: FleetResult) -> str:
     if changed:
         parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
-        compared = any(math.isfinite(robot.p_value) for robot in judged)
-        followed = any(math.isfinite(robot.change_p_value) for robot in judged)
+        compared = any(math.isfinite(robot.p_value) for robot in counted)
+        followed = any(math.isfinite(robot.change_p_value) for robot in counted)
         return _NOTHING[compared, followed]
     return f"{'; '.join(parts)}."
 
@@ -244,8 +244,8 @@ def _types(result: FleetResult) -> dict[str, Any]:
     }
 
 
-def _of_type(result: FleetResult, each: FleetType) -> list[FleetRobot]:
-    return [robot for robot in result.robots if robot.type == each.type and robot.quantities]
+def _of_type(result: FleetResult, fleet_type: FleetType) -> list[FleetRobot]:
+    return [robot for robot in result.robots if robot.type == fleet_type.type and robot.quantities]
 
 
 def _quantity_row(quantity: TypeQuantity) -> list[str]:
@@ -255,20 +255,22 @@ def _quantity_row(quantity: TypeQuantity) -> list[str]:
                    for deviation in (sigma, quantity.between_bags)]  # fmt: skip
         ends = (100.0 * quantity.sigma_low, 100.0 * quantity.sigma_high)
     else:
-        scatter = [number(each, 2) for each in (sigma, quantity.between_bags)]
+        scatter = [number(size, 2) for size in (sigma, quantity.between_bags)]
         ends = (quantity.sigma_low, quantity.sigma_high)
     half = 0.5 * (quantity.mean_high - quantity.mean_low) / 1.96
     return [
         quantity.name,
         quantity.unit,
         str(quantity.robots),
-        beside(quantity.mean, half),
-        _interval(beside(quantity.mean_low, half), beside(quantity.mean_high, half)),
+        with_digits_of(quantity.mean, half),
+        _interval(
+            with_digits_of(quantity.mean_low, half), with_digits_of(quantity.mean_high, half)
+        ),
         scatter[0],
         _interval(number(ends[0], 2), number(ends[1], 2)),
         _interval(number(quantity.next_low, 3), number(quantity.next_high, 3)),
         scatter[1],
-        beside(quantity.given, half),
+        with_digits_of(quantity.given, half),
         ", ".join(quantity.left_out),
     ]
 
@@ -278,10 +280,10 @@ def _interval(low: str, high: str) -> str:
 
 
 def _changes(result: FleetResult) -> dict[str, Any]:
-    found = [(robot, change) for robot in result.robots for change in robot.changes]
-    judged = any(math.isfinite(robot.change_p_value) for robot in result.robots)
+    changes = [(robot, change) for robot in result.robots for change in robot.changes]
+    counted = any(math.isfinite(robot.change_p_value) for robot in result.robots)
     return {
-        "judged": judged,
+        "judged": counted,
         "plots": [
             (
                 robot.robot,
@@ -289,10 +291,10 @@ def _changes(result: FleetResult) -> dict[str, Any]:
                 p_value(change.p_value),
                 change_figure(change, f"change-{place}"),
             )
-            for place, (robot, change) in enumerate(found[:_MOST_CHANGES])
+            for place, (robot, change) in enumerate(changes[:_MOST_CHANGES])
         ],
-        "not_drawn": max(len(found) - _MOST_CHANGES, 0),
-        "layout": "two" if len(found) > 1 else "one",
+        "not_drawn": max(len(changes) - _MOST_CHANGES, 0),
+        "layout": "two" if len(changes) > 1 else "one",
         "legend": [
             Mark("sign diamond", BLUE, "a bag, ± 95 % with what bags differ by"),
             Mark("line", ORANGE, "what was found"),

@@ -16,15 +16,19 @@ _SCATTER = 0.28  # of a row, so that dots do not cover each other
 _INTERVAL = 1.96
 
 
-def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: int) -> Figure | None:
+def distribution_figure(
+    fleet_type: FleetType, robots: Sequence[FleetRobot], place: int
+) -> Figure | None:
     """Robots as dots, one row a quantity, in deviations from the mean of the type.
 
     None where no quantity has a mean and a scatter.
     """
-    units = [_unit(quantity, column, robots) for column, quantity in enumerate(each.quantities)]
+    units = [
+        _unit(quantity, column, robots) for column, quantity in enumerate(fleet_type.quantities)
+    ]
     drawn = [
         (column, quantity)
-        for column, quantity in enumerate(each.quantities)
+        for column, quantity in enumerate(fleet_type.quantities)
         if math.isfinite(quantity.mean) and units[column] > 0.0
     ]
     if not drawn:
@@ -36,15 +40,15 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
         height = float(len(drawn) - 1 - row)
         shapes += _row_shapes(quantity, units[column], height)
         for number_of, robot in enumerate(robots):
-            own = robot.quantities[column]
-            distance = _deviations(quantity, units[column], own.value)
+            of_robot = robot.quantities[column]
+            distance = _deviations(quantity, units[column], of_robot.value)
             if not math.isfinite(distance):
                 continue
             # Golden ratio: neighbours in the list lie far from each other.
             shift = _SCATTER * (2.0 * ((number_of * 0.6180339887) % 1.0) - 1.0)
-            words = f"{robot.robot}: {quantity.name} {number(own.value, 4)} {quantity.unit}"
+            words = f"{robot.robot}: {quantity.name} {number(of_robot.value, 4)} {quantity.unit}"
             side = max(-_FARTHEST, min(_FARTHEST, distance))
-            (differing if own.differs else ordinary).append((side, height + shift, words))
+            (differing if of_robot.differs else ordinary).append((side, height + shift, words))
     data = [
         {
             "type": "scatter",
@@ -64,7 +68,7 @@ def distribution_figure(each: FleetType, robots: Sequence[FleetRobot], place: in
         "yaxis": axis("", tickvals=list(range(len(names))), ticktext=names[::-1],
                       range=[-0.6, len(names) - 0.4], showgrid=False),
     }  # fmt: skip
-    words = f"Robots of type {each.type} beside each other, one row for each quantity"
+    words = f"Robots of type {fleet_type.type} beside each other, one row for each quantity"
     margin = {"l": 90, "r": 12, "t": 8, "b": 44}
     return Figure(
         f"distribution-{place}",
@@ -112,10 +116,10 @@ def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict
 
 def _unit(quantity: TypeQuantity, column: int, robots: Sequence[FleetRobot]) -> float:
     """Deviation of the estimates of the robots that do not differ; 0 where there are too few."""
-    own = [robot.quantities[column] for robot in robots]
-    distances = [_deviations(quantity, 1.0, each.value) for each in own if not each.differs]
-    known = [distance for distance in distances if math.isfinite(distance)]
-    return float(np.sqrt(np.mean(np.square(known)))) if len(known) > 1 else 0.0
+    values = [robot.quantities[column] for robot in robots]
+    distances = [_deviations(quantity, 1.0, value.value) for value in values if not value.differs]
+    finite = [distance for distance in distances if math.isfinite(distance)]
+    return float(np.sqrt(np.mean(np.square(finite)))) if len(finite) > 1 else 0.0
 
 
 def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:

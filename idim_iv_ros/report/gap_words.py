@@ -58,7 +58,7 @@ def effect_words(effect: str) -> str:
 
 def effect_at(effect: str, joint: str | None, other: str | None = None) -> str:
     """Return an effect with its place."""
-    place = " and ".join(each for each in (joint, other) if each)
+    place = " and ".join(name for name in (joint, other) if name)
     return f"{effect_words(effect)} at {place}" if place else effect_words(effect)
 
 
@@ -78,8 +78,8 @@ def unit_in(result: Result, unit: str, joint: str | None) -> str:
     effort = _effort_unit(result)
     types = dict(zip(result.joints, result.joint_types, strict=True))
     chosen = types.values() if joint is None else [types.get(joint, "revolute")]
-    units = {unit_at(unit, each, effort) for each in chosen}
-    return " or ".join(sorted(units, key=lambda each: (-len(each), each)))
+    units = {unit_at(unit, joint_name, effort) for joint_name in chosen}
+    return " or ".join(sorted(units, key=lambda words: (-len(words), words)))
 
 
 def torque_unit(result: Result, joint: str | None) -> str:
@@ -230,8 +230,10 @@ def wrong_numbers(result: GapResult) -> str:
     for cause in wrong:
         words = effect_at(cause.effect, cause.joint)
         first = surest(cause.parameters, 1)
-        for name, each in first.items() if cause.joint is not None else ():
-            size = " ".join(filter(None, (*measured(each.value, each.std), each.unit)))
+        for name, parameter in first.items() if cause.joint is not None else ():
+            size = " ".join(
+                filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
+            )
             words += f", {parameter_words(cause.effect, name)} {size}"
         if cause.probability is not None:
             words += f" ({probability_words(cause)})"

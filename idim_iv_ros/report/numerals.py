@@ -90,7 +90,7 @@ def measured(value: float | None, std: float | None) -> tuple[str, str]:
     )
 
 
-def beside(value: float | None, std: float | None) -> str:
+def with_digits_of(value: float | None, std: float | None) -> str:
     """Return a value rounded like an estimate with that σ, to be compared with it."""
     if value is None or not math.isfinite(value):
         return MISSING

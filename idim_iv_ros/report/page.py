@@ -119,8 +119,8 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("number", "round_number", "exact", "count", "measured", "beside", "percent",
-                 "p_value", "with_unit", "sentence"):  # fmt: skip
+    for name in ("number", "round_number", "exact", "count", "measured", "with_digits_of",
+                 "percent", "p_value", "with_unit", "sentence"):  # fmt: skip
         templates.filters[name] = getattr(numerals, name)
     return templates
 

@@ -143,7 +143,7 @@ def picture_svg(result: IdentificationResult | GapResult) -> str:
 
 def _stages(result: GapResult) -> tuple[str, list[PictureBar]]:
     """The models at the joint with the widest gap."""
-    worst = max(result.joint_gaps, key=lambda each: each.share, default=None)
+    worst = max(result.joint_gaps, key=lambda gap: gap.share, default=None)
     if worst is None:
         return "", []
     unit = torque_unit(result, worst.joint)

@@ -170,9 +170,9 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
         scale = 1e3 if kind == "tracking" else 1.0
         cells = [joint]
         for stage in result.stages:
-            found: dict[str, ReplayError] | None = getattr(stage, kind)
-            if found is not None:
-                cells.append(error_words(found[joint], scale, unit))
+            errors: dict[str, ReplayError] | None = getattr(stage, kind)
+            if errors is not None:
+                cells.append(error_words(errors[joint], scale, unit))
         rows.append([*cells, f"{number(scale * noise[joint])} {unit}"])
     if kind == "tracking":
         tools = [stage.tool for stage in result.stages if stage.tool is not None]

@@ -31,7 +31,7 @@ _SAME = settings(
 def test_every_number_can_be_written_beside_any_uncertainty(value, std) -> None:
     texts = [
         *numerals.measured(value, std),
-        numerals.beside(value, std),
+        numerals.with_digits_of(value, std),
         numerals.number(value),
         numerals.percent(value),
         numerals.p_value(value),

@@ -2,13 +2,13 @@ import pytest
 
 from idim_iv_ros.report.numerals import (
     MISSING,
-    beside,
     count,
     exact,
     measured,
     number,
     p_value,
     percent,
+    with_digits_of,
 )
 
 T = "\N{NARROW NO-BREAK SPACE}"
@@ -57,9 +57,9 @@ def test_a_number_has_three_digits(value: float | None, text: str) -> None:
 
 
 def test_another_estimate_is_rounded_like_the_estimate_beside_it() -> None:
-    assert beside(1.23456, 0.01) == "1.235"
-    assert beside(0.0, 0.01) == "0"
-    assert beside(None, 0.01) == MISSING
+    assert with_digits_of(1.23456, 0.01) == "1.235"
+    assert with_digits_of(0.0, 0.01) == "0"
+    assert with_digits_of(None, 0.01) == MISSING
 
 
 def test_counts_are_grouped_from_five_digits_on() -> None:

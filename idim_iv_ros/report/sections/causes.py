@@ -85,10 +85,10 @@ def tracking_change(result: GapResult, cause: Cause) -> TrackingChange:
 
 def _stages(result: GapResult, cause: Cause) -> tuple[Stage, Stage] | None:
     """Return the stages before and after a cause."""
-    own = f"+{cause.effect}" if cause.joint is None else f"+{cause.effect}[{cause.joint}]"
+    stage_name = f"+{cause.effect}" if cause.joint is None else f"+{cause.effect}[{cause.joint}]"
     names = [stage.name for stage in result.stages]
-    if own in names:
-        after = names.index(own)
+    if stage_name in names:
+        after = names.index(stage_name)
     elif cause.kind == "parametric" and "refit" in names:
         after = names.index("refit")
     else:
@@ -187,13 +187,13 @@ def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
     return _gap("Torque gap", cause.torque_gap, 1.0, torque_unit(result, cause.joint), "")
 
 
-def _change(result: GapResult, cause: Cause, each: JointChange) -> str:
+def _change(result: GapResult, cause: Cause, change: JointChange) -> str:
     """What the cause takes of the gap at a joint, as a share of the joint's torque."""
-    share = f"{each.joint}: {percent(100.0 * each.share_of_torque)} of its torque"
+    share = f"{change.joint}: {percent(100.0 * change.share_of_torque)} of its torque"
     if cause.kind == "parametric":
         return share
-    unit = torque_unit(result, each.joint)
-    return f"{share}, {with_unit(each.before, unit)} → {with_unit(each.after, unit)}"
+    unit = torque_unit(result, change.joint)
+    return f"{share}, {with_unit(change.before, unit)} → {with_unit(change.after, unit)}"
 
 
 def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from idim_iv_ros.identification.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.report.advice import verdict_badge
-from idim_iv_ros.report.numerals import beside, is_number, measured, number, percent
+from idim_iv_ros.report.numerals import is_number, measured, number, percent, with_digits_of
 from idim_iv_ros.report.section import Report, Section
 
 POORLY_KNOWN_PERCENT = 30.0
@@ -79,8 +79,8 @@ def _row(
         "refined": _measured(None, None)
         if refined is None
         else _measured(refined.value, refined.std),
-        "ls": _cell(beside(ls_value, std), ls_value),
-        "given": _cell(beside(given, std) if is_number(given) else number(None), given),
+        "ls": _cell(with_digits_of(ls_value, std), ls_value),
+        "given": _cell(with_digits_of(given, std) if is_number(given) else number(None), given),
     }
 
 

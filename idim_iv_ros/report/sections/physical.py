@@ -18,52 +18,57 @@ _SOURCES = {
 
 def _context(report: Report[Any]) -> dict[str, Any] | None:
     result: IdentificationResult | GapResult = report.result
-    found = result.physical
-    if found is None:
+    physical = result.physical
+    if physical is None:
         return {"found": None, "reason": result.why_no_physical} if result.why_no_physical else None
     numbers = report.files.here(report.numbers)
     return {
-        "found": found,
+        "found": physical,
         "reason": "",
-        "links": [_link(link) for link in found.links],
+        "links": [_link(link) for link in physical.links],
         "moved": [
-            (each.name, number(each.estimate), number(each.value), f"{each.deviations:+.2f}")
-            for each in sorted(found.base, key=lambda each: -abs(each.deviations))
-            if is_number(each.deviations) and abs(each.deviations) >= _LARGE
+            (
+                parameter.name,
+                number(parameter.estimate),
+                number(parameter.value),
+                f"{parameter.deviations:+.2f}",
+            )
+            for parameter in sorted(physical.base, key=lambda parameter: -abs(parameter.deviations))
+            if is_number(parameter.deviations) and abs(parameter.deviations) >= _LARGE
         ],
-        "values": [_value(parameter) for parameter in found.parameters],
-        "error": _error(found),
-        "p_value": p_value(found.test.p_value),
-        "distance": number(found.test.statistic),
+        "values": [_value(parameter) for parameter in physical.parameters],
+        "error": _error(physical),
+        "p_value": p_value(physical.test.p_value),
+        "distance": number(physical.test.statistic),
         "command": report.files.command("export", numbers, out="simulator"),
     }
 
 
-def _link(each: LinkInertia) -> tuple[str, ...]:
-    eigenvalues = ", ".join(number(value, 2) for value in each.eigenvalues)
-    held = "held by the bound" if each.active else ""
+def _link(link: LinkInertia) -> tuple[str, ...]:
+    eigenvalues = ", ".join(number(value, 2) for value in link.eigenvalues)
+    bound = "held by the bound" if link.active else ""
     return (
-        each.joint,
-        number(each.smallest_before, 2),
-        number(each.smallest_after, 2),
+        link.joint,
+        number(link.smallest_before, 2),
+        number(link.smallest_after, 2),
         eigenvalues,
-        held,
+        bound,
     )
 
 
-def _value(each: StandardValue) -> tuple[str, ...]:
-    value, spread = measured(each.value, each.std)
+def _value(parameter: StandardValue) -> tuple[str, ...]:
+    value, spread = measured(parameter.value, parameter.std)
     return (
-        each.name,
+        parameter.name,
         f"{value} {spread}".strip(),
-        number(each.given),
-        each.unit,
-        _SOURCES[each.source],
+        number(parameter.given),
+        parameter.unit,
+        _SOURCES[parameter.source],
     )
 
 
-def _error(found: PhysicalParameters) -> list[tuple[str, str, str]]:
-    error = found.torque_error
+def _error(physical: PhysicalParameters) -> list[tuple[str, str, str]]:
+    error = physical.torque_error
     if error is None:
         return []
     rows = [("all rows", percent(error.before), percent(error.after))]

@@ -162,7 +162,7 @@ def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
     values = [-tick for tick in reversed(ticks)] + [0.0, *ticks]
     return axis(
         f"Speed, {unit} (stretched near 0)",
-        tickvals=[float(each) for each in _root(np.array(values))],
+        tickvals=[float(root) for root in _root(np.array(values))],
         ticktext=[round_number(value) for value in values],
         tickangle=0,
     )
@@ -177,9 +177,9 @@ def _round_speeds(largest: float) -> list[float]:
     for power in range(exponent, exponent - 4, -1):
         for factor in (5.0, 2.0, 1.0):
             value = factor * 10.0**power
-            above = np.sqrt(chosen[0]) if chosen else np.sqrt(largest) * 1.3
+            last = np.sqrt(chosen[0]) if chosen else np.sqrt(largest) * 1.3
             room = 0.3 * np.sqrt(largest)
-            if value <= largest and above - np.sqrt(value) >= room and np.sqrt(value) >= room:
+            if value <= largest and last - np.sqrt(value) >= room and np.sqrt(value) >= room:
                 chosen.insert(0, value)
     return chosen
 
@@ -224,9 +224,9 @@ def _largest(curve: SmoothCurve) -> float:
 
 
 def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:
-    """One closed outline for each stretch where the interval is known."""
-    known = np.isfinite(curve.low) & np.isfinite(curve.high)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    """One closed outline for each stretch where the interval is finite."""
+    finite = np.isfinite(curve.low) & np.isfinite(curve.high)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(int)))
     return [
         outline(
             np.concatenate([curve.x[first:last], curve.x[first:last][::-1]]),

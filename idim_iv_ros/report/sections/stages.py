@@ -132,7 +132,7 @@ def _map(result: GapResult, axis: str) -> dict[str, Any] | None:
     by_joint = {
         joint: regimes
         for joint in result.joints
-        if (regimes := [each for each in of_axis if each.joint == joint])
+        if (regimes := [regime for regime in of_axis if regime.joint == joint])
     }
     if not by_joint:
         return None
@@ -150,7 +150,7 @@ def _map(result: GapResult, axis: str) -> dict[str, Any] | None:
     title = AXES.get(axis, axis)
     return {
         "title": f"{title}, {one}" if one else title,
-        "heads": [regime_range(each, result.session) for each in longest] if same else [],
+        "heads": [regime_range(regime, result.session) for regime in longest] if same else [],
         "rows": rows,
     }
 

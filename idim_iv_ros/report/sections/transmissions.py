@@ -34,9 +34,9 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
     if not result.transmissions:
         return None
-    found = {transmission.joint: transmission for transmission in result.transmissions}
+    by_joint = {transmission.joint: transmission for transmission in result.transmissions}
     plots = [
-        (series.joint, twist_figure(result, series, found[series.joint], index))
+        (series.joint, twist_figure(result, series, by_joint[series.joint], index))
         for index, series in enumerate(result.twists)
     ]
     return {
@@ -51,26 +51,28 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     }
 
 
-def _row(result: GapResult, found: Transmission) -> dict[str, str]:
-    small = small_unit(result, found.joint)
+def _row(result: GapResult, transmission: Transmission) -> dict[str, str]:
+    small = small_unit(result, transmission.joint)
     bound = ""
-    if found.stiffness is None and found.stiffness_at_least is not None:
-        bound = f"> {number(found.stiffness_at_least, 2)}"
+    if transmission.stiffness is None and transmission.stiffness_at_least is not None:
+        bound = f"> {number(transmission.stiffness_at_least, 2)}"
     gap = MISSING
-    if found.backlash is None and found.backlash_at_most is not None:
-        gap = f"< {number(1e3 * found.backlash_at_most, 2)}{THIN}{small}"
+    if transmission.backlash is None and transmission.backlash_at_most is not None:
+        gap = f"< {number(1e3 * transmission.backlash_at_most, 2)}{THIN}{small}"
     share = MISSING
-    if found.time_offset is not None:
-        share = f"{100.0 * found.elastic_share:.0f}{THIN}%"
+    if transmission.time_offset is not None:
+        share = f"{100.0 * transmission.elastic_share:.0f}{THIN}%"
     return {
-        "joint": found.joint,
-        "stiffness": _number(found.stiffness) if found.stiffness else bound or MISSING,
-        "damping": _number(found.damping),
-        "backlash": _number(found.backlash, 1e3, small) if found.backlash else gap,
-        "lost_motion": _number(found.lost_motion, 1e3, small),
-        "offset": _number(found.time_offset, 1e3, "ms"),
+        "joint": transmission.joint,
+        "stiffness": _number(transmission.stiffness)
+        if transmission.stiffness
+        else bound or MISSING,
+        "damping": _number(transmission.damping),
+        "backlash": _number(transmission.backlash, 1e3, small) if transmission.backlash else gap,
+        "lost_motion": _number(transmission.lost_motion, 1e3, small),
+        "offset": _number(transmission.time_offset, 1e3, "ms"),
         "share": share,
-        "remark": found.reason,
+        "remark": transmission.reason,
     }
 
 
@@ -83,7 +85,7 @@ def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "
 
 
 def twist_figure(
-    result: GapResult, series: TransmissionSeries, found: Transmission, index: int = 0
+    result: GapResult, series: TransmissionSeries, transmission: Transmission, index: int = 0
 ) -> Figure:
     """Return the twist over the load, by direction of motion, with the measured law."""
     torque, small = torque_unit(result, series.joint), small_unit(result, series.joint)
@@ -105,11 +107,11 @@ def twist_figure(
     ends = np.array([float(series.load.min()), float(series.load.max())])
     load = np.sort(np.append(ends, [-1e-9, 1e-9])) if ends[0] < 0.0 < ends[1] else ends
     law = np.zeros(len(load))
-    if found.stiffness is not None:
-        law = law + load / found.stiffness.value
-    if found.backlash is not None:
-        law = law + 0.5 * found.backlash.value * np.sign(load)
-    if found.stiffness is not None or found.backlash is not None:
+    if transmission.stiffness is not None:
+        law = law + load / transmission.stiffness.value
+    if transmission.backlash is not None:
+        law = law + 0.5 * transmission.backlash.value * np.sign(load)
+    if transmission.stiffness is not None or transmission.backlash is not None:
         data.append(line(load, 1e3 * law, INK, 1.6, hover))
     axes = {"xaxis": axis(f"Load, {torque}"), "yaxis": axis(f"Twist, {small}", nticks=6)}
     words = f"Twist of the gear of {series.joint} over its load, by direction of motion"

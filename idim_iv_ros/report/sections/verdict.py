@@ -43,13 +43,13 @@ def shaded_robot(report: Report[R]) -> ShadedRobot | None:
     return ShadedRobot(drawn, result.joints, tuple(map(values.get, result.joints)), title)
 
 
-def _frame(report: Report[R], **own: Any) -> dict[str, Any]:
+def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
     robot = shaded_robot(report)
     return {
         "figure": None if robot is None else robot_figure(robot),
         "title": "" if robot is None else robot.title,
         "missing": report.nominal.missing,
-        **own,
+        **context,
     }
 
 
