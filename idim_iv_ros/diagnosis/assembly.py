@@ -136,7 +136,7 @@ def concluded(
     )
     notes = [
         refit.shift.sentence(data.joints),
-        *(ripple.sentence(data.joints) for ripple in refit.ripples),
+        *explanation.selection.notes(data.joints),
         refit.softened and refit.softened.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
         *(sentences.transmission(measured.result) for measured in transmissions),

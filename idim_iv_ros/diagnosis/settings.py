@@ -88,9 +88,6 @@ SHIFT_AGREEMENT = Setting(0.15, "control period",
 CLEAR_DEVIATIONS = Setting(3.0, "standard deviations",
     "distance that is no noise: of a shift, a lag, a changed gain, of what encoders behind the "
     "gears measure", CONVENTION)
-GAIN_RIPPLE_ALONE = Setting(3.0, "chi-square of the next likely ripple of the gain",
-    "what a ripple of the gain must take, at least: structure that the model lacks correlates with "
-    "many waves, a ripple with one", CHOSEN)
 SOFT_FRICTION_SUPPORT = Setting(25.0, "ln likelihood",
     "gain of dry friction that turns before the joint, over friction that sticks, at which it is "
     "taken for a simulator's", CHOSEN)

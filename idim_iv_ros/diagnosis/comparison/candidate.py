@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
-from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
+from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
@@ -132,7 +132,7 @@ class Catalogue:
         ]
         self.candidates = (
             *effects,
-            *self._effects([CommonShift(), TiltedMoments()], Kind.SIGNAL),
+            *self._effects([CommonShift(), TiltedMoments(), GainRipple()], Kind.SIGNAL),
             *common,
             *(self._scoped(effect, scope) for scope in scopes for effect in effects),
             *(self._scoped(number, scope) for scope in number_scopes for number in numbers),

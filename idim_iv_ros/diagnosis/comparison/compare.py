@@ -168,7 +168,7 @@ class _Ranking:
         self.white = model.residuals(white=True)
         order = np.argsort(-self.bound)[:_LOOKED_AT]
         self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
-        self._directions = {int(k): self._eigen(int(k)) for k in self.order}
+        self._directions = self._eigen()
         self.dispersion = np.ones(len(self.order))
         plain = self._log_bayes(np.zeros(len(self.order)))
         self.dispersion = self._dispersions(plain)
@@ -176,26 +176,39 @@ class _Ranking:
         self.score = self.evidence + prior.log[self.order]
         self.capped = self._log_bayes(self._misfit())
 
-    def _eigen(self, option: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Scores z, information λ and directions (w, k) of one option, of unit size."""
-        w = int(self.comparison.options.width[option])
-        place = self.place[option]
-        inner, score = self.products[w][0][place], self.products[w][1][place]
-        values, vectors = np.linalg.eigh(inner)
-        seen = values > self.comparison.nominal.raw[w][place]
-        values, vectors = values[seen], vectors[:, seen]
-        return (vectors.T @ score) / np.sqrt(values), values, vectors
+    def _eigen(self) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+        """Scores z and information λ (k, w), and directions (w, w), of the options in the order.
+
+        Of unit size; zero, all three, in directions that the model takes.
+        """
+        options = self.comparison.options
+        widths = options.width[self.order]
+        scores, information = np.zeros((2, len(widths), int(widths.max(initial=1))))
+        directions: list[FloatArray] = [np.zeros((0, 0))] * len(widths)
+        for w in np.unique(widths):
+            rows = np.flatnonzero(widths == w)
+            places = self.place[self.order[rows]]
+            inner, score = self.products[w][0][places], self.products[w][1][places]
+            values, vectors = np.linalg.eigh(inner)
+            seen = values > self.comparison.nominal.raw[w][places][:, None]
+            information[rows, :w] = np.where(seen, values, 0.0)
+            along = np.matmul(score[:, None, :], vectors)[:, 0, :]
+            scores[rows, :w] = np.where(seen, along / np.sqrt(np.where(seen, values, 1.0)), 0.0)
+            for row, table in zip(rows, vectors * seen[:, None, :], strict=True):
+                directions[row] = table
+        return scores, information, directions
+
+    def _seen(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Scores z, information λ and directions (w, k) of one option, where there is any."""
+        scores, information, directions = self._directions
+        seen = np.flatnonzero(information[row] > 0.0)
+        return scores[row, seen], information[row, seen], directions[row][:, seen]
 
     def _log_bayes(self, misfit: FloatArray) -> FloatArray:
         """Of the options in their order, with the present dispersion: (k,)."""
         if not len(self.order):
             return np.zeros(0)
-        most = max(len(self._directions[int(k)][0]) for k in self.order)
-        scores, information = np.zeros((2, len(self.order), max(most, 1)))
-        for row, k in enumerate(self.order):
-            z, values, _ = self._directions[int(k)]
-            scores[row, : len(z)] = z
-            information[row, : len(z)] = values
+        scores, information, _ = self._directions
         by = self.dispersion[:, None]
         return log_bayes_factor(scores / np.sqrt(by), information / by, misfit)
 
@@ -224,7 +237,7 @@ class _Ranking:
             if score[row] < prior.nothing - 3.0 or len(seen) >= _RIVALS:
                 break
             if int(options.key[k]) not in seen:
-                z, values, vectors = self._directions[k]
+                z, values, vectors = self._seen(int(row))
                 seen[int(options.key[k])] = self.comparison.dispersion(
                     self.model,
                     self.white,
@@ -291,7 +304,7 @@ class _Ranking:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""
         comparison, options = self.comparison, self.comparison.options
         k = int(self.order[row])
-        z, values, vectors = self._directions[k]
+        z, values, vectors = self._seen(row)
         if not len(z):
             return None
         w, place = int(options.width[k]), self.place[k]

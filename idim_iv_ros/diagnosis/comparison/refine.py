@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.likelihood import Columns
@@ -23,7 +22,7 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the shapes about theirs that are likeliest, all coefficients fitted together."""
     kept = list(terms)
     for number, term in enumerate(kept):
-        if term.candidate.kind is Kind.EFFECT:
+        if term.shape is not None and term.shape.numbers:
             kept[number] = _refined(comparison, kept, number)
     return together(comparison, kept)
 

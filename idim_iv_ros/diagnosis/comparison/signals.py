@@ -3,19 +3,24 @@
 It is looked for beside the effects, so that none is named for it.
 """
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
+from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.waves import Waves, near_waves, one_wave_more, wave_columns, wave_grid
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 
 _LONGEST_SHIFT = 0.02  # s
 # Weight at a joint, as a share of that at the others, below which its axis is vertical.
 _NO_WEIGHT = 1e-6
+_PERIODS = 2.5  # of a gain that ripples, in the range of the joint, at least
+_LARGEST_RIPPLE = 0.1  # of the gain
 
 
 class SignalError(Effect):
@@ -33,6 +38,10 @@ class SignalError(Effect):
     ) -> dict[str, EffectParameter]:
         """Return no numbers: it is no cause."""
         return {}
+
+    def note(self, joint: str, shape: Shape, values: FloatArray, deviations: FloatArray) -> str:
+        """What a report says of it, beside the causes; nothing by default."""
+        return ""
 
 
 class TiltedMoments(SignalError):
@@ -85,3 +94,58 @@ class CommonShift(SignalError):
         """Rate of change of every joint's torque, N m/s."""
         rates = np.asarray(np.gradient(motion.torque, 1.0 / motion.rate, axis=0))
         return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}
+
+
+class GainRipple(SignalError):
+    """An effort whose gain ripples over the position: the torque times 1 + Σ a sin n q + b cos n q.
+
+    Slots, poles and the sensors of the phase currents make the torque of a unit current depend on
+    the rotor's angle. It looks like a torque that ripples, but grows with the torque, and no robot
+    that is simulated in N m has it.
+    """
+
+    name = "gain_ripple"
+    family: ClassVar[Family] = "position"
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Waves]:  # type: ignore[override]
+        """One wave."""
+        return wave_grid(place, covered, _PERIODS)
+
+    def neighbours(
+        self, shape: Waves, step: float, place: Place, covered: OperatingRange
+    ) -> list[Waves]:
+        """Nearby wave numbers."""
+        return near_waves(shape, step, covered.span(place.joint))
+
+    def longer(
+        self, shape: Waves, place: Place, covered: OperatingRange
+    ) -> list[tuple[Waves, Waves]]:
+        """One wave more."""
+        return one_wave_more(shape, self.grid(place, covered))
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Waves) -> dict[int, FloatArray]:
+        """Torque times sine and cosine of each wave."""
+        return self.torques(motion, place, [shape])[0]
+
+    def torques(
+        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]
+    ) -> list[dict[int, FloatArray]]:
+        """The same of many waves."""
+        joint = place.joint
+        made = wave_columns(motion.position[:, joint], shapes)
+        return [{joint: columns * motion.torque[:, [joint]]} for columns in made]
+
+    def admissible(self, shape: Waves, coefficients: FloatArray) -> bool:
+        """Amplitudes that sensors and motors have."""
+        return bool(np.all(np.abs(coefficients) < _LARGEST_RIPPLE))
+
+    def note(self, joint: str, shape: Shape, values: FloatArray, deviations: FloatArray) -> str:
+        """Its first wave."""
+        size = float(np.hypot(*values[:2]))
+        deviation = float(np.hypot(*(values[:2] * deviations[:2]))) / max(size, 1e-300)
+        percent, half = 100.0 * size, 100.0 * settings.NORMAL_95 * deviation
+        return (
+            f"the gain of the effort of {joint} ripples over the position by {percent:.2g} ± "
+            f"{half:.1g} %, {shape.numbers[0]:.4g} rad of phase for each rad of the joint: a "
+            "property of the measured effort, on which no cause is built"
+        )

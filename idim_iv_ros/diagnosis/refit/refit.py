@@ -15,7 +15,6 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     refit_of,
     smooth_regression,
 )
-from idim_iv_ros.diagnosis.refit.gain_ripple import GainRipple, without_gain_ripples
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
@@ -94,8 +93,6 @@ class Refit:
         On the smooth motion.
     shift : EffortShift
         Taken out of the effort of both.
-    ripples : tuple of GainRipple
-        Of efforts that are currents, taken out as well.
     softened : SoftFriction or None
         Of a simulator's solver, in the place of dry friction that sticks.
     gravity : MissingGravity or None
@@ -109,7 +106,6 @@ class Refit:
     data: Baseline
     regression: Regression
     shift: EffortShift
-    ripples: tuple[GainRipple, ...] = ()
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
     weightless: Stage | None = None
@@ -174,19 +170,12 @@ def refitted(
     may_lack = name_of("gravity") not in without
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
-        return _chain_taken_out(data, regression, without)
+        return _aligned_throughout(data, regression, without)
     parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
     weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
     data = baseline(recordings, gravity.corrected(configuration))
-    refit = _chain_taken_out(data, smooth_regression(data), without)
+    refit = _aligned_throughout(data, smooth_regression(data), without)
     return replace(refit, gravity=gravity, weightless=weightless)
-
-
-def _chain_taken_out(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
-    """Align the effort, and take the ripple of its gain out of it."""
-    refit = _aligned_throughout(data, regression, without)
-    data, regression, ripples = without_gain_ripples(refit.data, refit.regression)
-    return replace(refit, data=data, regression=regression, ripples=ripples)
 
 
 def _aligned_throughout(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
