@@ -71,6 +71,26 @@ def test_two_effects_at_two_joints(data: Baseline) -> None:
     assert set(names_of(selected(data, mixed))) == {("stribeck", 1), ("position_ripple", 0)}
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("of_gain", [True, False], ids=["gain", "torque"])
+def test_a_gain_that_ripples_is_no_torque_that_ripples(
+    data: Baseline, of_gain: bool, seed: int
+) -> None:
+    """Of the same size over the same position, one times the torque, the other not."""
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        wave = np.sin(31.0 * m.position[:, 0] + 0.4)
+        return np.asarray(0.04 * m.torque[:, 0] * wave if of_gain else 0.4 * wave)
+
+    selection = selected(data, world(data, 20 + seed, 0, torque))
+    (term,) = selection.terms
+    assert term.key[:2] == ("gain_ripple" if of_gain else "position_ripple", 0)
+    assert term.shape is not None and term.shape.numbers[0] == pytest.approx(31.0, rel=0.01)
+    assert np.hypot(*term.coefficients) == pytest.approx(0.04 if of_gain else 0.4, rel=0.2)
+    said = selection.notes(data.joints)
+    assert len(said) == of_gain and all("joint_1" in note for note in said)
+
+
 def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:
     """Of joint 1: what is left of the load without mass matrix times accelerations."""
     inertial = np.einsum("sj,sj->s", motion.inertia[:, 0], motion.acceleration)

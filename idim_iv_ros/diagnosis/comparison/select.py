@@ -27,8 +27,8 @@ from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.types import BoolArray, FloatArray
 
-_MOST_TERMS = 8
-_ROUNDS = 10  # of adding one term
+_MOST_TERMS = 8  # besides errors of signals, which every joint may have
+_ROUNDS = 18  # of adding one term
 _RESTARTS = 3
 _NOISE_VISITS = 3
 _MOST_ERRORS = 5  # sizes of the nominal errors that are climbed with
@@ -293,7 +293,7 @@ def _grown(comparison: Comparison, start: tuple[Term, ...]) -> tuple[float, tupl
             terms = others if again is None else (*others[:number], again, *others[number:])
             best = _better(comparison, best, terms)
         state = frozenset(term.identity for term in terms)
-        if state in seen or len(terms) >= _MOST_TERMS:
+        if state in seen or sum(t.candidate.kind is not Kind.SIGNAL for t in terms) >= _MOST_TERMS:
             break
         seen.add(state)
         more = comparison.best(terms)
