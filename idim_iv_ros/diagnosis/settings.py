@@ -174,7 +174,7 @@ LAW_LEAST_SUPPORT = Setting(20.0, "ln likelihood",
 LONGEST_LAG = Setting(2.0, "control periods",
     "time from the law to the torque up to which a command is only sampled and held: half a period "
     "of hold, one of computing, and half of one until a cycle takes it; more is a delay", PHYSICS)
-LAG_DIFFERENCE = Setting(0.5, "control periods",
+LAG_DIFFERENCE = Setting(0.5, "control periods, or intervals of the recording by two",
     "lag beyond that of half of the joints from which on it is the law's", CHOSEN)
 LAW_SPEED_GAIN = Setting(0.2, "commands' residual (rms)",
     "what another speed than the plain one must take, at least, to be the law's", CHOSEN)
