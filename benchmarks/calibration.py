@@ -1,11 +1,13 @@
 """The table behind the probability of a cause: a logistic regression on simulated recordings.
 
     python -m benchmarks.calibration collect DIR --out FEATURES.json [--processes 2]
-    python -m benchmarks.calibration fit FEATURES.json [...] [--write]
+    python -m benchmarks.calibration fit FEATURES.json [...] [--anew EFFECT ...] [--write]
     python -m benchmarks.calibration check DIR [--page NAME]
 
-DIR holds cells of `benchmarks.hostile`; `collect` goes on where it was stopped. `fit` prints how
-the table does on cells that it was not fitted to, and with --write puts it into the package.
+DIR holds cells of `benchmarks.hostile`; `collect` goes on where it was stopped. `fit` draws the
+weights to those of the table in the package, but for effects that the search treats otherwise now
+(--anew); it prints how the table does on cells that it was not fitted to, beside the one in the
+package, and with --write puts it there.
 `check` reads the answers of cells that were diagnosed with the package: what was said, and how
 much was true.
 """
@@ -73,26 +75,45 @@ def with_truth(terms: list[dict[str, Any]], label: dict[str, Any]) -> list[dict[
     return made
 
 
-def fitted(x: FloatArray, effects: BoolArray, y: FloatArray) -> FloatArray:
+def fitted(
+    x: FloatArray,
+    effects: BoolArray,
+    y: FloatArray,
+    before: FloatArray,
+    terms: int,
+    anew: BoolArray,
+) -> FloatArray:
     """Intercept and weights of features and of effects (1 + f + e,) of a logistic regression.
 
-    A ridge draws the weights of standardised features (k, f) and those of effects (k, e) to zero:
-    what an effect adds is a random number of unit spread, zero where it never occurred.
+    What was learnt `before` (1 + f + e,), from so many terms, counts as if these had the features
+    of the terms here (k, f). Weights of effects (k, e) that are fitted anew (e,) are random numbers
+    of unit spread.
     """
     mean, spread = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
     table = np.column_stack([np.ones(len(x)), (x - mean) / spread, effects])
-    penalty = PENALTY * np.eye(table.shape[1])
-    penalty[0, 0] = 0.0
-    weights = np.zeros(table.shape[1])
-    for _ in range(100):
+    first = 1 + x.shape[1]
+    centre = before.copy()
+    centre[0] += before[1:first] @ mean
+    centre[1:first] *= spread
+    weights = centre.copy()
+
+    def curvature() -> tuple[FloatArray, FloatArray]:
         p = 1.0 / (1.0 + np.exp(-table @ weights))
-        curvature = (table * (p * (1.0 - p))[:, None]).T @ table + penalty
-        step = np.linalg.solve(curvature, table.T @ (y - p) - penalty @ weights)
+        return p, (table * (p * (1.0 - p))[:, None]).T @ table
+
+    penalty = terms / len(x) * curvature()[1]
+    new = np.concatenate([np.zeros(first, dtype=bool), anew])
+    penalty[new], penalty[:, new] = 0.0, 0.0
+    penalty += PENALTY * np.diag(np.concatenate([[0.0], np.ones(len(centre) - 1)]))
+    for _ in range(100):
+        p, hessian = curvature()
+        slope = table.T @ (y - p) - penalty @ (weights - centre)
+        step = np.linalg.solve(hessian + penalty, slope)
         weights += step
         if np.abs(step).max() < 1e-9:
             break
-    weights[1 : 1 + len(spread)] /= spread
-    weights[0] -= weights[1 : 1 + len(spread)] @ mean
+    weights[1:first] /= spread
+    weights[0] -= weights[1:first] @ mean
     return weights
 
 
@@ -115,7 +136,7 @@ def reliability(p: FloatArray, y: FloatArray) -> list[str]:
     return rows
 
 
-def fit(files: list[Path], *, write: bool) -> None:
+def fit(files: list[Path], anew: list[str], *, write: bool) -> None:
     """Fit the table, and print how tables without a tenth of the cells do on that tenth."""
     from idim_iv_ros.diagnosis.comparison import probability
 
@@ -129,19 +150,27 @@ def fit(files: list[Path], *, write: bool) -> None:
     group = np.array([k for k, _ in rows])
     x = np.array([term["features"] for _, term in rows])
     y = np.array([float(term["true"]) for _, term in rows])
-    names = sorted({term["effect"] for _, term in rows})
+    old = probability.table()
+    names = sorted({term["effect"] for _, term in rows} | set(old.effects))
     effects = np.array([[term["effect"] == name for name in names] for _, term in rows])
+    kept = [0.0 if name in anew else old.effects.get(name, 0.0) for name in names]
+    before = np.array([old.intercept, *old.weights, *kept])
+    new = np.isin(names, anew)
     p = np.zeros(len(y))
     for k in range(GROUPS):
         inside = group == k
-        weights = fitted(x[~inside], effects[~inside], y[~inside])
+        weights = fitted(x[~inside], effects[~inside], y[~inside], before, old.terms, new)
         p[inside] = said(weights, x[inside], effects[inside])
     print(f"{len(cells)} recordings, {len(y)} terms, {int(y.sum())} of them true\n")
     print("\n".join(reliability(p, y)))
+    weights = np.array([old.intercept, *old.weights, *(old.effects.get(n, 0.0) for n in names)])
+    for name, values in ("anew", p), ("before", said(weights, x, effects)):
+        loss = -np.mean(y * np.log(values) + (1.0 - y) * np.log(1.0 - values))
+        print(f"loss of the table {name}: {loss:.4f}")
     for least in (0.5, 0.6, 0.7, 0.8):
         named = p >= least
         print(f"from {least}: {int(y[named].sum())} true, {int((1 - y[named]).sum())} false")
-    weights = np.round(fitted(x, effects, y), 4)
+    weights = np.round(fitted(x, effects, y, before, old.terms, new), 4)
     slopes = weights[1 : 1 + x.shape[1]]
     offsets = dict(zip(names, weights[1 + x.shape[1] :].tolist(), strict=True))
     for name, weight in (*zip(probability.FEATURES, slopes, strict=True), *offsets.items()):
@@ -149,10 +178,11 @@ def fit(files: list[Path], *, write: bool) -> None:
     if write:
         origin = (
             f"logistic regression on {len(y)} terms of {len(cells)} recordings of "
-            "benchmarks.hostile; see benchmarks/calibration.py"
+            f"benchmarks.hostile, after the table before it, which was a {old.origin}"
         )
         content = {
             "origin": origin,
+            "terms": old.terms + len(y),
             "intercept": float(weights[0]),
             "weights": slopes.tolist(),
             "effects": offsets,
@@ -187,13 +217,14 @@ def main() -> None:
     collecting.add_argument("--processes", type=int, default=1)
     fitting = verbs.add_parser("fit", help="the table from features")
     fitting.add_argument("features", type=Path, nargs="+")
+    fitting.add_argument("--anew", nargs="*", default=[], help="effects whose weight starts at 0")
     fitting.add_argument("--write", action="store_true")
     checking = verbs.add_parser("check", help="reliability of answers")
     checking.add_argument("cells", type=Path)
     checking.add_argument("--page", help="name of a page in benchmarks/results")
     given = parser.parse_args()
     if given.verb == "fit":
-        fit(given.features, write=given.write)
+        fit(given.features, given.anew, write=given.write)
         return
     if given.verb == "check":
         check(given.cells, given.page)

@@ -37,6 +37,8 @@ class Table:
     ----------
     origin : str
         From which recordings it was made.
+    terms : int
+        Of all of them.
     intercept : float
     weights : tuple of float
         One for each of `FEATURES`.
@@ -45,6 +47,7 @@ class Table:
     """
 
     origin: str
+    terms: int
     intercept: float
     weights: tuple[float, ...]
     effects: dict[str, float]
@@ -56,7 +59,11 @@ def table() -> Table:
     text = resources.files(__package__).joinpath("probability.json").read_text()
     content = json.loads(text)
     return Table(
-        content["origin"], content["intercept"], tuple(content["weights"]), content["effects"]
+        content["origin"],
+        content["terms"],
+        content["intercept"],
+        tuple(content["weights"]),
+        content["effects"],
     )
 
 
