@@ -27,35 +27,19 @@ class ExcitationCost:
     κ_p = ‖σ‖_2p ‖1/σ‖_2p of the singular values σ tends to the condition number as p grows and,
     unlike it, is smooth where singular values coincide, which is where an optimum lies. A limit
     that is passed by a share e costs `weight` · e² at each point of the grid.
-
-    Attributes
-    ----------
-    model : InverseModel
-    limits : MotionLimits
-    frames : MovingFrames
-    basis : FourierBasis
-    shapes : three of (n_samples, size)
-        Of the basis on the grid.
-    row_weights : (n_joints,)
-    start : (n_joints,) or None
-        Posture at rest; None: it is chosen too.
-    power : float
-        p.
-    weight : float
-    criterion : "condition" or "precision"
-        What is minimised: log κ_p, or the mean of log 1/σ, of which the determinant of the
-        covariance is a function (D-optimality).
     """
 
     model: InverseModel
     limits: MotionLimits
     frames: MovingFrames
     basis: FourierBasis
-    shapes: States
-    row_weights: FloatArray
-    start: FloatArray | None
-    power: float
+    shapes: States  # Of the basis on the grid
+    row_weights: FloatArray  # (n_joints,)
+    start: FloatArray | None  # (n_joints,) or None: posture at rest; None: it is chosen too
+    power: float  # p
     weight: float
+    # What is minimised: log κ_p, or the mean of log 1/σ, of which the determinant of the covariance
+    # is a function (D-optimality)
     criterion: Criterion = "condition"
 
     def unpack(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -35,62 +35,30 @@ _LARGEST_EXPONENT = 700.0  # a motion far outside the limits costs more than a f
 
 @dataclass(frozen=True)
 class DesignSettings:
-    """What is asked of a motion for identification.
+    """What is asked of a motion for identification."""
 
-    Attributes
-    ----------
-    period : float
-        s; a whole number of samples.
-    repeats : int
-        Periods, one after the other.
-    rate : float
-        Samples per second.
-    harmonics : int
-        Of 1 / period.
-    seed : int
-        Of the random starts.
-    time_limit : float
-        s, after which the best so far is taken.
-    start : (n_joints,) or None
-        Posture at rest in rad (m); None: chosen by the design.
-    criterion : "condition" or "precision"
-        Least condition number, or least standard deviations.
-    """
-
-    period: float = 10.0
-    repeats: int = 3
-    rate: float = 1000.0
-    harmonics: int = 5
-    seed: int = 1
-    time_limit: float = 120.0
+    period: float = 10.0  # s; a whole number of samples
+    repeats: int = 3  # Periods, one after the other
+    rate: float = 1000.0  # Samples per second
+    harmonics: int = 5  # Of 1 / period
+    seed: int = 1  # Of the random starts
+    time_limit: float = 120.0  # s, after which the best so far is taken
+    # (n_joints,) or None: posture at rest in rad (m); None: chosen by the design
     start: FloatArray | None = None
-    criterion: Criterion = "condition"
+    criterion: Criterion = "condition"  # Least condition number, or least standard deviations
 
 
 @dataclass(frozen=True)
 class Design:
-    """A motion within all limits, and how good it is.
+    """A motion within all limits, and how good it is."""
 
-    Attributes
-    ----------
-    trajectory, period : Trajectory
-        All repeats with the sample at the end; one period without it.
-    before : ConditionNumbers
-        Medians over random Fourier motions, scaled to the same limits.
-    after : ConditionNumbers
-        Of this motion.
-    use : LimitUse
-        Over every sample.
-    ended_early : bool
-        Whether the time limit ended the search: another machine may then find another motion.
-    seconds : float
-    """
-
+    # trajectory, period: All repeats with the sample at the end; one period without it
     trajectory: Trajectory
     period: Trajectory
-    before: ConditionNumbers
-    after: ConditionNumbers
-    use: LimitUse
+    before: ConditionNumbers  # Medians over random Fourier motions, scaled to the same limits
+    after: ConditionNumbers  # Of this motion
+    use: LimitUse  # Over every sample
+    # Whether the time limit ended the search: another machine may then find another motion
     ended_early: bool
     seconds: float
 

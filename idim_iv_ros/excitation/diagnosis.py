@@ -26,23 +26,12 @@ UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A motion for diagnosis.
-
-    Attributes
-    ----------
-    trajectory : Trajectory
-    segments : tuple of Segment
-    use : LimitUse
-        Over every sample.
-    bandwidth : (n_joints,) Hz
-        Of the position loops, as taken for the multisine.
-    bandwidth_known : bool
-    """
+    """A motion for diagnosis."""
 
     trajectory: Trajectory
     segments: tuple[Segment, ...]
-    use: LimitUse
-    bandwidth: FloatArray
+    use: LimitUse  # Over every sample
+    bandwidth: FloatArray  # (n_joints,) Hz: of the position loops, as taken for the multisine
     bandwidth_known: bool
 
     @property

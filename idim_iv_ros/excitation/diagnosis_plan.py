@@ -42,26 +42,15 @@ _INSIDE = 0.995
 
 @dataclass(frozen=True)
 class DiagnosisPlanner:
-    """Makes segments that keep all limits around a base posture.
-
-    Attributes
-    ----------
-    model : InverseModel
-    limits : MotionLimits
-    frames : MovingFrames
-    posture : (n_joints,) rad (m)
-    bandwidth : (n_joints,) Hz
-    rate : samples per second
-    seed : of the phases of the multisine
-    """
+    """Makes segments that keep all limits around a base posture."""
 
     model: InverseModel
     limits: MotionLimits
     frames: MovingFrames
-    posture: FloatArray
-    bandwidth: FloatArray
-    rate: float
-    seed: int
+    posture: FloatArray  # (n_joints,) rad (m)
+    bandwidth: FloatArray  # (n_joints,) Hz
+    rate: float  # samples per second
+    seed: int  # of the phases of the multisine
 
     def plans(self, seconds: float) -> list[Segment]:
         """All segments in order; together about `seconds` long, without the moves between."""

@@ -28,26 +28,13 @@ _ATTEMPTS = 20
 
 @dataclass(frozen=True)
 class Excitation:
-    """A motion for identification with its figures.
-
-    Attributes
-    ----------
-    design : Design
-    parameters : tuple of PredictedParameter
-        The worst first.
-    torque_noise : float
-        Share of each torque limit that `parameters` assumes.
-    criterion : str
-        What the design minimised.
-    document : mapping
-        All figures, as they are written to JSON.
-    """
+    """A motion for identification with its figures."""
 
     design: Design
-    parameters: tuple[PredictedParameter, ...]
-    torque_noise: float
-    criterion: str
-    document: Mapping[str, object] = field(repr=False)
+    parameters: tuple[PredictedParameter, ...]  # The worst first
+    torque_noise: float  # Share of each torque limit that `parameters` assumes
+    criterion: str  # What the design minimised
+    document: Mapping[str, object] = field(repr=False)  # All figures, as they are written to JSON
 
 
 def load_model(configuration: Configuration) -> InverseModel:

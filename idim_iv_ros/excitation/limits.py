@@ -25,29 +25,17 @@ _BLOCK = 4000  # samples
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits of a motion, (n_joints,) each, as the robot has them.
+    """Limits of a motion, (n_joints,) each, as the robot has them."""
 
-    Attributes
-    ----------
-    lower, upper : rad (m)
-    velocity : rad/s (m/s)
-    acceleration : rad/s² (m/s²)
-    torque : N m (N)
-    torque_known : bool
-        Whether the nominal model has inertials, so that torques can be predicted.
-    floor : float or None
-        Height in the base frame above which every moving frame stays, m.
-    margin : float
-        Share of each limit that a motion may use; of a position range, about its middle.
-    """
-
+    # lower, upper: rad (m)
     lower: FloatArray
     upper: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    torque: FloatArray
-    torque_known: bool
-    floor: float | None
+    velocity: FloatArray  # rad/s (m/s)
+    acceleration: FloatArray  # rad/s² (m/s²)
+    torque: FloatArray  # N m (N)
+    torque_known: bool  # Whether the nominal model has inertials, so that torques can be predicted
+    floor: float | None  # Height in the base frame above which every moving frame stays, m
+    # Share of each limit that a motion may use; of a position range, about its middle
     margin: float
 
     @property
@@ -63,26 +51,15 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class LimitUse:
-    """Largest share of each limit that a motion uses, (n_joints,) each; 1 is the limit itself.
+    """Largest share of each limit that a motion uses, (n_joints,) each; 1 is the limit itself."""
 
-    Attributes
-    ----------
-    position
-        Distance from the middle of the range over half of the range.
-    velocity, acceleration
-    torque : or None
-        Of the nominal model: gravity, inertia, drives, friction. None without inertials.
-    lowest_frame : str
-    lowest_height : float
-        Of all frames that move, over the whole motion, m.
-    """
-
-    position: FloatArray
+    position: FloatArray  # Distance from the middle of the range over half of the range
     velocity: FloatArray
     acceleration: FloatArray
+    # Of the nominal model: gravity, inertia, drives, friction. None without inertials.
     torque: FloatArray | None
     lowest_frame: str
-    lowest_height: float
+    lowest_height: float  # Of all frames that move, over the whole motion, m
 
     def within(self, limits: MotionLimits) -> bool:
         """Whether no share exceeds the margin and every frame stays above the floor."""

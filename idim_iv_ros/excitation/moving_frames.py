@@ -13,25 +13,14 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class MovingFrames:
-    """Origins of links, joints and end-effector that the identified joints move.
-
-    Attributes
-    ----------
-    robot : RobotModel
-    names : tuple of str
-    joints : (f,) int
-        Joint of the tree (pinocchio, from 1) that each frame is fixed to.
-    offsets : (f, 3) m
-        Origin of each frame in the frame of its joint.
-    axes : (n_joints, 3)
-        Axis of each joint of the tree, in its own frame.
-    """
+    """Origins of links, joints and end-effector that the identified joints move."""
 
     robot: RobotModel
     names: tuple[str, ...]
+    # (f,) int: joint of the tree (pinocchio, from 1) that each frame is fixed to
     joints: NDArray[np.int64]
-    offsets: FloatArray
-    axes: FloatArray
+    offsets: FloatArray  # (f, 3) m: origin of each frame in the frame of its joint
+    axes: FloatArray  # (n_joints, 3): axis of each joint of the tree, in its own frame
 
     def heights(self, q: FloatArray) -> FloatArray:
         """Heights in the base frame (n_samples, f) m at positions (n_samples, n_joints)."""

@@ -29,17 +29,10 @@ _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Passes:
-    """What a robot is asked for, one after the other; it rests in between.
+    """What a robot is asked for, one after the other; it rests in between."""
 
-    Attributes
-    ----------
-    limits : MotionLimits
-        Of the robot, with speed and acceleration scaled.
-    approach, slow, full : Trajectory
-        To the start of the motion, through it slowly, and at full speed.
-    """
-
-    limits: MotionLimits
+    limits: MotionLimits  # Of the robot, with speed and acceleration scaled
+    # approach, slow, full: To the start of the motion, through it slowly, and at full speed
     approach: Trajectory
     slow: Trajectory
     full: Trajectory

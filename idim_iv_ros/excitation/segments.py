@@ -38,30 +38,18 @@ _NO_MOTION = {
 
 @dataclass(frozen=True)
 class Segment:
-    """A labelled stretch of the motion.
-
-    Attributes
-    ----------
-    name, kind : str
-    offset : (n_joints,)
-        Where it starts, relative to the base posture, rad (m).
-    shape : position, velocity, acceleration relative to its start
-    speed : (n_joints,) or None
-        Constant speeds of the way there, rad/s (m/s); the way back has the opposite.
-    amplitude : (n_joints,) or None
-        Largest deviation, rad (m).
-    frequency : (lowest, highest) Hz or None
-    start, end : float
-        s; its place in the motion, once it has one.
-    """
+    """A labelled stretch of the motion."""
 
     name: str
     kind: str
-    offset: FloatArray
-    shape: Shape
+    offset: FloatArray  # (n_joints,): where it starts, relative to the base posture, rad (m)
+    shape: Shape  # position, velocity, acceleration relative to its start
+    # (n_joints,) or None: constant speeds of the way there, rad/s (m/s); the way back has the
+    # opposite
     speed: FloatArray | None = None
-    amplitude: FloatArray | None = None
-    frequency: tuple[float, float] | None = None
+    amplitude: FloatArray | None = None  # (n_joints,) or None: largest deviation, rad (m)
+    frequency: tuple[float, float] | None = None  # (lowest, highest) Hz or None
+    # start, end: s; its place in the motion, once it has one
     start: float = 0.0
     end: float = 0.0
 

@@ -13,32 +13,20 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class DriveLaw:
-    """Gains from errors to torque, joint side, (n_joints,) each; zeros where no law is known.
+    """Gains from errors to torque, joint side, (n_joints,) each; zeros where no law is known."""
 
-    Attributes
-    ----------
-    kp, kd, ki : N m/rad, N m s/rad, N m/(rad s)
-    velocity_reference : bool
-        Whether the kd term acts on the error of the speed; otherwise on the speed.
-    limit : N m
-        Infinite where there is none.
-    period, delay : s
-        Of the control; from the command to the torque.
-    configured : bool
-        Whether a law is known.
-    beyond : tuple of str
-        What of the law simulators have no element for.
-    """
-
+    # kp, kd, ki: N m/rad, N m s/rad, N m/(rad s)
     kp: FloatArray
     kd: FloatArray
     ki: FloatArray
+    # Whether the kd term acts on the error of the speed; otherwise on the speed
     velocity_reference: bool
-    limit: FloatArray
+    limit: FloatArray  # N m: infinite where there is none
+    # period, delay: s: of the control; from the command to the torque
     period: float
     delay: FloatArray
-    configured: bool
-    beyond: tuple[str, ...]
+    configured: bool  # Whether a law is known
+    beyond: tuple[str, ...]  # What of the law simulators have no element for
 
     @property
     def in_actuators(self) -> bool:

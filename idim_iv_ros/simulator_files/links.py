@@ -26,20 +26,11 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class LinkBody:
-    """Inertial of one link in the axes of its frame.
+    """Inertial of one link in the axes of its frame."""
 
-    Attributes
-    ----------
-    mass : float
-        kg.
-    centre : (3,) m
-    inertia : (3, 3) kg m²
-        About the centre of mass.
-    """
-
-    mass: float
-    centre: FloatArray
-    inertia: FloatArray
+    mass: float  # kg
+    centre: FloatArray  # (3,) m
+    inertia: FloatArray  # (3, 3) kg m²: about the centre of mass
 
     @classmethod
     def of(cls, parameters: FloatArray) -> "LinkBody":

@@ -28,28 +28,18 @@ _THICKNESS = 0.12  # of a drawn link, of its length
 
 @dataclass(frozen=True)
 class JointValues:
-    """Drives and friction of all joints, (n_joints,) each.
+    """Drives and friction of all joints, (n_joints,) each."""
 
-    Attributes
-    ----------
-    armature, damping, friction, offset
-        kg m², N m s/rad, N m, N m.
-    bodies : tuple of LinkBody
-        What each joint carries, in its frame.
-    lead : (n_joints,) s
-        By which dry friction turns before its joint; zero as a robot's, and 9.5 ms as MuJoCo's
-        with the defaults of its solver.
-    couplings : tuple of Coupled
-        Of the transmission.
-    """
-
+    # armature, damping, friction, offset: kg m², N m s/rad, N m, N m
     armature: FloatArray
     damping: FloatArray
     friction: FloatArray
     offset: FloatArray
-    bodies: tuple[LinkBody, ...]
+    bodies: tuple[LinkBody, ...]  # What each joint carries, in its frame
+    # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
+    # MuJoCo's with the defaults of its solver
     lead: FloatArray
-    couplings: tuple[Coupled, ...] = ()
+    couplings: tuple[Coupled, ...] = ()  # Of the transmission
 
 
 def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:

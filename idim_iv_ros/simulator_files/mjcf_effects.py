@@ -37,20 +37,13 @@ class Coupled:
 
 @dataclass
 class NativeEffects:
-    """What the elements of a MuJoCo model have beyond friction and drive inertia.
+    """What the elements of a MuJoCo model have beyond friction and drive inertia."""
 
-    Attributes
-    ----------
-    damping, stiffness : dict of joint index to array
-        Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³; of q, q², q³.
-    couplings : list of Coupled
-    listed : dict of str to list of str
-        Names of the joints or tendons that hold an effect, by its name.
-    """
-
+    # damping, stiffness: Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³; of q, q², q³
     damping: dict[int, FloatArray] = field(default_factory=dict)
     stiffness: dict[int, FloatArray] = field(default_factory=dict)
     couplings: list[Coupled] = field(default_factory=list)
+    # Names of the joints or tendons that hold an effect, by its name
     listed: dict[str, list[str]] = field(default_factory=dict)
 
     def take(self, effect: SimulatedEffect, robot: RobotModel) -> bool:

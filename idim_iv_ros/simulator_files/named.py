@@ -53,25 +53,13 @@ class Load:
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """The robot that is exported: the nominal model with named causes, or physical parameters.
-
-    Attributes
-    ----------
-    parameters : tuple of StandardValue
-    loads : tuple of Load
-        Payloads as bodies of their own.
-    effects : tuple of SimulatedEffect
-        Parametric causes that are no parameter of a model.
-    gravity : (3,) m/s²
-    remainder : Remainder or None
-        What no cause explains, where `parameters` hold it.
-    """
+    """The robot that is exported: the nominal model with named causes, or physical parameters."""
 
     parameters: tuple[StandardValue, ...]
-    loads: tuple[Load, ...]
-    effects: tuple[SimulatedEffect, ...]
-    gravity: FloatArray
-    remainder: Remainder | None = None
+    loads: tuple[Load, ...]  # Payloads as bodies of their own
+    effects: tuple[SimulatedEffect, ...]  # Parametric causes that are no parameter of a model
+    gravity: FloatArray  # (3,) m/s²
+    remainder: Remainder | None = None  # What no cause explains, where `parameters` hold it
 
     @cached_property
     def values(self) -> dict[str, float]:

@@ -136,27 +136,16 @@ def _map(model, drawn, data, part, mapping, turn, origin):
 
 @dataclass(frozen=True)
 class BodyRange:
-    """What one joint carries, or a payload, as the exported link of a name.
-
-    Attributes
-    ----------
-    name, link : str
-    payload : bool
-    mass, mass_std : float
-        kg.
-    shift_std : (3,)
-        Standard deviation of the centre of mass, m.
-    factor : (4, 4)
-        F: J = F (1 + S) Fᵀ with S = 0 for the exported one.
-    """
+    """What one joint carries, or a payload, as the exported link of a name."""
 
     name: str
     link: str
     payload: bool
+    # mass, mass_std: kg
     mass: float
     mass_std: float
-    shift_std: FloatArray
-    factor: FloatArray
+    shift_std: FloatArray  # (3,): standard deviation of the centre of mass, m
+    factor: FloatArray  # (4, 4): F: J = F (1 + S) Fᵀ with S = 0 for the exported one
 
 
 @dataclass(frozen=True)
@@ -171,21 +160,12 @@ class JointRange:
 
 @dataclass(frozen=True)
 class Randomization:
-    """What may vary, and how together.
-
-    Attributes
-    ----------
-    bodies : tuple of BodyRange
-    joints : tuple of JointRange
-    root : (r, r)
-        Lower triangular; of the triangles of all S, then of the joints.
-    link, drive : float
-        Relative sizes of what no motion shows.
-    """
+    """What may vary, and how together."""
 
     bodies: tuple[BodyRange, ...]
     joints: tuple[JointRange, ...]
-    root: FloatArray
+    root: FloatArray  # (r, r): lower triangular; of the triangles of all S, then of the joints
+    # link, drive: Relative sizes of what no motion shows
     link: float
     drive: float
 

@@ -28,26 +28,21 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 
 class Friction(NamedTuple):
-    """Friction of the model, and what effects replace of it: n joints, then couplings.
+    """Friction of the model, and what effects replace of it: n joints, then couplings."""
 
-    Attributes
-    ----------
-    level, damping : (contacts,), (n,)
-        Dry friction less what effects take the place of; viscous friction.
-    model_level, inertia : (n,)
-        Dry friction before that; of the drives, kg m².
-    dry, dissipative : (contacts,), (n,)
-        Which have dry friction at any time; whose friction is kept from driving.
-    first, second, direction : (contacts,)
-        Joints whose speeds a contact adds; second −1 for a joint of its own.
-    """
-
+    # level, damping: (contacts,), (n,): dry friction less what effects take the place of; viscous
+    # friction
     level: FloatArray
     damping: FloatArray
+    # model_level, inertia: (n,): dry friction before that; of the drives, kg m²
     model_level: FloatArray
     inertia: FloatArray
+    # dry, dissipative: (contacts,), (n,): which have dry friction at any time; whose friction is
+    # kept from driving
     dry: NDArray[np.bool_]
     dissipative: NDArray[np.bool_]
+    # first, second, direction: (contacts,): joints whose speeds a contact adds; second −1 for a
+    # joint of its own
     first: IntArray
     second: IntArray
     direction: FloatArray

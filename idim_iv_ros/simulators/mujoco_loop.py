@@ -30,47 +30,26 @@ _FASTEST = 1e3  # rad/s (m/s): beyond it the simulation has diverged
 
 @dataclass(frozen=True)
 class References:
-    """What one recording asked for, and where its robot began.
+    """What one recording asked for, and where its robot began."""
 
-    Attributes
-    ----------
-    rate : float
-        Hz.
-    position : (n_samples, n_joints)
-        rad (m).
-    velocity : (n_samples, n_joints)
-        Central differences of the positions where none was recorded.
-    start, speed : (n_joints,)
-        Position and velocity at the first sample, as the encoders show them.
-    start_time : float
-        s since the start of the session.
-    """
-
-    rate: float
-    position: FloatArray
+    rate: float  # Hz
+    position: FloatArray  # (n_samples, n_joints) rad (m)
+    # (n_samples, n_joints): central differences of the positions where none was recorded
     velocity: FloatArray
+    # start, speed: (n_joints,): position and velocity at the first sample, as the encoders show
+    # them
     start: FloatArray
     speed: FloatArray
-    start_time: float
+    start_time: float  # s since the start of the session
 
 
 @dataclass(frozen=True)
 class MujocoMotion:
-    """What a recorder would have seen, (n_samples, n_joints) each.
+    """What a recorder would have seen, (n_samples, n_joints) each."""
 
-    Attributes
-    ----------
-    position : rad (m)
-        Of the encoders.
-    torque : N m (N)
-        Command of the law.
-    diverged : str
-        Why it ended early; empty if it did not.
-    """
-
-    position: FloatArray
-    torque: FloatArray
-    diverged: str = ""
+    position: FloatArray  # rad (m): of the encoders
+    torque: FloatArray  # N m (N): command of the law
+    diverged: str = ""  # Why it ended early; empty if it did not
 
 
 def run_in_mujoco(

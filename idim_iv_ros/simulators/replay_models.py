@@ -31,26 +31,15 @@ _LARGEST = 50.0  # MB
 
 @dataclass(frozen=True)
 class StageModel:
-    """One robot to simulate.
+    """One robot to simulate."""
 
-    Attributes
-    ----------
-    name, words : str
-        Of the stage; what the model is made of.
-    robot : RobotModel
-    parameters : DynamicParameters or None
-        None for a model that is read from `xml`.
-    xml : Path or None
-    effects : tuple of SimulatedEffect
-        Beyond the model: constant torques, which MuJoCo has no parameter for, are among them.
-    notes : tuple of str
-    """
-
+    # name, words: Of the stage; what the model is made of
     name: str
     words: str
     robot: RobotModel
-    parameters: DynamicParameters | None
+    parameters: DynamicParameters | None  # None for a model that is read from `xml`
     xml: Path | None
+    # Beyond the model: constant torques, which MuJoCo has no parameter for, are among them
     effects: tuple[SimulatedEffect, ...] = ()
     notes: tuple[str, ...] = ()
 

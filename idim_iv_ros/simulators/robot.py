@@ -24,29 +24,14 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class SimulatedRobot:
-    """A robot whose parameters are known.
+    """A robot whose parameters are known."""
 
-    Attributes
-    ----------
-    robot : RobotModel
-        Kinematics, limits, and the given values, which need not be the true ones.
-    truth : dict
-        True base parameters by name, friction and drive inertia included.
-    parameters : DynamicParameters
-        Dynamics that are equivalent to `truth`.
-    law : ControlLaw
-    settings : SimulatedRobotSection
-        Noise, rates and delay.
-    effects : tuple of SimulatedEffect
-        What it has beyond `parameters`.
-    """
-
-    robot: RobotModel
-    truth: dict[str, float]
-    parameters: DynamicParameters
+    robot: RobotModel  # Kinematics, limits, and the given values, which need not be the true ones
+    truth: dict[str, float]  # True base parameters by name, friction and drive inertia included
+    parameters: DynamicParameters  # Dynamics that are equivalent to `truth`
     law: ControlLaw
-    settings: SimulatedRobotSection
-    effects: tuple[SimulatedEffect, ...] = ()
+    settings: SimulatedRobotSection  # Noise, rates and delay
+    effects: tuple[SimulatedEffect, ...] = ()  # What it has beyond `parameters`
 
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
         """Run a trajectory and record it; `seed` is that of all noise.
