@@ -138,7 +138,7 @@ def simulate_closed_loop(
     else:
         dynamics = plant(robot, parameters)
     behind = [shaft.joint for shaft in shafts]
-    loop = _loop(
+    loop = sampled_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
     links = link_positions(robot, parameters, shafts, q) if shafts else q
@@ -171,7 +171,7 @@ def simulate_closed_loop(
     return _result(rate, recorded_trace, robot, present, behind, diverged)
 
 
-def _loop(
+def sampled_loop(
     robot: RobotModel,
     law: ControlLaw,
     added: JointContributions,
@@ -181,7 +181,7 @@ def _loop(
     rate: float,
     plant_step: float,
 ) -> Loop:
-    """References, gains and delays in tree order."""
+    """Return the law with what effects change of it, references and instants, in tree order."""
 
     def tree(values: FloatArray) -> FloatArray:
         return np.ascontiguousarray(np.asarray(values, dtype=float)[..., robot.order])

@@ -281,9 +281,7 @@ def _simulate(
         law = replace(run.law, feedforward=None if forward is None else forward[first:])
         model = stage.compiled(mujoco)
         with mujoco_warnings():
-            ran = run_in_mujoco(
-                mujoco, model, robot.joints, law, references, robot.given, stage.effects
-            )
+            ran = run_in_mujoco(mujoco, model, robot, law, references, robot.given, stage.effects)
         if ran.diverged:
             return _Simulated(stage.name, (), (), f"{signals.name}: {ran.diverged}")
         positions.append(motion.filtered(np.vstack([motion.position[:first], ran.position])))

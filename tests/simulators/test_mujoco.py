@@ -219,7 +219,9 @@ def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
     offsets = [
         on("torque_offset", joint, offset=value) for joint, value in enumerate(arm.truth.offset)
     ]
-    ran = run_in_mujoco(mujoco, model, JOINTS, arm.law, references, arm.truth, [*effects, *offsets])
+    ran = run_in_mujoco(
+        mujoco, model, arm.robot, arm.law, references, arm.truth, [*effects, *offsets]
+    )
     assert ran.diverged == ""
     difference = np.sqrt(np.mean((ran.position - own.measured_position) ** 2, axis=0))
     # Steps of half a millisecond, of first order there and second order here.
