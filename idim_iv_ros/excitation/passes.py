@@ -160,7 +160,6 @@ def stop(
 
     Parameters
     ----------
-    joints
     position, velocity
         (n_joints,) rad, rad/s (m, m/s) at the beginning.
     limits

@@ -89,8 +89,6 @@ def spread_remainder(
 
     Parameters
     ----------
-    robot
-    base
     estimate, covariance : (b,), (b, b)
         Base parameters; rows of zeros are not shown.
     standard : (p,)

@@ -54,7 +54,6 @@ def drive_law(
     ----------
     section
         Of the configuration.
-    joints
     effects
         Of the robot: those whose part is gains, delay or limit change the law.
     """

@@ -53,7 +53,6 @@ def link_bodies(
 
     Parameters
     ----------
-    urdf
     joints
         XX … M (10,) of the body that each identified joint carries.
     source

@@ -79,7 +79,6 @@ def mjcf_text(
         them.
     urdf
         Names of links.
-    values
     law
         Proportional and derivative actuators where they are the whole law; else motors, whose
         commands are torques.

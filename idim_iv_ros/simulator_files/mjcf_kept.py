@@ -65,14 +65,12 @@ def with_mjcf_values(
     ----------
     content
         The bytes of the file.
-    path
     urdf
         What this program makes of the file.
     links
         Inertials of links in their frames, by name.
     joints
         Those that are identified, in the order of `values`.
-    values
     mounted
         Payloads by the name of their body, each with the link that carries it.
 

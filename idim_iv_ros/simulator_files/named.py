@@ -123,7 +123,6 @@ def corrected_model(
     ----------
     model
         Its given parameters are the nominal model.
-    causes
     left_out
         Those that the diagnosis names and the model shall not have.
     physical

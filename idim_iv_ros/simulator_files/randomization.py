@@ -177,8 +177,6 @@ class Randomization:
 
         Parameters
         ----------
-        answer
-        remainder
         links
             The link of each joint.
         loads

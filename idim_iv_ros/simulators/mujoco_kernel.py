@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.compilation import entry, kernel, source_digest
+from idim_iv_ros.compilation import entry, source_digest
 from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Load
-from idim_iv_ros.simulation import effect_kernel
+from idim_iv_ros.simulation import dry_friction, effect_kernel
+from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.effect_kernel import (
     LEAST_LEVEL,
     Rows,
@@ -66,14 +67,6 @@ class Motion(NamedTuple):
     rest: FloatArray
 
 
-@kernel
-def _slip(friction: Friction, contact: int, values: FloatArray) -> float:
-    total: float = values[friction.first[contact]]
-    if friction.second[contact] >= 0:
-        total += friction.direction[contact] * values[friction.second[contact]]
-    return total
-
-
 def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
     """Compile what Python calls; `digest` is part of its key in numba's cache."""
 
@@ -104,8 +97,9 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
         middle = time + 0.5 * step
         for t in range(rows.state.shape[0]):
             c = rows.joint[t]
-            ahead = _slip(friction, c, motion.velocity)
-            ahead += 0.5 * step * _slip(friction, c, motion.acceleration)
+            contact = (friction.first, friction.second, friction.direction, c)
+            ahead = slip(*contact, motion.velocity)
+            ahead += 0.5 * step * slip(*contact, motion.acceleration)
             sign = np.sign(ahead)
             position = velocity = load = 0.0
             if c < n:
@@ -132,7 +126,8 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
         for c in range(level.shape[0]):
             if damping[c] < 0.0 and (c >= n or friction.dissipative[c]):
                 # Less friction at higher speed: a lower level, which cannot drive.
-                speed = abs(_slip(friction, c, motion.velocity))
+                contact = (friction.first, friction.second, friction.direction, c)
+                speed = abs(slip(*contact, motion.velocity))
                 level[c] += damping[c] * max(speed, LEAST_SPEED)
                 damping[c] = 0.0
             level[c] = max(level[c], LEAST_LEVEL if friction.dry[c] else 0.0)
@@ -153,4 +148,4 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
     return torques, drives, encoders
 
 
-torques, drives, encoders = _entries(source_digest(effect_kernel, *registry.MODULES))
+torques, drives, encoders = _entries(source_digest(dry_friction, effect_kernel, *registry.MODULES))

@@ -47,13 +47,8 @@ class StageModel:
         """The model with effects; those that elements of its file hold stay theirs."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
-        ours = [
-            replace(
-                effect,
-                native=effect.native and self.xml is not None and _may_be_element(effect),
-            )
-            for effect in effects
-        ]
+        in_file = [self.xml is not None and e.native and _may_be_element(e) for e in effects]
+        ours = [replace(e, native=native) for e, native in zip(effects, in_file, strict=True)]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
         return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 
