@@ -50,12 +50,7 @@ def drive_law(
 ) -> DriveLaw:
     """Return the configured law with the gains, delays and limits that the robot really has.
 
-    Parameters
-    ----------
-    section
-        Of the configuration.
-    effects
-        Of the robot: those whose part is gains, delay or limit change the law.
+    These are in effects whose part is gains, delay or limit.
     """
     n = len(joints)
     law = None if section.type == "unknown" else control_law(section, n)

@@ -51,12 +51,8 @@ def link_bodies(
 ) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
     """Return the links that change, and what there is to say of them.
 
-    Parameters
-    ----------
-    joints
-        XX … M (10,) of the body that each identified joint carries.
-    source
-        What to call the URDF in messages.
+    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
+    in messages.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """A MuJoCo model of a robot with the parameters of a result, every number in full precision."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from xml.etree import ElementTree
@@ -14,32 +14,15 @@ from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
-from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.links import LinkBody
-from idim_iv_ros.simulator_files.mjcf_effects import Coupled, NativeEffects
-from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.mjcf_effects import NativeEffects
+from idim_iv_ros.simulator_files.robot import Coupled, ExportedRobot, JointValues
 from idim_iv_ros.simulator_files.xml_text import number_text, numbers_text
 from idim_iv_ros.types import FloatArray
 
 _IMPEDANCE = 0.95  # largest of MuJoCo's default solimpfriction
 _THICKNESS = 0.12  # of a drawn link, of its length
-
-
-@dataclass(frozen=True)
-class JointValues:
-    """Drives and friction of all joints, (n_joints,) each."""
-
-    # armature, damping, friction, offset: kg m², N m s/rad, N m, N m
-    armature: FloatArray
-    damping: FloatArray
-    friction: FloatArray
-    offset: FloatArray
-    bodies: tuple[LinkBody, ...]  # What each joint carries, in its frame
-    # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
-    # MuJoCo's with the defaults of its solver
-    lead: FloatArray
-    couplings: tuple[Coupled, ...] = ()  # Of the transmission
 
 
 def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:
@@ -61,41 +44,20 @@ def friction_solver(lead: float, step: float) -> dict[str, str]:
     return {"solreffriction": f"{2.0 * step:.4g} 1", "solimpfriction": "0.99 0.99"}
 
 
-def mjcf_text(
-    answer: Answer,
-    urdf: Urdf,
-    values: JointValues,
-    law: DriveLaw,
-    native: NativeEffects,
-    mounted: Mapping[str, tuple[str, Load]],
-    comments: Sequence[str],
-) -> str:
-    """Return the model as text.
+def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence[str]) -> str:
+    """Return the model as text, with effects that its elements hold, and comments at the top.
 
-    Parameters
-    ----------
-    answer
-        Of its robot the kinematics; locked joints and fixed links are part of the body that carries
-        them.
-    urdf
-        Names of links.
-    law
-        Proportional and derivative actuators where they are the whole law; else motors, whose
-        commands are torques.
-    native
-        Effects that elements of the model have.
-    mounted
-        Payloads by the name of their body.
-    comments
-        Lines at the top.
+    Locked joints and fixed links are part of the body that carries them. Actuators are proportional
+    and derivative where these are the whole law; else motors, whose commands are torques.
 
     Raises
     ------
     UsageError
         A coupled transmission whose drives have less inertia or damping than it takes from them.
     """
-    robot = answer.robot
-    model = _Model(robot, urdf, _behind_transmission(values, robot), law, native)
+    robot, law = exported.answer.robot, exported.law
+    values = _behind_transmission(exported.drives, robot)
+    model = _Model(robot, exported.urdf, values, law, native)
     root = Element("mujoco", model=robot.name)
     for line in comments:
         root.append(_comment(line))
@@ -104,12 +66,12 @@ def mjcf_text(
         root,
         "option",
         timestep=_number(law.period),
-        gravity=_numbers(answer.model.gravity),
+        gravity=_numbers(exported.answer.model.gravity),
         integrator="implicitfast",
     )
     model.add_custom(SubElement(root, "custom"))
     bodies = model.add_bodies(SubElement(root, "worldbody"))
-    for name, (_, load) in mounted.items():
+    for name, (_, load) in exported.mounted.items():
         carrier = bodies[load.joint]
         carrier.append(_comment(load.words))
         SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))

@@ -16,23 +16,8 @@ from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulator_files.robot import Coupled
 from idim_iv_ros.types import FloatArray
-
-
-@dataclass(frozen=True)
-class Coupled:
-    """A fixed tendon over two joints: q_first + direction q_second."""
-
-    first: int
-    second: int
-    direction: float
-    damping: float
-    friction: float
-    inertia: float = 0.0
-
-    def name(self, joints: Sequence[str]) -> str:
-        """Of the tendon."""
-        return f"{joints[self.first]}_{joints[self.second]}"
 
 
 @dataclass

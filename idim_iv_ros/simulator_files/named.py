@@ -117,18 +117,11 @@ def corrected_model(
     physical: PhysicalParameters,
     source: str,
 ) -> CorrectedModel:
-    """Return the nominal model with these causes.
+    """Return the nominal model, the given parameters of `model`, with these causes.
 
-    Parameters
-    ----------
-    model
-        Its given parameters are the nominal model.
-    left_out
-        Those that the diagnosis names and the model shall not have.
-    physical
-        Of the refit: friction beside structural effects of friction.
-    source
-        What to call the result in messages.
+    `left_out` are causes that the diagnosis names and the model shall not have; `physical` is of
+    the refit, for friction beside structural effects of friction; `source` names the result in
+    messages.
 
     Raises
     ------

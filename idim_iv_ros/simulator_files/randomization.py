@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
-from idim_iv_ros.physical.remainder import Remainder, lower_root
-from idim_iv_ros.simulator_files.answer import Answer
-from idim_iv_ros.simulator_files.links import body_of_joint
+from idim_iv_ros.physical.remainder import lower_root
 from idim_iv_ros.simulator_files.named import kind_of
+from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.types import FloatArray
 
 RANDOMIZE, EVENTS = "randomize.py", "isaac_lab_events.py"
@@ -170,26 +169,18 @@ class Randomization:
     drive: float
 
     @classmethod
-    def of(
-        cls, answer: Answer, remainder: Remainder, links: dict[str, str], loads: dict[str, str]
-    ) -> "Randomization":
-        """Take what is exported.
-
-        Parameters
-        ----------
-        links
-            The link of each joint.
-        loads
-            The link of each payload that is exported, by its name in the answer.
-        """
-        uncertainty, robot, values = remainder.uncertainty, answer.robot, answer.model.values
+    def of(cls, exported: ExportedRobot) -> "Randomization":
+        """Take what is exported, with what no cause explains spread."""
+        answer, joints_of = exported.answer, exported.urdf.joints
+        robot, values, remainder = answer.robot, answer.model.values, answer.model.remainder
+        assert remainder is not None
+        uncertainty = remainder.uncertainty
         coordinates = uncertainty.coordinates
         carried = [
-            (name, links[name], False, body_of_joint(values, joint))
-            for joint, name in enumerate(robot.joints)
+            (name, joints_of[name].child, False, body) for name, body in exported.bodies.items()
         ]
         mounted = [
-            (load.name, loads[load.name], True, load.parameters) for load in answer.model.loads
+            (load.name, link, True, load.parameters) for link, (_, load) in exported.mounted.items()
         ]
         bodies = []
         for number, (name, link, payload, body) in enumerate([*carried, *mounted]):
