@@ -195,6 +195,7 @@ def recorded_topics(
 def _summary(
     path: Path, seed: int, record: SimulatedRecording, joint_types: tuple[str, ...]
 ) -> SimulatedBag:
+    """Say what of a recording a user is told."""
     truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
     return SimulatedBag(
         path=path,

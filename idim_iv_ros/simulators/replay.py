@@ -26,7 +26,7 @@ from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
-from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
+from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
 from idim_iv_ros.simulators.replay_models import (
     StageModel,
@@ -106,11 +106,11 @@ def replay_bags(
     mujoco = load_mujoco("a replay")
     with Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
-        extended = None if effects is None else read_effects(Path(effects))
+        extended = EffectsFile() if effects is None else read_effects(Path(effects))
         prepared = prepare(read_configured(bags, configuration), configuration)
         possible = _stages(mujoco, prepared, model, extended, effects)
         models = [stage for stage in possible if stage.name in stages]
-        fitted = () if extended is None else extended.recordings
+        fitted = extended.recordings
         planted = [effect for stage in possible for effect in stage.effects]
         runs, notes = _runs(prepared, fitted, planted)
         robot = prepared.model.robot
@@ -212,7 +212,7 @@ def _stages(
     mujoco: Any,
     prepared: PreparedRegression,
     model: FilePath,
-    extended: ExtendedModel | None,
+    extended: EffectsFile,
     source: FilePath | None,
 ) -> list[StageModel]:
     """Nominal, corrected and with effects, as far as there is something to simulate."""
@@ -220,9 +220,8 @@ def _stages(
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
     stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
-    effects: tuple[SimulatedEffect, ...] = () if extended is None else extended.effects
+    effects, parameters = extended.effects, extended.base_parameters
     joint_effects(effects, robot.joints)  # refuses what is not known before anything is simulated
-    parameters = {} if extended is None else extended.parameters
     if str(model) != URDF:
         path = Path(model)
         stage = xml_stage(mujoco, robot, path, parameters)
@@ -238,15 +237,8 @@ def _stages(
             stage = replace(stage, effects=tuple(constant))
         stages.append(stage)
     elif parameters:
-        values = dict(zip(base.names, prepared.given, strict=True))
-        for name in parameters:
-            if name not in values:
-                raise UsageError(
-                    f"{source}: {name} is not a base parameter of this robot; they are "
-                    f"{', '.join(base.names)}"
-                )
-        corrected = np.array(list((values | parameters).values()))
-        stages.append(plant_stage(mujoco, prepared.model, corrected))
+        values = extended.changed(dict(zip(base.names, prepared.given, strict=True)))
+        stages.append(plant_stage(mujoco, prepared.model, np.array(list(values.values()))))
     beyond = [effect for effect in effects if not BY_NAME[effect.effect].in_base_parameters]
     if beyond:
         stages.append(stages[-1].with_effects(beyond))

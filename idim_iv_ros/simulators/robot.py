@@ -119,14 +119,7 @@ def simulated_robot(
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
         beyond = read_effects(extended)
-        for name in beyond.parameters:
-            if name not in truth:
-                raise UsageError(
-                    f"{extended}: {beyond.key}.{name} is not a base parameter of this robot; they "
-                    f"are {', '.join(truth)}"
-                )
-        truth |= beyond.parameters
-        effects = beyond.effects
+        truth, effects = beyond.changed(truth), beyond.effects
         joint_effects(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
