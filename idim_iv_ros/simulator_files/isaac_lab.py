@@ -11,8 +11,7 @@ import numpy as np
 from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.law import DriveLaw
-from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
+from idim_iv_ros.simulator_files.robot import DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
 _FILE = '''"""{robot} for Isaac Lab, from {origin}.

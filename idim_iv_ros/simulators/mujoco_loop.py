@@ -16,8 +16,7 @@ from idim_iv_ros.simulation.closed_loop_kernel import SPEED_LIMIT, Loop, send_co
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulation.plant import State, initial_state, plant
 from idim_iv_ros.simulators.mujoco import Effects
-from idim_iv_ros.simulators.mujoco_parts import StepTooLongError
-from idim_iv_ros.simulators.mujoco_plant import REPLAY
+from idim_iv_ros.simulators.mujoco_parts import REPLAY, StepTooLongError
 from idim_iv_ros.types import FloatArray
 
 # Longest step when nothing asks for a shorter one, s, and how often it is halved for a shaft.

@@ -16,9 +16,9 @@ from idim_iv_ros.model.mujoco_package import mujoco_reads
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.mujoco import STIFFEST
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP
-from idim_iv_ros.simulators.mujoco_parts import add_parts
-from idim_iv_ros.simulators.mujoco_plant import (
+from idim_iv_ros.simulators.mujoco_parts import (
     add_motors,
+    add_parts,
     nearest_parameters,
     plant_spec,
     set_inertias,
