@@ -131,7 +131,7 @@ def recorded(
         ran = run_in_mujoco(
             mujoco,
             stage.compiled(mujoco),
-            joints,
+            stage.robot,
             law,
             references,
             plain.parameters,

@@ -36,7 +36,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulators.mujoco import STIFFEST, Effects
-from idim_iv_ros.simulators.mujoco_plant import add_motors
+from idim_iv_ros.simulators.mujoco_parts import add_motors
 
 FloatArray = NDArray[np.float64]
 # What acts in a step beyond the model: friction that is no constant.

@@ -114,8 +114,8 @@ def fleet_command(
 def _next(name: str, run: FleetRun, answer: Fleet) -> str:
     """Return the command that says more of a bag on this machine, or else the same again."""
     from idim_iv_ros.cli.output import next_command
-    from idim_iv_ros.fleet.remote import is_local, local_path
     from idim_iv_ros.fleet.robots import path_of
+    from idim_iv_ros.fleet.source import is_local, local_path
 
     config = Path(run.config)
     for bag in answer.bags:

@@ -7,13 +7,11 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.moving_frames import MovingFrames
+from idim_iv_ros.excitation.limits import MotionLimits, MovingFrames
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
 
 Criterion = Literal["condition", "precision"]
-States = tuple[FloatArray, FloatArray, FloatArray]
 
 _STEP = 1e-6
 # Speed, as a share of its limit, below which the sign of the Coulomb columns is smoothed.
@@ -27,35 +25,19 @@ class ExcitationCost:
     κ_p = ‖σ‖_2p ‖1/σ‖_2p of the singular values σ tends to the condition number as p grows and,
     unlike it, is smooth where singular values coincide, which is where an optimum lies. A limit
     that is passed by a share e costs `weight` · e² at each point of the grid.
-
-    Attributes
-    ----------
-    model : InverseModel
-    limits : MotionLimits
-    frames : MovingFrames
-    basis : FourierBasis
-    shapes : three of (n_samples, size)
-        Of the basis on the grid.
-    row_weights : (n_joints,)
-    start : (n_joints,) or None
-        Posture at rest; None: it is chosen too.
-    power : float
-        p.
-    weight : float
-    criterion : "condition" or "precision"
-        What is minimised: log κ_p, or the mean of log 1/σ, of which the determinant of the
-        covariance is a function (D-optimality).
     """
 
     model: InverseModel
     limits: MotionLimits
     frames: MovingFrames
     basis: FourierBasis
-    shapes: States
-    row_weights: FloatArray
-    start: FloatArray | None
-    power: float
+    shapes: FloatArray  # (3, n_samples, size): of the basis on the grid
+    row_weights: FloatArray  # (n_joints,)
+    start: FloatArray | None  # (n_joints,) or None: posture at rest; None: it is chosen too
+    power: float  # p
     weight: float
+    # What is minimised: log κ_p, or the mean of log 1/σ, of which the determinant of the covariance
+    # is a function (D-optimality)
     criterion: Criterion = "condition"
 
     def unpack(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -75,9 +57,10 @@ class ExcitationCost:
             They are no finite numbers.
         """
         start, coefficients = self.unpack(x)
-        position, velocity, acceleration = (shape @ coefficients for shape in self.shapes)
-        q, dq, ddq = start + position, velocity, acceleration
-        regressor, slopes = self._regressors(q, dq, ddq)
+        states = self.shapes @ coefficients
+        states[0] += start
+        q = states[0]
+        regressor, slopes = self._regressors(states)
         value, by_entry = self._criterion(regressor)
         cost, by_torque = self._torque_penalty(regressor)
         value += cost
@@ -85,7 +68,7 @@ class ExcitationCost:
             by_entry += by_torque[:, :, None] * self.model.given
         by_state = np.einsum("sjc,ksjc->ks", by_entry, slopes, optimize=True)
         by_state = by_state.reshape(3, len(start), len(q)).transpose(0, 2, 1)
-        cost, by_box = self._box_penalty(q, dq, ddq)
+        cost, by_box = self._box_penalty(states)
         value += cost
         by_state = by_state + by_box
         cost, by_height = self._floor_penalty(q)
@@ -102,12 +85,10 @@ class ExcitationCost:
             )
         return value, slope
 
-    def _regressors(
-        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _regressors(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Base regressor (n_samples, n_joints, b), and its differences by each state."""
-        samples, joints = q.shape
-        states = np.tile(np.stack([q, dq, ddq]), (1, 1 + 3 * joints, 1))
+        _, samples, joints = states.shape
+        states = np.tile(states, (1, 1 + 3 * joints, 1))
         states = states.reshape(3, 1 + 3 * joints, samples, joints)
         # The regressor is linear in the acceleration: a large step is exact.
         steps = (_STEP, _STEP, 1.0)
@@ -146,10 +127,8 @@ class ExcitationCost:
             value = 0.5 * np.log(len(regressor)) - float(np.mean(np.log(sigma)))
             by_sigma = -1.0 / (len(sigma) * sigma)
         else:
-            large, small = (
-                (sigma / sigma[0]) ** (2 * self.power),
-                (sigma[-1] / sigma) ** (2 * self.power),
-            )
+            large = (sigma / sigma[0]) ** (2 * self.power)
+            small = (sigma[-1] / sigma) ** (2 * self.power)
             value = np.log(sigma[0] / sigma[-1])
             value += (np.log(large.sum()) + np.log(small.sum())) / (2 * self.power)
             by_sigma = (large / large.sum() - small / small.sum()) / sigma
@@ -167,14 +146,13 @@ class ExcitationCost:
         slope = 2.0 * self.weight * excess * np.sign(torque) / allowed
         return float(self.weight * np.sum(excess**2)), slope
 
-    def _box_penalty(
-        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
-    ) -> tuple[float, FloatArray]:
+    def _box_penalty(self, states: FloatArray) -> tuple[float, FloatArray]:
         limits = self.limits
         allowed = limits.margin * np.stack(
             [limits.half_range, limits.velocity, limits.acceleration]
         )
-        values = np.stack([q - limits.middle, dq, ddq])
+        values = states.copy()
+        values[0] -= limits.middle
         excess = np.maximum(np.abs(values) / allowed[:, None] - 1.0, 0.0)
         slope = 2.0 * self.weight * excess * np.sign(values) / allowed[:, None]
         return float(self.weight * np.sum(excess**2)), slope

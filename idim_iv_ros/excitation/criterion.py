@@ -21,25 +21,15 @@ BAD_SHARE = 0.10
 
 @dataclass(frozen=True)
 class ConditionNumbers:
-    """Ratio of the largest to the smallest singular value of the base regressor of a motion.
+    """Ratio of the largest to the smallest singular value of the base regressor of a motion."""
 
-    Attributes
-    ----------
-    plain : float
-        Rows and columns as they are (SI units): what publications state.
-    weighted : float
-        Rows of joint j divided by its torque limit: what the design minimises.
-    equilibrated : float
-        Weighted rows, and every column divided by its norm: free of the choice of units.
-    deviation : float
-        Geometric mean of the standard deviations along the principal directions, for one sample
-        and a torque noise of the torque limit (SI units): smaller is better. Unlike a condition
-        number it differs between a fast motion and a slow one.
-    """
-
-    plain: float
-    weighted: float
+    plain: float  # Rows and columns as they are (SI units): what publications state
+    weighted: float  # Rows of joint j divided by its torque limit: what the design minimises
+    # Weighted rows, and every column divided by its norm: free of the choice of units
     equilibrated: float
+    # Geometric mean of the standard deviations along the principal directions, for one sample and a
+    # torque noise of the torque limit (SI units): smaller is better. Unlike a condition number it
+    # differs between a fast motion and a slow one.
     deviation: float
 
 
@@ -85,23 +75,13 @@ def condition_numbers(
 
 @dataclass(frozen=True)
 class PredictedParameter:
-    """One base parameter.
-
-    Attributes
-    ----------
-    name, unit : str
-    given : float
-        Value of the nominal model.
-    std : float
-        Predicted standard deviation.
-    unexplained : float
-        Share of the length of its weighted column that the others do not explain, 0 to 1.
-    """
+    """One base parameter."""
 
     name: str
     unit: str
-    given: float
-    std: float
+    given: float  # Value of the nominal model
+    std: float  # Predicted standard deviation
+    # Share of the length of its weighted column that the others do not explain, 0 to 1
     unexplained: float
 
     @property

@@ -12,8 +12,15 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.cost import Criterion, ExcitationCost
 from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, require_inside
-from idim_iv_ros.excitation.moving_frames import MovingFrames, moving_frames, require_reachable
+from idim_iv_ros.excitation.limits import (
+    LimitUse,
+    MotionLimits,
+    limit_use,
+    moving_frames,
+    require_inside,
+    require_reachable,
+    use_within,
+)
 from idim_iv_ros.excitation.trajectory import MOST_SAMPLES, Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
@@ -28,69 +35,35 @@ _LATER = ((2.0, 10.0, 60), (4.0, 30.0, 80), (16.0, 100.0, 120), (16.0, 1000.0, 6
 _RANDOM_STARTS = 5
 _KEPT = 2
 _POINTS = 100
-# The design aims this far inside the margin, for what lies between the points of its grid.
-_INSIDE = 0.995
 _LARGEST_EXPONENT = 700.0  # a motion far outside the limits costs more than a float can show
 
 
 @dataclass(frozen=True)
 class DesignSettings:
-    """What is asked of a motion for identification.
+    """What is asked of a motion for identification."""
 
-    Attributes
-    ----------
-    period : float
-        s; a whole number of samples.
-    repeats : int
-        Periods, one after the other.
-    rate : float
-        Samples per second.
-    harmonics : int
-        Of 1 / period.
-    seed : int
-        Of the random starts.
-    time_limit : float
-        s, after which the best so far is taken.
-    start : (n_joints,) or None
-        Posture at rest in rad (m); None: chosen by the design.
-    criterion : "condition" or "precision"
-        Least condition number, or least standard deviations.
-    """
-
-    period: float = 10.0
-    repeats: int = 3
-    rate: float = 1000.0
-    harmonics: int = 5
-    seed: int = 1
-    time_limit: float = 120.0
+    period: float = 10.0  # s; a whole number of samples
+    repeats: int = 3  # Periods, one after the other
+    rate: float = 1000.0  # Samples per second
+    harmonics: int = 5  # Of 1 / period
+    seed: int = 1  # Of the random starts
+    time_limit: float = 120.0  # s, after which the best so far is taken
+    # (n_joints,) or None: posture at rest in rad (m); None: chosen by the design
     start: FloatArray | None = None
-    criterion: Criterion = "condition"
+    criterion: Criterion = "condition"  # Least condition number, or least standard deviations
 
 
 @dataclass(frozen=True)
 class Design:
-    """A motion within all limits, and how good it is.
+    """A motion within all limits, and how good it is."""
 
-    Attributes
-    ----------
-    trajectory, period : Trajectory
-        All repeats with the sample at the end; one period without it.
-    before : ConditionNumbers
-        Medians over random Fourier motions, scaled to the same limits.
-    after : ConditionNumbers
-        Of this motion.
-    use : LimitUse
-        Over every sample.
-    ended_early : bool
-        Whether the time limit ended the search: another machine may then find another motion.
-    seconds : float
-    """
-
+    # trajectory, period: All repeats with the sample at the end; one period without it
     trajectory: Trajectory
     period: Trajectory
-    before: ConditionNumbers
-    after: ConditionNumbers
-    use: LimitUse
+    before: ConditionNumbers  # Medians over random Fourier motions, scaled to the same limits
+    after: ConditionNumbers  # Of this motion
+    use: LimitUse  # Over every sample
+    # Whether the time limit ended the search: another machine may then find another motion
     ended_early: bool
     seconds: float
 
@@ -118,27 +91,20 @@ def design_excitation(
     """
     began = time.monotonic()
     require_possible(settings, limits, model.robot.joints)
-    frames = moving_frames(model.robot)
-    report = progress or (lambda stage, share: None)
-    search = Search(model, limits, frames, settings, report)
+    search = Search(model, limits, settings, progress or (lambda stage, share: None))
     # The matrices are small: threads of the linear algebra would cost more than they bring.
     with one_thread():
         random, feasible = search.run(began + settings.time_limit)
     figure = "weighted" if settings.criterion == "condition" else "deviation"
     best, numbers = min(feasible, key=lambda pair: float(getattr(pair[1], figure)))
-    periods = np.vstack([best.position] * settings.repeats + [best.position[:1]])
-    rates = np.vstack([best.velocity] * settings.repeats + [best.velocity[:1]])
-    accelerations = np.vstack([best.acceleration] * settings.repeats + [best.acceleration[:1]])
-    trajectory = Trajectory(best.joints, best.rate, periods, rates, accelerations)
-    use = limit_use(model.robot, limits, frames, trajectory)
-    if not use.within(limits):
-        raise DataError("no motion within the limits was found: a limit broke at full rate")
+    repeated = (np.vstack([part] * settings.repeats + [part[:1]]) for part in best.signals)
+    trajectory = Trajectory(best.joints, best.rate, *repeated)
     return Design(
         trajectory=trajectory,
         period=best,
         before=_median(random),
         after=numbers,
-        use=use,
+        use=use_within(model.robot, limits, trajectory),
         ended_early=search.ended_early,
         seconds=time.monotonic() - began,
     )
@@ -190,17 +156,12 @@ class Search:
         self,
         model: InverseModel,
         limits: MotionLimits,
-        frames: MovingFrames,
         settings: DesignSettings,
         progress: Progress,
     ) -> None:
         self.basis = FourierBasis(settings.period, settings.harmonics)
-        self.frames = frames
-        if limits.floor is not None:
-            inner = limits.margin * limits.half_range
-            require_reachable(
-                self.frames, limits.floor, limits.middle - inner, limits.middle + inner
-            )
+        frames = moving_frames(model.robot)
+        require_reachable(frames, limits)
         self.model, self.limits, self.settings = model, limits, settings
         self.progress = progress
         self.ended_early = False
@@ -208,8 +169,8 @@ class Search:
         weights = 1.0 / limits.torque
         self.cost = ExcitationCost(
             model=model,
-            limits=replace(limits, margin=_INSIDE * limits.margin),
-            frames=self.frames,
+            limits=limits.narrowed(),
+            frames=frames,
             basis=self.basis,
             shapes=self.basis.shapes(np.arange(points) * settings.period / points),
             row_weights=weights,
@@ -252,8 +213,8 @@ class Search:
         coefficients = random.normal(size=(self.basis.size, joints))
         x = np.concatenate([start, coefficients.ravel()])
         posture, coefficients = self.cost.unpack(x)
-        position, velocity, _ = (shape @ coefficients for shape in self.cost.shapes)
-        room = self.limits.margin * self.limits.half_range - np.abs(posture - self.limits.middle)
+        position, velocity, _ = self.cost.shapes @ coefficients
+        room = self.limits.room(posture)
         scale = np.minimum(
             room / np.abs(position).max(axis=0),
             self.limits.margin * self.limits.velocity / np.abs(velocity).max(axis=0),
@@ -298,7 +259,7 @@ class Search:
         trial = 1.0
         for _ in range(12):
             candidate = self._sampled(x, trial)
-            use = limit_use(self.model.robot, self.limits, self.frames, candidate)
+            use = limit_use(self.model.robot, self.limits, candidate)
             if use.within(self.limits):
                 low, motion = trial, candidate
                 if trial == 1.0:
@@ -314,9 +275,9 @@ class Search:
         start, coefficients = self.cost.unpack(x)
         samples = round(self.settings.period * self.settings.rate)
         shapes = self.basis.shapes(np.arange(samples) / self.settings.rate)
-        position, velocity, acceleration = (scale * (shape @ coefficients) for shape in shapes)
-        joints = self.model.robot.joints
-        return Trajectory(joints, self.settings.rate, start + position, velocity, acceleration)
+        motion = scale * (shapes @ coefficients)
+        motion[0] += start
+        return Trajectory(self.model.robot.joints, self.settings.rate, *motion)
 
 
 def _median(numbers: list[ConditionNumbers]) -> ConditionNumbers:

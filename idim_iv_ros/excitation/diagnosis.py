@@ -7,10 +7,16 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
-from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, require_inside
-from idim_iv_ros.excitation.moving_frames import MovingFrames, moving_frames, require_reachable
-from idim_iv_ros.excitation.segments import Segment, Shape, rest_to_rest
-from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
+from idim_iv_ros.excitation.limits import (
+    LimitUse,
+    MotionLimits,
+    moving_frames,
+    require_inside,
+    require_reachable,
+    use_within,
+)
+from idim_iv_ros.excitation.segments import Segment, rest_to_rest
+from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling, shortest_quintic
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.simulation import mass_matrix
@@ -26,23 +32,12 @@ UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A motion for diagnosis.
-
-    Attributes
-    ----------
-    trajectory : Trajectory
-    segments : tuple of Segment
-    use : LimitUse
-        Over every sample.
-    bandwidth : (n_joints,) Hz
-        Of the position loops, as taken for the multisine.
-    bandwidth_known : bool
-    """
+    """A motion for diagnosis."""
 
     trajectory: Trajectory
     segments: tuple[Segment, ...]
-    use: LimitUse
-    bandwidth: FloatArray
+    use: LimitUse  # Over every sample
+    bandwidth: FloatArray  # (n_joints,) Hz: of the position loops, as taken for the multisine
     bandwidth_known: bool
 
     @property
@@ -87,20 +82,17 @@ def design_diagnosis(
             f"duration {duration:g}: {SHORTEST:g} to {LONGEST:g} s are needed for a diagnosis"
         )
     require_sampling(rate, duration, "the motion")
-    frames = moving_frames(model.robot)
-    posture = _posture(model, limits, frames, start)
+    posture = _posture(model, limits, start)
     inertia = np.ones(len(posture))
     if limits.torque_known:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
         inertia = np.diagonal(mass[0])
     bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
     configured = configured and (limits.torque_known or configuration.controller.type == "cascade")
-    planner = DiagnosisPlanner(model, limits, frames, posture, bandwidth, rate, seed)
+    planner = DiagnosisPlanner(model, limits.narrowed(), posture, bandwidth, rate, seed)
     trajectory, segments = _fill(planner, duration, report)
     report("checking every sample", 1.0)
-    use = limit_use(model.robot, limits, frames, trajectory)
-    if not use.within(limits):
-        raise DataError("no motion within the limits was found: a limit broke at full rate")
+    use = use_within(model.robot, limits, trajectory)
     return Diagnosis(trajectory, segments, use, bandwidth, configured)
 
 
@@ -139,19 +131,18 @@ def _fill(
     return best
 
 
-def _posture(
-    model: InverseModel, limits: MotionLimits, frames: MovingFrames, start: FloatArray | None
-) -> FloatArray:
-    inner = limits.margin * limits.half_range
-    if limits.floor is not None:
-        require_reachable(frames, limits.floor, limits.middle - inner, limits.middle + inner)
+def _posture(model: InverseModel, limits: MotionLimits, start: FloatArray | None) -> FloatArray:
+    """Return the posture (n_joints,) about which the robot moves, see `design_diagnosis`."""
+    frames = moving_frames(model.robot)
+    require_reachable(frames, limits)
     if start is not None:
         require_inside(start, limits, model.robot.joints)
         return start
     if limits.floor is None or np.min(frames.heights(limits.middle[None])) > limits.floor + 0.05:
         return limits.middle
     random = np.random.default_rng(7)
-    postures = limits.middle + 0.5 * inner * random.uniform(-1.0, 1.0, (2000, len(inner)))
+    shares = random.uniform(-1.0, 1.0, (2000, len(limits.reach)))
+    postures = limits.middle + 0.5 * limits.reach * shares
     return np.asarray(postures[np.argmax(frames.heights(postures).min(axis=1))])
 
 
@@ -161,40 +152,42 @@ def _compose(
     """Join segments by moves, at rest before and after each, and note where they are."""
     rate, joints = planner.rate, planner.model.robot.joints
     place = np.zeros(len(joints))
-    still = np.zeros((round(_REST * rate), len(joints)))
-    parts: list[Shape] = []
+    rest = np.zeros((3, round(_REST * rate), len(joints)))
+    parts: list[FloatArray] = []
     segments, samples = [], 0
 
     def go(target: FloatArray) -> int:
         """Move from where the last part ended, and rest; return the samples that it takes."""
         way = [] if np.all(np.abs(target - place) < 1e-12) else [_move(planner, place, target)]
-        way.append((still + target, still, still))
+        way.append(_moved(rest, target))
         parts.extend(way)
-        return sum(len(part[0]) for part in way)
+        return sum(part.shape[1] for part in way)
 
     for plan in plans:
         start = samples + go(plan.offset)
-        position, velocity, acceleration = plan.shape
-        parts.append((plan.offset + position, velocity, acceleration))
+        parts.append(_moved(plan.shape, plan.offset))
         place = plan.offset
-        end = start + len(position)
+        end = start + plan.shape.shape[1]
         segments.append(replace(plan, start=start / rate, end=end / rate))
         samples = end + go(place)
     go(np.zeros(len(joints)))
-    position, velocity, acceleration = (np.vstack(part) for part in zip(*parts, strict=True))
-    trajectory = Trajectory(joints, rate, planner.posture + position, velocity, acceleration)
-    return trajectory, tuple(segments)
+    motion = _moved(np.concatenate(parts, axis=1), planner.posture)
+    return Trajectory(joints, rate, *motion), tuple(segments)
 
 
-def _move(planner: DiagnosisPlanner, start: FloatArray, target: FloatArray) -> Shape:
+def _moved(shape: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return a shape (3, n_samples, n_joints) with its positions moved by (n_joints,)."""
+    return shape + np.stack([offset, 0.0 * offset, 0.0 * offset])[:, None]
+
+
+def _move(planner: DiagnosisPlanner, start: FloatArray, target: FloatArray) -> FloatArray:
     """From rest to rest between two offsets from the posture, as slowly as the limits ask."""
     way, limits = target - start, planner.limits
-    slow = 1.875 * np.abs(way) / (0.6 * limits.margin * limits.velocity)
-    gentle = np.sqrt(5.774 * np.abs(way) / (0.3 * limits.margin * limits.acceleration))
-    seconds = max(_SHORTEST_MOVE, float(np.max([slow, gentle])))
+    speed, acceleration = limits.margin * limits.velocity, limits.margin * limits.acceleration
+    seconds = max(_SHORTEST_MOVE, shortest_quintic(way, 0.6 * speed, 0.3 * acceleration))
     for _ in range(8):
-        position, velocity, acceleration = rest_to_rest(way, seconds, planner.rate)
-        if planner.keeps(start, (position, velocity, acceleration)):
-            return start + position, velocity, acceleration
+        shape = rest_to_rest(way, seconds, planner.rate)
+        if planner.keeps(start, shape):
+            return _moved(shape, start)
         seconds *= 1.4
     raise DataError("a move between two segments breaks a limit: give another --start")

@@ -7,16 +7,14 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.excitation.limits import MotionLimits, limit_use
-from idim_iv_ros.excitation.moving_frames import MovingFrames
 from idim_iv_ros.excitation.segments import (
     Segment,
-    Shape,
     multisine,
     rest_to_rest,
     reversals,
     there_and_back,
 )
-from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.excitation.trajectory import QUINTIC_SPEED, Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
 
@@ -37,31 +35,18 @@ _SHARES = {
 _SHORTEST_RAMP = 0.15  # s
 _SHORTEST_PLATEAU = 0.25  # s
 _SAMPLES_PER_PERIOD = 40
-_INSIDE = 0.995
 
 
 @dataclass(frozen=True)
 class DiagnosisPlanner:
-    """Makes segments that keep all limits around a base posture.
-
-    Attributes
-    ----------
-    model : InverseModel
-    limits : MotionLimits
-    frames : MovingFrames
-    posture : (n_joints,) rad (m)
-    bandwidth : (n_joints,) Hz
-    rate : samples per second
-    seed : of the phases of the multisine
-    """
+    """Makes segments that keep all limits around a base posture."""
 
     model: InverseModel
     limits: MotionLimits
-    frames: MovingFrames
-    posture: FloatArray
-    bandwidth: FloatArray
-    rate: float
-    seed: int
+    posture: FloatArray  # (n_joints,) rad (m)
+    bandwidth: FloatArray  # (n_joints,) Hz
+    rate: float  # samples per second
+    seed: int  # of the phases of the multisine
 
     def plans(self, seconds: float) -> list[Segment]:
         """All segments in order; together about `seconds` long, without the moves between."""
@@ -76,20 +61,18 @@ class DiagnosisPlanner:
         named = [replace(repeat, name=f"repeat_{k}") for k in (1, 2, 3)]
         return [named[0], *first, named[1], *second, named[2]]
 
-    def keeps(self, offset: FloatArray, shape: Shape, highest: float = 5.0) -> bool:
+    def keeps(self, offset: FloatArray, shape: FloatArray, highest: float = 5.0) -> bool:
         """Whether a stretch keeps all limits, a little inside.
 
         Looked at with 40 samples for each period of its highest frequency (Hz): nothing between
         them rises above what is seen by more than 0.4 %.
         """
         step = max(1, int(self.rate / (_SAMPLES_PER_PERIOD * highest)))
-        position, velocity, acceleration = (part[::step] for part in shape)
-        start = self.posture + offset
-        motion = Trajectory(
-            self.model.robot.joints, self.rate, start + position, velocity, acceleration
-        )
-        limits = replace(self.limits, margin=_INSIDE * self.limits.margin)
-        return limit_use(self.model.robot, limits, self.frames, motion).within(limits)
+        position, velocity, acceleration = shape[:, ::step]
+        position = self.posture + offset + position
+        joints = self.model.robot.joints
+        motion = Trajectory(joints, self.rate, position, velocity, acceleration)
+        return limit_use(self.model.robot, self.limits, motion).within(self.limits)
 
     def _fit(self, make: Callable[[float], Segment]) -> Segment:
         """Largest size from 1 downwards at which a segment keeps all limits."""
@@ -100,11 +83,6 @@ class DiagnosisPlanner:
                 return plan
             size *= 0.9
         raise DataError(f"{make(size).name}: no size of this segment keeps the limits")
-
-    def _room(self, centre: FloatArray) -> FloatArray:
-        """Distance (n_joints,) from a posture to the nearer position limit, with margin."""
-        inner = _INSIDE * self.limits.margin * self.limits.half_range
-        return np.asarray(inner - np.abs(centre - self.limits.middle))
 
     def _ramp(self, speed: FloatArray) -> float:
         allowed = 0.5 * self.limits.margin * self.limits.acceleration
@@ -118,25 +96,24 @@ class DiagnosisPlanner:
         def make(size: float) -> Segment:
             # Half of the room, and no faster than half of the velocity limit.
             half = seconds / 2.0
-            slow = 0.5 * self.limits.margin * self.limits.velocity * half / 1.875
-            way = size * np.minimum(0.5 * self._room(self.posture), slow)
-            there, back = (rest_to_rest(sign * way, half, self.rate) for sign in (1.0, -1.0))
-            whole = zip(there, (way + back[0], *back[1:]), strict=True)
-            position, velocity, acceleration = (np.vstack(pair) for pair in whole)
-            shape = (position, velocity, acceleration)
+            slow = 0.5 * self.limits.margin * self.limits.velocity * half / QUINTIC_SPEED
+            way = size * np.minimum(0.5 * self.limits.room(self.posture), slow)
+            there = rest_to_rest(way, half, self.rate)
+            back = -there
+            back[0] += way
+            shape = np.concatenate([there, back], axis=1)
             return Segment("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
 
         return self._fit(make)
 
     def _sweeps(self, seconds: float) -> Iterator[Segment]:
         """The whole range, all joints in the same direction and in opposite ones."""
-        inner = _INSIDE * self.limits.margin * self.limits.half_range
         ramp = self._ramp(self.limits.velocity)
         plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
         for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
             if alternate and len(self.posture) == 1:
                 return
-            reach = self._pattern(alternate) * inner
+            reach = self._pattern(alternate) * self.limits.reach
 
             def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
                 speed = 2.0 * size * reach / (plateau + ramp)
@@ -148,7 +125,7 @@ class DiagnosisPlanner:
 
     def _creeps(self, seconds: float) -> Iterator[Segment]:
         slot = seconds / len(CREEP_SHARES) / 2.0
-        room = self._room(self.posture)
+        room = self.limits.room(self.posture)
         for number, share in enumerate(CREEP_SHARES, start=1):
             speed = share * self.limits.velocity
             yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
@@ -156,12 +133,12 @@ class DiagnosisPlanner:
     def _plateaus(self, seconds: float) -> Iterator[Segment]:
         """At each posture the fastest first: the slower ones stay on its way."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
-        shift = 0.4 * self._room(self.posture) * self._pattern(True)
-        fastest = _INSIDE * self.limits.margin * self.limits.velocity
+        shift = 0.4 * self.limits.room(self.posture) * self._pattern(True)
+        fastest = self.limits.margin * self.limits.velocity
         shortest = _SHORTEST_PLATEAU + self._ramp(fastest)
         for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
             centre = self.posture + (place - 1) * shift
-            room = self._room(centre)
+            room = self.limits.room(centre)
             # Where the range is too short for a plateau at full speed, slower.
             speed = pattern * np.minimum(fastest, 2.0 * room / shortest)
             for number, share in enumerate(PLATEAU_SHARES, start=1):
@@ -216,9 +193,7 @@ class DiagnosisPlanner:
         """A segment about the posture, as large as the limits let it be, at most as it is."""
 
         def make(size: float) -> Segment:
-            position, velocity, acceleration = (size * part for part in plan.shape)
             assert plan.amplitude is not None
-            shape = (position, velocity, acceleration)
-            return replace(plan, shape=shape, amplitude=size * plan.amplitude)
+            return replace(plan, shape=size * plan.shape, amplitude=size * plan.amplitude)
 
         return self._fit(make)

@@ -12,7 +12,6 @@ from idim_iv_ros.excitation.design import Design, DesignSettings, design_excitat
 from idim_iv_ros.excitation.files import motion_document
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits, limit_use, motion_limits
-from idim_iv_ros.excitation.moving_frames import moving_frames
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress
@@ -28,26 +27,13 @@ _ATTEMPTS = 20
 
 @dataclass(frozen=True)
 class Excitation:
-    """A motion for identification with its figures.
-
-    Attributes
-    ----------
-    design : Design
-    parameters : tuple of PredictedParameter
-        The worst first.
-    torque_noise : float
-        Share of each torque limit that `parameters` assumes.
-    criterion : str
-        What the design minimised.
-    document : mapping
-        All figures, as they are written to JSON.
-    """
+    """A motion for identification with its figures."""
 
     design: Design
-    parameters: tuple[PredictedParameter, ...]
-    torque_noise: float
-    criterion: str
-    document: Mapping[str, object] = field(repr=False)
+    parameters: tuple[PredictedParameter, ...]  # The worst first
+    torque_noise: float  # Share of each torque limit that `parameters` assumes
+    criterion: str  # What the design minimised
+    document: Mapping[str, object] = field(repr=False)  # All figures, as they are written to JSON
 
 
 def load_model(configuration: Configuration) -> InverseModel:
@@ -168,15 +154,14 @@ def random_motion(
     posture = limits.middle + limits.half_range * random.uniform(-0.2, 0.2, joints)
     time = np.arange(round(duration * rate) + 1) / rate
     wave, slope, curve = basis.motion(time, coefficients)
-    room = limits.margin * limits.half_range - np.abs(posture - limits.middle)
+    room = limits.room(posture)
     scale = np.minimum(room / np.abs(wave).max(axis=0), limits.velocity / np.abs(slope).max(axis=0))
     scale = np.minimum(scale, limits.acceleration / np.abs(curve).max(axis=0)) * limits.margin
-    frames = moving_frames(model.robot)
     for _ in range(_ATTEMPTS):
         motion = Trajectory(
             tuple(model.robot.joints), rate, posture + scale * wave, scale * slope, scale * curve
         )
-        if limit_use(model.robot, limits, frames, motion).within(limits):
+        if limit_use(model.robot, limits, motion).within(limits):
             return motion
         scale = _SHRINK * scale
     raise DataError(
@@ -201,7 +186,7 @@ def servo_motion(
         configuration, duration=_SERVO_SECONDS, rate=rate, seed=seed, limits=limits
     )
     robot = load_model(configuration).robot
-    use = limit_use(robot, limits, moving_frames(robot), trajectory)
+    use = limit_use(robot, limits, trajectory)
     settings = {"rate": rate, "seed": seed}
     document = motion_document("servo", robot.name, trajectory, limits, use, settings)
     return trajectory, _HIGHEST_FREQUENCY, document

@@ -38,18 +38,14 @@ class FourierBasis:
         """Number of shapes of each joint."""
         return 2 * self.harmonics - 2
 
-    def shapes(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, velocity and acceleration of the shapes: three of (n_samples, size)."""
+    def shapes(self, time: FloatArray) -> FloatArray:
+        """Position, velocity and acceleration of the shapes, (3, n_samples, size)."""
         sines, cosines = _at_rest(self.harmonics)
-        position, velocity, acceleration = (
-            np.hstack([odd @ sines, even @ cosines]) for odd, even in self._waves(time)
-        )
-        return position, velocity, acceleration
+        waves = [np.hstack([odd @ sines, even @ cosines]) for odd, even in self._waves(time)]
+        return np.stack(waves)
 
-    def motion(
-        self, time: FloatArray, coefficients: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Σ shape_i(t) c_i: three of (n_samples, n_joints), for `coefficients` (size, n_joints).
+    def motion(self, time: FloatArray, coefficients: FloatArray) -> FloatArray:
+        """Σ shape_i(t) c_i, (3, n_samples, n_joints), for `coefficients` (size, n_joints).
 
         Long motions have many harmonics: the shapes of all samples are never in memory at once.
         """
@@ -60,8 +56,7 @@ class FourierBasis:
             [odd @ odd_part + even @ even_part for odd, even in self._waves(time[k : k + _BLOCK])]
             for k in range(0, len(time), _BLOCK)
         ]
-        position, velocity, acceleration = (np.vstack(part) for part in zip(*blocks, strict=True))
-        return position, velocity, acceleration
+        return np.concatenate(blocks, axis=1)
 
     def _waves(self, time: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
         """Sine and cosine of each harmonic over its order, and two time derivatives."""

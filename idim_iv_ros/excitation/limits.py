@@ -1,13 +1,14 @@
-"""What a motion may use of the robot, and what it uses, sample by sample."""
+"""What a motion may use of the robot and what it uses, sample by sample; heights of its frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.moving_frames import MovingFrames
+from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel, RobotModel
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
@@ -21,33 +22,22 @@ _SLOWEST, _FASTEST = 1e-6, 1e6  # rad/s² (m/s²): accelerations that may be ask
 _POSTURES = 200
 _SEED = 11
 _BLOCK = 4000  # samples
+_INSIDE = 0.995
 
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits of a motion, (n_joints,) each, as the robot has them.
+    """Limits of a motion, (n_joints,) each, as the robot has them."""
 
-    Attributes
-    ----------
-    lower, upper : rad (m)
-    velocity : rad/s (m/s)
-    acceleration : rad/s² (m/s²)
-    torque : N m (N)
-    torque_known : bool
-        Whether the nominal model has inertials, so that torques can be predicted.
-    floor : float or None
-        Height in the base frame above which every moving frame stays, m.
-    margin : float
-        Share of each limit that a motion may use; of a position range, about its middle.
-    """
-
+    # lower, upper: rad (m)
     lower: FloatArray
     upper: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    torque: FloatArray
-    torque_known: bool
-    floor: float | None
+    velocity: FloatArray  # rad/s (m/s)
+    acceleration: FloatArray  # rad/s² (m/s²)
+    torque: FloatArray  # N m (N)
+    torque_known: bool  # Whether the nominal model has inertials, so that torques can be predicted
+    floor: float | None  # Height in the base frame above which every moving frame stays, m
+    # Share of each limit that a motion may use; of a position range, about its middle
     margin: float
 
     @property
@@ -60,29 +50,31 @@ class MotionLimits:
         """Half of each position range (n_joints,), without margin."""
         return 0.5 * (self.upper - self.lower)
 
+    @property
+    def reach(self) -> FloatArray:
+        """How far from the middle each joint may go, with margin (n_joints,)."""
+        return self.margin * self.half_range
+
+    def narrowed(self) -> "MotionLimits":
+        """Return what a design aims at: a little less, for what lies between its samples."""
+        return replace(self, margin=_INSIDE * self.margin)
+
+    def room(self, posture: FloatArray) -> FloatArray:
+        """Distance from a posture (n_joints,) to the nearer end of each range, with margin."""
+        return np.asarray(self.reach - np.abs(posture - self.middle))
+
 
 @dataclass(frozen=True)
 class LimitUse:
-    """Largest share of each limit that a motion uses, (n_joints,) each; 1 is the limit itself.
+    """Largest share of each limit that a motion uses, (n_joints,) each; 1 is the limit itself."""
 
-    Attributes
-    ----------
-    position
-        Distance from the middle of the range over half of the range.
-    velocity, acceleration
-    torque : or None
-        Of the nominal model: gravity, inertia, drives, friction. None without inertials.
-    lowest_frame : str
-    lowest_height : float
-        Of all frames that move, over the whole motion, m.
-    """
-
-    position: FloatArray
+    position: FloatArray  # Distance from the middle of the range over half of the range
     velocity: FloatArray
     acceleration: FloatArray
+    # Of the nominal model: gravity, inertia, drives, friction. None without inertials.
     torque: FloatArray | None
     lowest_frame: str
-    lowest_height: float
+    lowest_height: float  # Of all frames that move, over the whole motion, m
 
     def within(self, limits: MotionLimits) -> bool:
         """Whether no share exceeds the margin and every frame stays above the floor."""
@@ -92,10 +84,9 @@ class LimitUse:
         return over_floor and bool(np.max(shares) <= limits.margin * (1.0 + 1e-9))
 
 
-def limit_use(
-    robot: RobotModel, limits: MotionLimits, frames: MovingFrames, motion: Trajectory
-) -> LimitUse:
+def limit_use(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> LimitUse:
     """Look at every sample of a motion."""
+    frames = moving_frames(robot)
     blocks = [slice(s, s + _BLOCK) for s in range(0, len(motion.position), _BLOCK)]
     lowest = np.min([frames.heights(motion.position[b]).min(axis=0) for b in blocks], axis=0)
     frame = int(np.argmin(lowest))
@@ -113,6 +104,20 @@ def limit_use(
         lowest_frame=frames.names[frame],
         lowest_height=float(lowest[frame]),
     )
+
+
+def use_within(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> LimitUse:
+    """Return what a finished motion uses.
+
+    Raises
+    ------
+    DataError
+        A sample of it breaks a limit.
+    """
+    use = limit_use(robot, limits, motion)
+    if not use.within(limits):
+        raise DataError("no motion within the limits was found: a limit broke at full rate")
+    return use
 
 
 def motion_limits(
@@ -230,10 +235,117 @@ def require_inside(start: FloatArray, limits: MotionLimits, joints: tuple[str, .
     """
     if len(start) != len(joints):
         raise UsageError(f"start has {len(start)} values for {len(joints)} joints")
-    inner = limits.margin * limits.half_range
-    for joint, value, middle, room in zip(joints, start, limits.middle, inner, strict=True):
+    for joint, value, middle, room in zip(joints, start, limits.middle, limits.reach, strict=True):
         if not abs(value - middle) < room:
             raise UsageError(
                 f"start of joint {joint}, {value:g}, lies outside {middle - room:.4g} to "
                 f"{middle + room:.4g} (its limits with the margin)"
             )
+
+
+@dataclass(frozen=True)
+class MovingFrames:
+    """Origins of links, joints and end-effector that the identified joints move."""
+
+    robot: RobotModel
+    names: tuple[str, ...]
+    # (f,) int: joint of the tree (pinocchio, from 1) that each frame is fixed to
+    joints: NDArray[np.int64]
+    offsets: FloatArray  # (f, 3) m: origin of each frame in the frame of its joint
+    axes: FloatArray  # (n_joints, 3): axis of each joint of the tree, in its own frame
+
+    def heights(self, q: FloatArray) -> FloatArray:
+        """Heights in the base frame (n_samples, f) m at positions (n_samples, n_joints)."""
+        return self._places(q)[0][:, :, 2].T
+
+    def heights_and_slopes(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Heights, and their derivatives (n_samples, f, n_joints) m/rad (m/m)."""
+        points, origins, axes = self._places(q)
+        slope = np.zeros((len(q), len(self.joints), len(self.robot.joints)))
+        for frame, joint in enumerate(self.joints):
+            for ancestor in list(self.robot.pinocchio.supports[int(joint)])[1:]:
+                lever, axis = points[frame] - origins[ancestor], axes[ancestor]
+                slope[:, frame, self.robot.order[ancestor - 1]] = (
+                    axis[:, 0] * lever[:, 1] - axis[:, 1] * lever[:, 0]
+                    if self._revolute(ancestor)
+                    else axis[:, 2]
+                )
+        return points[:, :, 2].T, slope
+
+    def _places(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Origins of the frames (f, n_samples, 3), and origins and axes of the joints."""
+        model, samples = self.robot.pinocchio, len(q)
+        turns = np.broadcast_to(np.eye(3), (model.njoints, samples, 3, 3)).copy()
+        origins, axes = np.zeros((2, model.njoints, samples, 3))
+        for i in range(1, model.njoints):
+            parent, place = model.parents[i], model.jointPlacements[i]
+            axis, coordinate = self.axes[i - 1], q[:, self.robot.order[i - 1]]
+            fixed = turns[parent] @ place.rotation
+            origins[i] = origins[parent] + turns[parent] @ place.translation
+            axes[i] = fixed @ axis
+            if self._revolute(i):
+                turns[i] = fixed @ _rotation(axis, coordinate)
+            else:
+                turns[i] = fixed
+                origins[i] += coordinate[:, None] * axes[i]
+        frames_of_joint = np.einsum("fsij,fj->fsi", turns[self.joints], self.offsets)
+        return origins[self.joints] + frames_of_joint, origins, axes
+
+    def _revolute(self, tree: int) -> bool:
+        return self.robot.joint_types[int(self.robot.order[tree - 1])] == "revolute"
+
+
+def moving_frames(robot: RobotModel) -> MovingFrames:
+    """Collect the origins of all frames (links, joints, end-effector) that a joint moves."""
+    data = robot.pinocchio.createData()
+    frames = [frame for frame in robot.pinocchio.frames if frame.parentJoint > 0]
+    return MovingFrames(
+        robot=robot,
+        names=tuple(frame.name for frame in frames),
+        joints=np.array([frame.parentJoint for frame in frames], dtype=np.int64),
+        offsets=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+        axes=np.array([_axis(data, tree + 1) for tree in range(len(robot.joints))]),
+    )
+
+
+def _axis(data: pin.Data, tree: int) -> FloatArray:
+    subspace = np.asarray(data.joints[tree].S).ravel()
+    return np.asarray(subspace[3:] if np.any(subspace[3:]) else subspace[:3])
+
+
+def _rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
+    """Rodrigues' formula: (n_samples, 3, 3)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def require_reachable(frames: MovingFrames, limits: MotionLimits) -> None:
+    """Refuse a floor that no posture within the limits keeps above.
+
+    Looks at 2,000 random postures, and at frames whose height no joint changes.
+
+    Raises
+    ------
+    UsageError
+        One line: the frame that is in the way, and the highest floor that is possible.
+    """
+    if limits.floor is None:
+        return
+    random = np.random.default_rng(5)
+    lower, upper = limits.middle - limits.reach, limits.middle + limits.reach
+    height = frames.heights(random.uniform(lower, upper, (2000, len(lower))))
+    highest = height.max(axis=0)
+    low = int(np.argmin(highest))
+    if highest[low] <= limits.floor:
+        raise UsageError(
+            f"floor {limits.floor:g} m cannot be kept: frame {frames.names[low]} rises to "
+            f"{highest[low]:.3g} m at most"
+        )
+    best = float(height.min(axis=1).max())
+    if best <= limits.floor:
+        raise UsageError(
+            f"floor {limits.floor:g} m cannot be kept: in the best of 2,000 postures the lowest "
+            f"frame is at {best:.3g} m"
+        )

@@ -10,8 +10,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.design import DesignSettings, design_excitation
 from idim_iv_ros.excitation.excite import load_model, random_motion
 from idim_iv_ros.excitation.limits import MotionLimits, limit_use, motion_limits
-from idim_iv_ros.excitation.moving_frames import moving_frames
-from idim_iv_ros.excitation.trajectory import Trajectory, quintic
+from idim_iv_ros.excitation.trajectory import Trajectory, quintic, shortest_quintic
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
@@ -23,23 +22,14 @@ _PERIOD = 10.0  # s; longer motions repeat a period
 _LONGEST_SEARCH = 300.0  # s; searches end by themselves long before
 _RATE = 1000.0  # samples per second
 _SHORTEST = 0.5  # s of an approach
-# Largest speed and acceleration of `quintic`.
-_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
 
 
 @dataclass(frozen=True)
 class Passes:
-    """What a robot is asked for, one after the other; it rests in between.
+    """What a robot is asked for, one after the other; it rests in between."""
 
-    Attributes
-    ----------
-    limits : MotionLimits
-        Of the robot, with speed and acceleration scaled.
-    approach, slow, full : Trajectory
-        To the start of the motion, through it slowly, and at full speed.
-    """
-
-    limits: MotionLimits
+    limits: MotionLimits  # Of the robot, with speed and acceleration scaled
+    # approach, slow, full: To the start of the motion, through it slowly, and at full speed
     approach: Trajectory
     slow: Trajectory
     full: Trajectory
@@ -143,7 +133,7 @@ def passes_of(
             )
     approach = _approach(motion, start, limits, approach_speed)
     if limits.floor is not None:
-        use = limit_use(model.robot, limits, moving_frames(model.robot), approach)
+        use = limit_use(model.robot, limits, approach)
         if use.lowest_height < limits.floor:
             raise UsageError(
                 f"the straight way to the start leads {use.lowest_frame} to "
@@ -170,7 +160,6 @@ def stop(
 
     Parameters
     ----------
-    joints
     position, velocity
         (n_joints,) rad, rad/s (m, m/s) at the beginning.
     limits
@@ -200,17 +189,11 @@ def _approach(
     """Fifth-order polynomial from rest to rest on the straight line in joint space."""
     way = motion.position[0] - start
     seconds = max(
-        _SHORTEST,
-        float(np.max(_PEAK_SPEED * np.abs(way) / (share * limits.velocity))),
-        float(np.max(np.sqrt(_PEAK_ACCELERATION * np.abs(way) / (share * limits.acceleration)))),
+        _SHORTEST, shortest_quintic(way, share * limits.velocity, share * limits.acceleration)
     )
     samples = int(np.ceil(seconds * motion.rate))
-    place, slope, curvature = quintic(np.linspace(0.0, 1.0, samples + 1)[:, None])
+    place, slope, curvature = way * quintic(np.linspace(0.0, 1.0, samples + 1)[:, None])
     seconds = samples / motion.rate
     return Trajectory(
-        motion.joints,
-        motion.rate,
-        start + way * place,
-        way * slope / seconds,
-        way * curvature / seconds**2,
+        motion.joints, motion.rate, start + place, slope / seconds, curvature / seconds**2
     )

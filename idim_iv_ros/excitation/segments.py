@@ -1,6 +1,6 @@
 """Segments of a diagnosis motion: what each kind reveals, and their shapes.
 
-A shape starts and ends at rest: position, velocity and acceleration, (n_samples, n_joints) each,
+A shape (3, n_samples, n_joints) starts and ends at rest: position, velocity and acceleration
 relative to its start, at 0, 1/rate, … up to but without the end, where the next one begins.
 """
 
@@ -19,8 +19,6 @@ EFFECTS: dict[str, tuple[str, ...]] = {
 }
 NOT_REVEALED = {cause.name: cause.beyond_motion for cause in CAUSES if not cause.segments}
 
-Shape = tuple[FloatArray, FloatArray, FloatArray]
-
 LOWEST_LINE = 0.5  # Hz
 _FADE = 1.0  # s
 
@@ -38,30 +36,18 @@ _NO_MOTION = {
 
 @dataclass(frozen=True)
 class Segment:
-    """A labelled stretch of the motion.
-
-    Attributes
-    ----------
-    name, kind : str
-    offset : (n_joints,)
-        Where it starts, relative to the base posture, rad (m).
-    shape : position, velocity, acceleration relative to its start
-    speed : (n_joints,) or None
-        Constant speeds of the way there, rad/s (m/s); the way back has the opposite.
-    amplitude : (n_joints,) or None
-        Largest deviation, rad (m).
-    frequency : (lowest, highest) Hz or None
-    start, end : float
-        s; its place in the motion, once it has one.
-    """
+    """A labelled stretch of the motion."""
 
     name: str
     kind: str
-    offset: FloatArray
-    shape: Shape
+    offset: FloatArray  # (n_joints,): where it starts, relative to the base posture, rad (m)
+    shape: FloatArray  # (3, n_samples, n_joints): position, velocity, acceleration from its start
+    # (n_joints,) or None: constant speeds of the way there, rad/s (m/s); the way back has the
+    # opposite
     speed: FloatArray | None = None
-    amplitude: FloatArray | None = None
-    frequency: tuple[float, float] | None = None
+    amplitude: FloatArray | None = None  # (n_joints,) or None: largest deviation, rad (m)
+    frequency: tuple[float, float] | None = None  # (lowest, highest) Hz or None
+    # start, end: s; its place in the motion, once it has one
     start: float = 0.0
     end: float = 0.0
 
@@ -105,18 +91,13 @@ def separating_motion(first: str, second: str) -> str:
     return "; ".join(needs)
 
 
-def rest_to_rest(displacement: FloatArray, seconds: float, rate: float) -> Shape:
-    """Quintic from rest to rest: peaks 1.875 d/T in velocity, 5.774 d/T² in acceleration."""
+def rest_to_rest(displacement: FloatArray, seconds: float, rate: float) -> FloatArray:
+    """Quintic shape from rest to rest, see `quintic`."""
     s, seconds = _phase(seconds, rate)
-    position, slope, curvature = quintic(s)
-    return (
-        position * displacement,
-        slope / seconds * displacement,
-        curvature / seconds**2 * displacement,
-    )
+    return quintic(s) / seconds ** np.arange(3)[:, None, None] * displacement
 
 
-def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) -> Shape:
+def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) -> FloatArray:
     """Constant speed for `plateau` s, and the same way back.
 
     The speed rises and falls within `ramp` s as 3s² - 2s³, so that the acceleration is
@@ -134,7 +115,7 @@ def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) 
     way = np.vstack([up, middle, top + ramp * (rise - rise**3 + 0.5 * rise**4)])
     far = top + 0.5 * ramp
     way, level = np.vstack([way, far - way]), np.vstack([level, -level])
-    return way * speed, level * speed, np.vstack([slope, -slope]) * speed
+    return np.stack([way, level, np.vstack([slope, -slope])]) * speed
 
 
 def waves(
@@ -144,7 +125,7 @@ def waves(
     seconds: float,
     fade: float,
     rate: float,
-) -> Shape:
+) -> FloatArray:
     """Sum of sines of (n_lines, n_joints) each, faded in and out over `fade` s (quintic)."""
     s, seconds = _phase(seconds, rate)
     time = s * seconds
@@ -158,11 +139,9 @@ def waves(
     window, slope, curvature = quintic(np.clip(distance / fade, 0.0, 1.0))
     first = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope
     second = curvature / fade**2
-    return (
-        window * position,
-        window * velocity + first * position,
-        window * acceleration + 2.0 * first * velocity + second * position,
-    )
+    velocity_in_window = window * velocity + first * position
+    acceleration = window * acceleration + 2.0 * first * velocity + second * position
+    return np.stack([window * position, velocity_in_window, acceleration])
 
 
 def reversals(
@@ -206,14 +185,12 @@ def multisine(
     frequency = np.broadcast_to(lines, used.shape)
     level = np.where(used, 1.0 / frequency, 0.0)
     total = flat + 2.0 * _FADE
-    position, velocity, acceleration = waves(level, frequency, phase, total, _FADE, rate)
-    scale = amplitude / np.abs(position).max(axis=0)
-    shape = (scale * position, scale * velocity, scale * acceleration)
+    shape = waves(level, frequency, phase, total, _FADE, rate)
     return Segment(
         "multisine",
         "multisine",
         np.zeros(joints),
-        shape,
+        amplitude / np.abs(shape[0]).max(axis=0) * shape,
         amplitude=np.full(joints, amplitude),
         frequency=(float(lines[used.any(axis=1)].min()), float(highest.max())),
     )

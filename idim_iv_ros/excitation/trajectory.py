@@ -15,6 +15,7 @@ from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.types import FloatArray
 
 SIGNALS = ("position", "velocity", "acceleration")
+QUINTIC_SPEED, QUINTIC_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)  # largest of `quintic`
 # Stamps may be rounded to this share of a period.
 _JITTER = 0.05
 _SHORTEST_STEP = 1e-9  # s, a thousandth of what is accepted
@@ -66,17 +67,33 @@ class Trajectory:
                 f"the trajectory is for {', '.join(self.joints)}; the robot has {', '.join(joints)}"
             )
         columns = [self.joints.index(joint) for joint in joints]
-        signals = (self.position, self.velocity, self.acceleration)
-        return Trajectory(tuple(joints), self.rate, *(signal[:, columns] for signal in signals))
+        return Trajectory(tuple(joints), self.rate, *(part[:, columns] for part in self.signals))
+
+    @property
+    def signals(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, velocity and acceleration."""
+        return self.position, self.velocity, self.acceleration
 
 
-def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """10 s³ - 15 s⁴ + 6 s⁵, from rest at s = 0 to rest at 1, and two derivatives by s."""
-    return (
-        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
-        30.0 * s**2 * (1.0 - s) ** 2,
-        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+def quintic(s: FloatArray) -> FloatArray:
+    """10 s³ - 15 s⁴ + 6 s⁵, from rest at s = 0 to rest at 1, and two derivatives by s, (3, …)."""
+    return np.stack(
+        [
+            s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+            30.0 * s**2 * (1.0 - s) ** 2,
+            60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+        ]
     )
+
+
+def shortest_quintic(way: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
+    """Seconds in which all joints go a way from rest to rest (`quintic`) within these limits.
+
+    Way, speed and acceleration: (n_joints,) rad, rad/s, rad/s² (m, m/s, m/s²).
+    """
+    by_speed = np.max(QUINTIC_SPEED * np.abs(way) / speed)
+    by_acceleration = np.max(np.sqrt(QUINTIC_ACCELERATION * np.abs(way) / acceleration))
+    return float(max(by_speed, by_acceleration))
 
 
 def require_sampling(rate: float, duration: float, what: str) -> None:
@@ -138,8 +155,7 @@ def write_csv(trajectory: Trajectory, file: TextIO) -> None:
     """Write every sample; what `read_trajectory` reads, to ten digits."""
     names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
     csv.writer(file, lineterminator="\n").writerow(["time", *names])
-    signals = (trajectory.position, trajectory.velocity, trajectory.acceleration)
-    table = np.column_stack([trajectory.time, *signals])
+    table = np.column_stack([trajectory.time, *trajectory.signals])
     np.savetxt(file, table, fmt="%.10g", delimiter=",")
 
 

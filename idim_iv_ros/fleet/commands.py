@@ -13,10 +13,8 @@ from pathlib import Path
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import DataError, IdimError, UsageError
-from idim_iv_ros.fleet.content import code_version, content_of, key_of
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.regression import bag_fields
-from idim_iv_ros.fleet.remote import StoreError, local_path, open_bag, require_stores
 from idim_iv_ros.fleet.result import (
     BagResult,
     CauseSummary,
@@ -25,9 +23,16 @@ from idim_iv_ros.fleet.result import (
     Screened,
     Status,
 )
-from idim_iv_ros.fleet.robots import Robot, robots_of
+from idim_iv_ros.fleet.robots import Robot, code_version, content_of, key_of, robots_of
 from idim_iv_ros.fleet.run import FleetRun
-from idim_iv_ros.fleet.source import BagEntry, find_bags
+from idim_iv_ros.fleet.source import (
+    BagEntry,
+    StoreError,
+    find_bags,
+    local_path,
+    open_bag,
+    require_stores,
+)
 from idim_iv_ros.fleet.statistics.common_causes import is_nothing
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.progress import Progress, part_of

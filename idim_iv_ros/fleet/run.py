@@ -15,8 +15,8 @@ from idim_iv_ros.documents import Document
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.files import FilePath, write_together
-from idim_iv_ros.fleet.content import code_version
-from idim_iv_ros.fleet.remote import INSTALL
+from idim_iv_ros.fleet.robots import code_version
+from idim_iv_ros.fleet.source import INSTALL
 from idim_iv_ros.interruption import said_if_interrupted, undone_if_interrupted
 from idim_iv_ros.progress import Progress
 

@@ -23,22 +23,13 @@ _BLOCK = 64  # states whose regressor is held at once
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """The base set and how it groups the standard parameters.
-
-    Attributes
-    ----------
-    layout : ParameterLayout
-    columns : (b,) int
-        Standard parameters that are kept; each gives its name to its group.
-    grouping : (b, n_standard)
-        β_base = grouping · β_standard.
-    active : (n_joints, b) bool
-        Whether the torque of a joint depends on a base parameter.
-    """
+    """The base set and how it groups the standard parameters."""
 
     layout: ParameterLayout
+    # (b,) int: standard parameters that are kept; each gives its name to its group
     columns: NDArray[np.int64]
-    grouping: FloatArray
+    grouping: FloatArray  # (b, n_standard): β_base = grouping · β_standard
+    # (n_joints, b) bool: whether the torque of a joint depends on a base parameter
     active: NDArray[np.bool_]
 
     @cached_property

@@ -17,14 +17,7 @@ _BLOCK = 256
 
 @dataclass(frozen=True)
 class InverseModel:
-    """Equation 3 in base parameters.
-
-    Attributes
-    ----------
-    robot : RobotModel
-    regressor : StandardRegressor
-    base : BaseParameters
-    """
+    """Equation 3 in base parameters."""
 
     robot: RobotModel
     regressor: StandardRegressor

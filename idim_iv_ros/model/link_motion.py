@@ -20,25 +20,19 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 
 class LinkFrames(NamedTuple):
-    """Kinematic tree with joints numbered from 1 in its order, as in pinocchio; 0 is the base.
+    """Kinematic tree with joints numbered from 1 in its order, as in pinocchio; 0 is the base."""
 
-    Attributes
-    ----------
-    parent, revolute : (n + 1,)
-    rotation, translation : (n + 1, 3, 3), (n + 1, 3)
-        Constant placement of each turned frame in its parent's.
-    turned : (n + 1, 3, 3)
-        Rotation from the turned frame to pinocchio's, in which inertial parameters are given.
-    gravity : (3,)
-        m/s², in the base.
-    """
-
+    # parent, revolute: (n + 1,)
     parent: IntArray
     revolute: NDArray[np.bool_]
+    # rotation, translation: (n + 1, 3, 3), (n + 1, 3): constant placement of each turned frame in
+    # its parent's
     rotation: FloatArray
     translation: FloatArray
+    # (n + 1, 3, 3): rotation from the turned frame to pinocchio's, in which inertial parameters are
+    # given
     turned: FloatArray
-    gravity: FloatArray
+    gravity: FloatArray  # (3,) m/s², in the base
 
 
 def link_frames(robot: RobotModel) -> LinkFrames:

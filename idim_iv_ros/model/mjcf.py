@@ -39,7 +39,6 @@ def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
 
     Parameters
     ----------
-    path
     text
         In place of that of the file, in whose folder it is read.
 

@@ -46,22 +46,11 @@ def unit_at(unit: str, joint_type: str, effort_unit: str = "N m") -> str:
 
 @dataclass(frozen=True)
 class StandardParameter:
-    """One parameter of one link or drive.
+    """One parameter of one link or drive."""
 
-    Attributes
-    ----------
-    name : str
-        As in the paper, link index from 1: ``ZZ1``, ``Ia1``, ``Fcm6``.
-    kind : str
-        The name without its index.
-    joint : int
-        Index of the link or drive, from 0.
-    unit : str
-    """
-
-    name: str
-    kind: str
-    joint: int
+    name: str  # As in the paper, link index from 1: ``ZZ1``, ``Ia1``, ``Fcm6``
+    kind: str  # The name without its index
+    joint: int  # Index of the link or drive, from 0
     unit: str
 
 
@@ -71,28 +60,23 @@ class DynamicParameters:
 
     The model is linear in all of them, so that the values need not be physical: a base
     parameter vector is written here as it is, with the eliminated parameters at zero.
-
-    Attributes
-    ----------
-    inertial : (n_joints, 10)
-        M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ of each link, about the origin of its joint
-        frame, kg, kg m, kg m².
-    drive_inertia, viscous, coulomb, offset : (n_joints,)
-        Joint side: kg m², N m s/rad, N m, N m (kg, N s/m, N, N for prismatic joints).
-    coupling_joints : (n_couplings, 2) int
-        Indices (a, b) of the joints that a transmission couples.
-    coupling_inertia, coupling_viscous, coupling_coulomb : (n_couplings,)
-        Iam, Fvm, Fcm: torque on a: Iam ddq_b + Fvm dq_b + Fcm sign(dq_a + dq_b); on b: Iam ddq_a
-        + Fvm dq_a + Fcm sign(dq_a + dq_b). The motor of b turns with both joints, so that Iam is
-        its drive inertia Ia_b, and what it adds to the diagonal of a belongs to Ia_a.
     """
 
+    # (n_joints, 10): M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ of each link, about the origin of its
+    # joint frame, kg, kg m, kg m²
     inertial: FloatArray
+    # drive_inertia, viscous, coulomb, offset: (n_joints,): joint side: kg m², N m s/rad, N m, N m
+    # (kg, N s/m, N, N for prismatic joints)
     drive_inertia: FloatArray
     viscous: FloatArray
     coulomb: FloatArray
     offset: FloatArray
+    # (n_couplings, 2) int: indices (a, b) of the joints that a transmission couples
     coupling_joints: NDArray[np.int64]
+    # coupling_inertia, coupling_viscous, coupling_coulomb: (n_couplings,): Iam, Fvm, Fcm: torque on
+    # a: Iam ddq_b + Fvm dq_b + Fcm sign(dq_a + dq_b); on b: Iam ddq_a + Fvm dq_a + Fcm sign(dq_a +
+    # dq_b). The motor of b turns with both joints, so that Iam is its drive inertia Ia_b, and what
+    # it adds to the diagonal of a belongs to Ia_a.
     coupling_inertia: FloatArray
     coupling_viscous: FloatArray
     coupling_coulomb: FloatArray

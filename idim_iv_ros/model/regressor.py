@@ -155,17 +155,10 @@ inertial_columns = _entry(source_digest(link_motion))
 
 @dataclass(frozen=True)
 class StandardRegressor:
-    """Matrix of basis functions of the standard parameters: τ = IDM(q, dq, ddq) β.
-
-    Attributes
-    ----------
-    robot : RobotModel
-    layout : ParameterLayout
-        Columns of the matrix.
-    """
+    """Matrix of basis functions of the standard parameters: τ = IDM(q, dq, ddq) β."""
 
     robot: RobotModel
-    layout: ParameterLayout
+    layout: ParameterLayout  # Columns of the matrix
 
     def __call__(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Evaluate at n_samples states.

@@ -33,37 +33,23 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class RobotModel:
-    """Kinematic tree of the identified joints with the values that the URDF gives.
-
-    Attributes
-    ----------
-    name : str
-    joints : tuple of str
-        In the order of the configuration; the columns of every array follow it.
-    joint_types : tuple of str
-        ``revolute`` or ``prismatic``.
-    pinocchio : pinocchio.Model
-        Reduced model: every other joint is locked at its neutral position.
-    order : (n_joints,) int
-        ``q_pinocchio = q[order]``: joint of the configuration at each place of the tree.
-    limits : JointLimits
-    given : DynamicParameters
-        Inertials of the URDF, damping and friction of its ``<dynamics>``, drive inertia as given.
-    doubts : tuple of str
-        What of the URDF is possible but hard to believe, a sentence each.
-    armature_given : bool
-        Whether anything says what inertia the drives have.
-    """
+    """Kinematic tree of the identified joints with the values that the URDF gives."""
 
     name: str
+    # In the order of the configuration; the columns of every array follow it
     joints: tuple[str, ...]
-    joint_types: tuple[JointType, ...]
+    joint_types: tuple[JointType, ...]  # ``revolute`` or ``prismatic``
+    # pinocchio.Model: reduced model: every other joint is locked at its neutral position
     pinocchio: pin.Model
+    # (n_joints,) int: ``q_pinocchio = q[order]``: joint of the configuration at each place of the
+    # tree
     order: NDArray[np.int64]
     limits: JointLimits
+    # Inertials of the URDF, damping and friction of its ``<dynamics>``, drive inertia as given
     given: DynamicParameters
+    # What of the URDF is possible but hard to believe, a sentence each
     doubts: tuple[str, ...] = ()
-    armature_given: bool = False
+    armature_given: bool = False  # Whether anything says what inertia the drives have
 
     @property
     def has_inertials(self) -> bool:

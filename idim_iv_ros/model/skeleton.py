@@ -16,26 +16,14 @@ _BEND, _MOST_BEND = 0.3, 0.6
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Joints and ends of a robot in one posture, m in the base frame.
+    """Joints and ends of a robot in one posture, m in the base frame."""
 
-    Attributes
-    ----------
-    origins : (n_joints, 3)
-        Origin of each joint, in the order of the configuration.
-    axes : (n_joints, 3)
-        Unit vector along which each joint moves or about which it turns.
-    parents : (n_joints,) int
-        Joint that carries each joint; -1 for the base.
-    links : tuple of str
-        Link that each joint moves.
-    ends : tuple of (int, (3,))
-        Joints that carry no other, with the frame on them that is farthest away.
-    """
-
-    origins: FloatArray
+    origins: FloatArray  # (n_joints, 3): origin of each joint, in the order of the configuration
+    # (n_joints, 3): unit vector along which each joint moves or about which it turns
     axes: FloatArray
-    parents: IntArray
-    links: tuple[str, ...]
+    parents: IntArray  # (n_joints,) int: joint that carries each joint; -1 for the base
+    links: tuple[str, ...]  # Link that each joint moves
+    # Joints that carry no other, with the frame on them that is farthest away
     ends: tuple[tuple[int, FloatArray], ...]
 
     @property

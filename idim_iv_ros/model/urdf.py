@@ -37,88 +37,49 @@ _NEAR = 1.0  # m: within this of its joint any centre of mass is believed
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass and moments of one link, in the axes of the link's frame.
+    """Mass and moments of one link, in the axes of the link's frame."""
 
-    Attributes
-    ----------
-    mass : float
-        kg.
-    centre : (3,) m
-        Centre of mass in the link's frame.
-    inertia : (3, 3) kg m²
-        About the centre of mass.
-    last_digit : float
-        Value of the last digit with which the moments are written, kg m².
-    """
-
-    mass: float
-    centre: FloatArray
-    inertia: FloatArray
-    last_digit: float
+    mass: float  # kg
+    centre: FloatArray  # (3,) m: centre of mass in the link's frame
+    inertia: FloatArray  # (3, 3) kg m²: about the centre of mass
+    last_digit: float  # Value of the last digit with which the moments are written, kg m²
 
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """One joint element.
-
-    Attributes
-    ----------
-    name, type, parent, child : str
-    placement : pinocchio.SE3
-        Of the child's frame in the parent's, at position zero.
-    axis : (3,)
-        As it is written; (1, 0, 0) where it is not.
-    limits : dict of str to float
-        What `<limit>` gives of lower, upper (rad, m), velocity (rad/s, m/s), effort (N m, N).
-    damping, friction : float
-        N m s/rad, N m (N s/m, N).
-    armature, rest : float
-        Of an MJCF: drive inertia, kg m² (kg); where it stays if it is not identified, rad (m).
-    tied, beyond : str
-        What it is or what ties it, if it is no joint of its own; what acts on it that the nominal
-        model has no term for, of an MJCF. Empty otherwise.
-    """
+    """One joint element."""
 
     name: str
     type: str
     parent: str
     child: str
-    placement: pin.SE3
-    axis: FloatArray
+    placement: pin.SE3  # pinocchio.SE3: of the child's frame in the parent's, at position zero
+    axis: FloatArray  # (3,): as it is written; (1, 0, 0) where it is not
+    # What `<limit>` gives of lower, upper (rad, m), velocity (rad/s, m/s), effort (N m, N)
     limits: dict[str, float]
+    # damping, friction: N m s/rad, N m (N s/m, N)
     damping: float
     friction: float
+    # armature, rest: Of an MJCF: drive inertia, kg m² (kg); where it stays if it is not identified,
+    # rad (m)
     armature: float = 0.0
     rest: float = 0.0
+    # tied, beyond: What it is or what ties it, if it is no joint of its own; what acts on it that
+    # the nominal model has no term for, of an MJCF. Empty otherwise.
     tied: str = ""
     beyond: str = ""
 
 
 @dataclass(frozen=True)
 class Urdf:
-    """Links and joints of a URDF, which form one tree.
+    """Links and joints of a URDF, which form one tree."""
 
-    Attributes
-    ----------
-    name : str
-        Empty where the URDF gives none.
-    root : str
-        The link that is no joint's child.
-    links : dict of str to Inertial or None
-        In the order of the file.
-    joints : dict of str to UrdfJoint
-    from_mjcf : bool
-        Whether it was an MJCF, which gives the armature of every joint.
-    notes : tuple of str
-        What the nominal model passes over, a sentence each.
-    """
-
-    name: str
-    root: str
-    links: dict[str, Inertial | None]
+    name: str  # Empty where the URDF gives none
+    root: str  # The link that is no joint's child
+    links: dict[str, Inertial | None]  # In the order of the file
     joints: dict[str, UrdfJoint]
-    from_mjcf: bool = False
-    notes: tuple[str, ...] = ()
+    from_mjcf: bool = False  # Whether it was an MJCF, which gives the armature of every joint
+    notes: tuple[str, ...] = ()  # What the nominal model passes over, a sentence each
 
     def outward(self) -> Iterator[tuple[str, UrdfJoint | None]]:
         """Each link with the joint that carries it, parents first, branches by joint name."""

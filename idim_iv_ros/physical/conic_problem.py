@@ -30,34 +30,17 @@ _ROOT = float(np.sqrt(2.0))
 
 @dataclass(frozen=True)
 class ConicProblem:
-    """See the module.
+    """See the module."""
 
-    Attributes
-    ----------
-    matrix : (r, 10 n + k)
-        A.
-    right : (r,)
-        a.
-    links : int
-        n.
-    nominal, scale : (k,)
-        d⁰ and s; a scale of infinity leaves a parameter to the data.
-    bounded : (k,) bool
-        Which of d are not negative.
-    weights : (n,)
-        λ of each link.
-    least : float
-        ε.
-    """
-
-    matrix: FloatArray
-    right: FloatArray
-    links: int
+    matrix: FloatArray  # (r, 10 n + k): A
+    right: FloatArray  # (r,): a
+    links: int  # n
+    # nominal, scale: (k,): d⁰ and s; a scale of infinity leaves a parameter to the data
     nominal: FloatArray
     scale: FloatArray
-    bounded: NDArray[np.bool_]
-    weights: FloatArray
-    least: float
+    bounded: NDArray[np.bool_]  # (k,) bool: which of d are not negative
+    weights: FloatArray  # (n,): λ of each link
+    least: float  # ε
 
     def solve(self) -> FloatArray:
         """(10 n + k,) x.

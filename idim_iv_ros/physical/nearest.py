@@ -70,7 +70,6 @@ def nearest_physical(
     ----------
     robot
         Its given parameters are the nominal model.
-    base
     values : (b,)
         β̂.
     covariance : (b, b)

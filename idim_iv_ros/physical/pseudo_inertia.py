@@ -68,15 +68,9 @@ def inertial_parameters(matrix: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ReferenceLink:
-    """A nominal link as the unit in which its pseudo-inertia is counted: J = F J̃ Fᵀ, J₀ = F Fᵀ.
+    """A nominal link as the unit in which its pseudo-inertia is counted: J = F J̃ Fᵀ, J₀ = F Fᵀ."""
 
-    Attributes
-    ----------
-    factor : (4, 4)
-        F, upper triangular: it maps bodies affinely.
-    """
-
-    factor: FloatArray
+    factor: FloatArray  # (4, 4): F, upper triangular: it maps bodies affinely
 
     @classmethod
     def of(cls, given: FloatArray, mass: float, length: float) -> "ReferenceLink":
@@ -143,24 +137,12 @@ def upper_root(matrix: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Standard parameters π = T x, x the triangles of all J̃, then drives and friction.
+    """Standard parameters π = T x, x the triangles of all J̃, then drives and friction."""
 
-    Attributes
-    ----------
-    links : tuple of ReferenceLink
-        One for each joint, then one for each load.
-    places : tuple of (10,)
-        Which standard parameters each of them is part of.
-    drives : (k,)
-        Standard parameters of drives and friction.
-    to_standard : (p, 10 n + k)
-        T.
-    """
-
-    links: tuple[ReferenceLink, ...]
-    places: tuple[IntArray, ...]
-    drives: IntArray
-    to_standard: FloatArray
+    links: tuple[ReferenceLink, ...]  # One for each joint, then one for each load
+    places: tuple[IntArray, ...]  # Which standard parameters each of them is part of
+    drives: IntArray  # (k,): standard parameters of drives and friction
+    to_standard: FloatArray  # (p, 10 n + k): T
 
     @classmethod
     def of(

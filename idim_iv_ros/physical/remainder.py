@@ -35,21 +35,12 @@ _MOST_STEPS = 300
 
 @dataclass(frozen=True)
 class Remainder:
-    """The maximum of the posterior.
+    """The maximum of the posterior."""
 
-    Attributes
-    ----------
-    standard : (p,)
-        Standard parameters of the robot without its loads.
-    loads : tuple of (10,)
-        XX … M of each.
-    links, drives : (n_joints,)
-        Relative sizes w that the estimate asks for; zero where the nominal numbers stay.
-    uncertainty : Uncertainty
-    """
-
-    standard: FloatArray
-    loads: tuple[FloatArray, ...]
+    standard: FloatArray  # (p,): standard parameters of the robot without its loads
+    loads: tuple[FloatArray, ...]  # XX … M of each
+    # links, drives: (n_joints,): relative sizes w that the estimate asks for; zero where the
+    # nominal numbers stay
     links: FloatArray
     drives: FloatArray
     uncertainty: "Uncertainty"
@@ -61,19 +52,12 @@ class Uncertainty:
 
     One relative size for all links and one for all drives, of maximum evidence and at least 1 %:
     links of one nominal model are about as good, also those that no motion shows.
-
-    Attributes
-    ----------
-    coordinates : Coordinates
-        Links and loads of the maximum as references.
-    root : (q, q)
-        Lower triangular; root @ root.T is the covariance of x of these coordinates.
-    link, drive : float
-        The relative sizes.
     """
 
-    coordinates: Coordinates
+    coordinates: Coordinates  # Links and loads of the maximum as references
+    # (q, q): lower triangular; root @ root.T is the covariance of x of these coordinates
     root: FloatArray
+    # link, drive: The relative sizes
     link: float
     drive: float
 
@@ -105,8 +89,6 @@ def spread_remainder(
 
     Parameters
     ----------
-    robot
-    base
     estimate, covariance : (b,), (b, b)
         Base parameters; rows of zeros are not shown.
     standard : (p,)

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from idim_iv_ros.fleet.remote import is_local, local_path
 from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
+from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
 from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure

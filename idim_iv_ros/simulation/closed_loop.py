@@ -39,42 +39,30 @@ PLANT_STEP = 0.5e-3
 
 @dataclass(frozen=True)
 class ClosedLoopResult:
-    """Motion and torques of a simulated closed loop at the samples of its references.
+    """Motion and torques of a simulated closed loop at the samples of its references."""
 
-    Attributes
-    ----------
-    rate : float
-        Hz.
-    position, velocity : (n_samples, n_joints)
-        rad, rad/s (m, m/s). Fewer samples than the references have if it diverged. Of the motor,
-        where motor and link are two masses.
-    acceleration : (n_samples, n_joints)
-        rad/s² (m/s²). The held torque steps at control instants, and the acceleration with it;
-        where a sample falls on a step this is the mean of both sides, which central differences
-        of the position approach too. (0, n_joints) where it was not asked for.
-    torque : (n_samples, n_joints)
-        Last torque command, N m (N); without delay it acts from the sample's instant on.
-    applied_torque : (n_samples, n_joints)
-        The torque that `acceleration` belongs to: that on the joints, the disturbance included,
-        mean of both sides.
-    diverged : str or None
-        Why the simulation ended early, in words; None if it did not.
-    measured_position, measured_velocity : (n_samples, n_joints)
-        What the encoders show and the control sees: `position`, `velocity` but for the effect
-        `encoder_eccentricity`.
-    link_position, link_velocity : (n_samples, n_joints)
-        `position`, `velocity` but for the effects `elasticity` and `backlash`.
-    """
-
-    rate: float
+    rate: float  # Hz
+    # position, velocity: (n_samples, n_joints) rad, rad/s (m, m/s). Fewer samples than the
+    # references have if it diverged. Of the motor, where motor and link are two masses.
     position: FloatArray
     velocity: FloatArray
+    # (n_samples, n_joints) rad/s² (m/s²). The held torque steps at control instants, and the
+    # acceleration with it; where a sample falls on a step this is the mean of both sides, which
+    # central differences of the position approach too. (0, n_joints) where it was not asked for.
     acceleration: FloatArray
+    # (n_samples, n_joints): last torque command, N m (N); without delay it acts from the sample's
+    # instant on
     torque: FloatArray
+    # (n_samples, n_joints): the torque that `acceleration` belongs to: that on the joints, the
+    # disturbance included, mean of both sides
     applied_torque: FloatArray
-    diverged: str | None
+    diverged: str | None  # Why the simulation ended early, in words; None if it did not
+    # measured_position, measured_velocity: (n_samples, n_joints): what the encoders show and the
+    # control sees: `position`, `velocity` but for the effect `encoder_eccentricity`
     measured_position: FloatArray
     measured_velocity: FloatArray
+    # link_position, link_velocity: (n_samples, n_joints): `position`, `velocity` but for the
+    # effects `elasticity` and `backlash`
     link_position: FloatArray
     link_velocity: FloatArray
 
@@ -150,7 +138,7 @@ def simulate_closed_loop(
     else:
         dynamics = plant(robot, parameters)
     behind = [shaft.joint for shaft in shafts]
-    loop = _loop(
+    loop = sampled_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
     links = link_positions(robot, parameters, shafts, q) if shafts else q
@@ -183,7 +171,7 @@ def simulate_closed_loop(
     return _result(rate, recorded_trace, robot, present, behind, diverged)
 
 
-def _loop(
+def sampled_loop(
     robot: RobotModel,
     law: ControlLaw,
     added: JointContributions,
@@ -193,7 +181,7 @@ def _loop(
     rate: float,
     plant_step: float,
 ) -> Loop:
-    """References, gains and delays in tree order."""
+    """Return the law with what effects change of it, references and instants, in tree order."""
 
     def tree(values: FloatArray) -> FloatArray:
         return np.ascontiguousarray(np.asarray(values, dtype=float)[..., robot.order])

@@ -136,24 +136,27 @@ def copy(source: FloatArray, target: FloatArray) -> None:
 
 
 @kernel
+def _send(
+    loop: Loop, state: State, time: float, controls: int, q: FloatArray, dq: FloatArray
+) -> None:
+    """Command of one control instant for what the encoders show, into the ring of pending ones."""
+    row = state.pending[controls % state.pending.shape[0]]
+    if loop.speed_factor > 0.0:
+        see_speed(loop, controls == 0, state, q, dq)
+        dq = state.speed
+    command(loop, time, q, dq, state.integral, row)
+    filter_command(loop, controls == 0, state.filtered, row)
+
+
+@kernel
 def control(effects: Effects | None, loop: Loop, state: State, time: float, controls: int) -> None:
-    """Command of one control instant, into the ring of those on their way."""
+    """Command of one control instant, and what it does at the first."""
     row = state.pending[controls % state.pending.shape[0]]
     if effects is None:
-        dq = state.dq
-        if loop.speed_factor > 0.0:
-            see_speed(loop, controls == 0, state, state.q, state.dq)
-            dq = state.speed
-        command(loop, time, state.q, dq, state.integral, row)
+        _send(loop, state, time, controls, state.q, state.dq)
     else:
         measure(effects.rows, state.q, state.dq, effects.measured)
-        shown = effects.measured[0]
-        seen = effects.measured[1]
-        if loop.speed_factor > 0.0:
-            see_speed(loop, controls == 0, state, shown, seen)
-            seen = state.speed
-        command(loop, time, shown, seen, state.integral, row)
-        filter_command(loop, controls == 0, state.filtered, row)
+        _send(loop, state, time, controls, effects.measured[0], effects.measured[1])
     if controls == 0:
         for i in range(row.shape[0]):
             state.applied[i] = row[i] if effects is None else acting_torque(effects.rows, i, row[i])
@@ -215,8 +218,8 @@ def record(
     return True
 
 
-def _entry(digest: str) -> Callable[..., Any]:
-    """Compile the function that Python calls; `digest` is part of its key in numba's cache."""
+def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Compile the functions that Python calls; `digest` is part of their key in numba's cache."""
 
     @entry
     def run(
@@ -283,11 +286,19 @@ def _entry(digest: str) -> Callable[..., Any]:
                     return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
             time = until
 
-    compiled: Callable[..., Any] = run
-    return compiled
+    @entry
+    def send(
+        loop: Loop, state: State, controls: int, q: FloatArray, dq: FloatArray, sent: FloatArray
+    ) -> None:
+        """Write the command (n,) of a control instant for what the encoders show then."""
+        _ = digest
+        _send(loop, state, controls * loop.period, controls, q, dq)
+        copy(state.pending[controls % state.pending.shape[0]], sent)
+
+    return run, send
 
 
-run_closed_loop = _entry(
+run_closed_loop, send_command = _entries(
     source_digest(
         link_motion, rigid_body, dry_friction, effect_kernel, plant_step, *registry.MODULES
     )

@@ -28,38 +28,25 @@ class ControlLaw:
     ``pd``: τ = kp e + kd (dq_ref − dq) + ki ∫e + feedforward, e = q_ref − q; without
     `velocity_reference` the kd term acts on −dq. ``cascade``: τ = drive_gain · kv (kp e − dq) +
     feedforward.
-
-    Attributes
-    ----------
-    type : str
-    kp, kd, ki, kv, drive_gain : (n_joints,)
-        Those that a law does not have are zero (drive_gain: one).
-    velocity_reference : bool
-        Whether dq_ref enters a pd law.
-    torque_limit : (n_joints,)
-        N m (N); infinite where there is none. The integral stands still in saturation.
-    period : float or None
-        Of the control, s; None: one sample of the references.
-    delay : float
-        From the command to the torque on the joint, s.
-    feedforward : (n_samples, n_joints) or None
-        Torque added to the command, sampled like the references.
-    speed_factor : float or None
-        Of the first-order filter through which the law sees backward differences of the position
-        over its period, v ← v + factor (Δq / period − v); 1 is no filter. None: the exact speed.
     """
 
     type: Literal["pd", "cascade"]
+    # kp, kd, ki, kv, drive_gain: (n_joints,): those that a law does not have are zero (drive_gain:
+    # one)
     kp: FloatArray
     kd: FloatArray
     ki: FloatArray
     kv: FloatArray
     drive_gain: FloatArray
-    velocity_reference: bool
+    velocity_reference: bool  # Whether dq_ref enters a pd law
+    # (n_joints,) N m (N); infinite where there is none. The integral stands still in saturation.
     torque_limit: FloatArray
-    period: float | None
-    delay: float
+    period: float | None  # Of the control, s; None: one sample of the references
+    delay: float  # From the command to the torque on the joint, s
+    # (n_samples, n_joints) or None: torque added to the command, sampled like the references
     feedforward: FloatArray | None = None
+    # Of the first-order filter through which the law sees backward differences of the position over
+    # its period, v ← v + factor (Δq / period − v); 1 is no filter. None: the exact speed.
     speed_factor: float | None = None
 
     @property
@@ -153,37 +140,23 @@ def control_law(
 
 @dataclass(frozen=True)
 class ControllerFit:
-    """Law of each joint fitted to the logged torque: τ = Σ gain · term.
+    """Law of each joint fitted to the logged torque: τ = Σ gain · term."""
 
-    Attributes
-    ----------
-    terms : tuple of str
-        ``kp`` (position error), ``kd`` (velocity error), ``bias``, ``ki`` (integral of the
-        position error), and feedforward of ``reference_velocity``, ``reference_acceleration``,
-        ``reference_direction`` (its sign). A law with −dq in its kd term shows as a
-        reference_velocity gain of −kd.
-    gains, std : (n_joints, n_terms)
-        Zero where a joint's law leaves a term out. The standard deviations allow for the
-        residual's autocorrelation at one sample.
-    included : (n_joints, n_terms) bool
-    r_squared : (n_joints,)
-        Share of the (low-passed) torque's variance that the law explains.
-    delay : int
-        Samples from the errors to the torque, common to all joints.
-    rate : float
-        Hz.
-    cutoff : float
-        Low-pass of all signals before the regression, Hz.
-    """
-
+    # ``kp`` (position error), ``kd`` (velocity error), ``bias``, ``ki`` (integral of the position
+    # error), and feedforward of ``reference_velocity``, ``reference_acceleration``,
+    # ``reference_direction`` (its sign). A law with −dq in its kd term shows as a
+    # reference_velocity gain of −kd.
     terms: tuple[str, ...]
+    # gains, std: (n_joints, n_terms): zero where a joint's law leaves a term out. The standard
+    # deviations allow for the residual's autocorrelation at one sample.
     gains: FloatArray
     std: FloatArray
-    included: NDArray[np.bool_]
+    included: NDArray[np.bool_]  # (n_joints, n_terms) bool
+    # (n_joints,): share of the (low-passed) torque's variance that the law explains
     r_squared: FloatArray
-    delay: int
-    rate: float
-    cutoff: float
+    delay: int  # Samples from the errors to the torque, common to all joints
+    rate: float  # Hz
+    cutoff: float  # Low-pass of all signals before the regression, Hz
 
     def gain(self, term: str) -> FloatArray:
         """Gains (n_joints,) of one term."""

@@ -35,69 +35,42 @@ _error = dispatcher({kind: law.error for kind, law in enumerate(ENCODER_LAWS)}, 
 
 
 class Rows(NamedTuple):
-    """Contributions with compiled laws: t torques first, then drive curves, then encoder errors.
+    """Contributions with compiled laws: t torques first, then drive curves, then encoder errors."""
 
-    Attributes
-    ----------
-    kind, joint, value : (rows,), (rows,), (rows, most values)
-        Of each its law, its joint in tree order (of a coupling its contact), the law's values.
-    load : (rows,)
-        What a torque takes as the load (`contribution.Load`).
-    state : (t, STATES)
-    stateful : (torques with a state,)
-        Their rows.
-    first_error : int
-        Row of the first encoder error.
-    """
-
+    # kind, joint, value: (rows,), (rows,), (rows, most values): of each its law, its joint in tree
+    # order (of a coupling its contact), the law's values
     kind: IntArray
     joint: IntArray
     value: FloatArray
-    load: IntArray
-    state: FloatArray
-    stateful: IntArray
-    first_error: int
+    load: IntArray  # (rows,): what a torque takes as the load (`contribution.Load`)
+    state: FloatArray  # (t, STATES)
+    stateful: IntArray  # (torques with a state,): their rows
+    first_error: int  # Row of the first encoder error
 
 
 class Effects(NamedTuple):
-    """Effects of one robot as arrays, n joints, N coordinates.
-
-    Attributes
-    ----------
-    rows : Rows
-    level : (n_contacts,)
-        Dry friction without effects, less what they take the place of.
-    damping : (N, N)
-        Viscous friction without effects.
-    model_level, model_damping : (n_contacts,), (N, N)
-        Dry and viscous friction of the model, before effects take the place of a part.
-    dry : (n_contacts,)
-        Joints and couplings with dry friction at any time.
-    dissipative : (n,)
-        Joints whose friction is kept from driving.
-    start_time : float
-        s since the start of the session.
-    link : (n,)
-        Coordinate of each link.
-    shaft_joint, shaft_gap, shaft_stiffness, shaft_damping : (N - n,)
-    force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured
-        Written by compiled code. load, static, inertial (n,): torque of the links, the same without
-        accelerations, and of the drives' inertia.
-    """
+    """Effects of one robot as arrays, n joints, N coordinates."""
 
     rows: Rows
+    # (n_contacts,): dry friction without effects, less what they take the place of
     level: FloatArray
-    damping: FloatArray
+    damping: FloatArray  # (N, N): viscous friction without effects
+    # model_level, model_damping: (n_contacts,), (N, N): dry and viscous friction of the model,
+    # before effects take the place of a part
     model_level: FloatArray
     model_damping: FloatArray
-    dry: NDArray[np.bool_]
-    dissipative: NDArray[np.bool_]
-    start_time: float
-    link: IntArray
+    dry: NDArray[np.bool_]  # (n_contacts,): joints and couplings with dry friction at any time
+    dissipative: NDArray[np.bool_]  # (n,): joints whose friction is kept from driving
+    start_time: float  # s since the start of the session
+    link: IntArray  # (n,): coordinate of each link
+    # shaft_joint, shaft_gap, shaft_stiffness, shaft_damping: (N - n,)
     shaft_joint: IntArray
     shaft_gap: FloatArray
     shaft_stiffness: FloatArray
     shaft_damping: FloatArray
+    # force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured:
+    # Written by compiled code. load, static, inertial (n,): torque of the links, the same without
+    # accelerations, and of the drives' inertia.
     force: FloatArray
     stiffness: FloatArray
     link_q: FloatArray

@@ -12,41 +12,27 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 
 class Plant(NamedTuple):
-    """Kinematic tree with linear dynamic parameters and friction, joints in tree order.
+    """Kinematic tree with linear dynamic parameters and friction, joints in tree order."""
 
-    Attributes
-    ----------
-    parent, revolute : (n + 1,)
-        Row 0 is the base.
-    rotation, translation : (n + 1, 3, 3), (n + 1, 3)
-        Constant placement of each joint frame in its parent's; its z is the joint's axis.
-    inertial : (n + 1, 10)
-        M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ in that frame.
-    gravity : (3,)
-    drive_inertia, damping : (n, n)
-        With the couplings off the diagonal.
-    offset : (n,)
-    level : (n_contacts,)
-        Dry friction of each contact, N m or N.
-    first, second : (n_contacts,)
-        Joints from 0 whose speeds are added; second is -1 for the friction of one joint.
-    direction : (n_contacts,)
-        1, or -1 where the second speed is subtracted.
-    """
-
+    # parent, revolute: (n + 1,): row 0 is the base
     parent: IntArray
     revolute: NDArray[np.bool_]
+    # rotation, translation: (n + 1, 3, 3), (n + 1, 3): constant placement of each joint frame in
+    # its parent's; its z is the joint's axis
     rotation: FloatArray
     translation: FloatArray
-    inertial: FloatArray
-    gravity: FloatArray
+    inertial: FloatArray  # (n + 1, 10): M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ in that frame
+    gravity: FloatArray  # (3,)
+    # drive_inertia, damping: (n, n): with the couplings off the diagonal
     drive_inertia: FloatArray
     damping: FloatArray
-    offset: FloatArray
-    level: FloatArray
+    offset: FloatArray  # (n,)
+    level: FloatArray  # (n_contacts,): dry friction of each contact, N m or N
+    # first, second: (n_contacts,): joints from 0 whose speeds are added; second is -1 for the
+    # friction of one joint
     first: IntArray
     second: IntArray
-    direction: FloatArray
+    direction: FloatArray  # (n_contacts,): 1, or -1 where the second speed is subtracted
 
 
 class Workspace(NamedTuple):
@@ -72,45 +58,36 @@ class Workspace(NamedTuple):
 
 
 class State(NamedTuple):
-    """Where a simulation stands, and what it keeps from one instant to the next.
+    """Where a simulation stands, and what it keeps from one instant to the next."""
 
-    Attributes
-    ----------
-    q, dq, ddq : (N,)
-        Of all coordinates; the acceleration is that of the last step.
-    middle, predicted, spare, rest : (N,)
-        Position and velocity half a step ahead; a copy of the acceleration; zeros.
-    integral, applied, acting, before, filtered, fraction : (n,)
-        Of the joints: integral of the control error, torque that has arrived, with the disturbance,
-        the same before this instant, output of the command's filter, delay beyond whole periods, s.
-    seen, speed : (n,)
-        Position at the last control instant, and the speed that a law with a filter sees there.
-    whole, arrivals : (n,)
-        Delay in whole control periods, commands that have arrived.
-    pending : (ring, n)
-        Commands on their way.
-    resting, mode, spare_mode : (n_contacts,)
-        See `dry_friction`.
-    """
-
+    # q, dq, ddq: (N,): of all coordinates; the acceleration is that of the last step
     q: FloatArray
     dq: FloatArray
     ddq: FloatArray
+    # middle, predicted, spare, rest: (N,): position and velocity half a step ahead; a copy of the
+    # acceleration; zeros
     middle: FloatArray
     predicted: FloatArray
     spare: FloatArray
     rest: FloatArray
+    # integral, applied, acting, before, filtered, fraction: (n,): of the joints: integral of the
+    # control error, torque that has arrived, with the disturbance, the same before this instant,
+    # output of the command's filter, delay beyond whole periods, s
     integral: FloatArray
     applied: FloatArray
     acting: FloatArray
     before: FloatArray
     filtered: FloatArray
     fraction: FloatArray
+    # seen, speed: (n,): position at the last control instant, and the speed that a law with a
+    # filter sees there
     seen: FloatArray
     speed: FloatArray
+    # whole, arrivals: (n,): delay in whole control periods, commands that have arrived
     whole: IntArray
     arrivals: IntArray
-    pending: FloatArray
+    pending: FloatArray  # (ring, n): commands on their way
+    # resting, mode, spare_mode: (n_contacts,): see `dry_friction`
     resting: NDArray[np.bool_]
     mode: IntArray
     spare_mode: IntArray

@@ -20,31 +20,20 @@ _DISTURBANCE, _JITTER = 1, 2
 
 @dataclass(frozen=True)
 class SimulatedRecording:
-    """Signals (n_samples, n_joints) as recorded, and the noise-free truth beside them.
+    """Signals (n_samples, n_joints) as recorded, and the noise-free truth beside them."""
 
-    Attributes
-    ----------
-    rate : float
-        Hz.
-    time : (n_samples,)
-        Stamps, s, from about 0; with jitter they are not when the samples were taken.
-    position : rad or m, with encoder resolution and noise
-    effort : N m or N, with noise: mean of the torque command over the sample period centred on
-        the stamp. A command held from a stamp to the next, taken as the torque *at* the stamp,
-        would lead the motion by half a period.
-    position_reference, velocity_reference : rad, rad/s
-    truth : ClosedLoopResult
-        At the instants of the control, `control_ratio` for each sample.
-    control_ratio : int
-    """
-
-    rate: float
+    rate: float  # Hz
+    # (n_samples,): stamps, s, from about 0; with jitter they are not when the samples were taken
     time: FloatArray
-    position: FloatArray
+    position: FloatArray  # rad or m, with encoder resolution and noise
+    # N m or N, with noise: mean of the torque command over the sample period centred on the stamp.
+    # A command held from a stamp to the next, taken as the torque *at* the stamp, would lead the
+    # motion by half a period.
     effort: FloatArray
+    # position_reference, velocity_reference: rad, rad/s
     position_reference: FloatArray
     velocity_reference: FloatArray | None
-    truth: ClosedLoopResult
+    truth: ClosedLoopResult  # At the instants of the control, `control_ratio` for each sample
     control_ratio: int
 
 

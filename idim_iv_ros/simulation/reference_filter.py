@@ -18,22 +18,13 @@ FITTED_ROWS = 4000
 
 @dataclass(frozen=True)
 class ReferenceFilter:
-    """Positions that the closed loop would take without noise, fitted to the measured ones.
+    """Positions that the closed loop would take without noise, fitted to the measured ones."""
 
-    Attributes
-    ----------
-    position : (n_samples, n_joints)
-        rad or m.
-    error : (n_joints,)
-        RMS of measured less filtered position on the last 30 % of the record, which the filter had
-        not seen, rad or m.
-    spread : (n_joints,)
-        Standard deviation of the measured position there, rad or m.
-    """
-
-    position: FloatArray
+    position: FloatArray  # (n_samples, n_joints) rad or m
+    # (n_joints,): RMS of measured less filtered position on the last 30 % of the record, which the
+    # filter had not seen, rad or m
     error: FloatArray
-    spread: FloatArray
+    spread: FloatArray  # (n_joints,): standard deviation of the measured position there, rad or m
 
 
 def filter_reference(

@@ -40,48 +40,23 @@ Result = GapResult | IdentificationResult
 
 @dataclass(frozen=True)
 class Answer:
-    """A result that belongs to a robot.
-
-    Attributes
-    ----------
-    path : Path
-    bags : tuple of str
-        Its recordings, as the result names them.
-    diagnosed : bool
-        A gap.json; otherwise a result.json.
-    refit : bool
-        Whether the model is the physical set of the refit; otherwise the nominal one with the
-        causes.
-    robot : RobotModel
-    physical : PhysicalParameters
-    model : CorrectedModel
-    effects : tuple of SimulatedEffect
-        Causes beyond the model.
-    in_parameters : tuple of str
-        Causes that are no effects, in words.
-    left_out : tuple of str
-        Names of causes that were not wanted.
-    friction_leads : dict of str to float
-        s by which dry friction turned before its joint in the recording, as a simulator has it.
-    errors : tuple of ParameterError
-        What of the torque gap the causes leave at each joint.
-    notes : tuple of str
-        What a reader of the files must know.
-    """
+    """A result that belongs to a robot."""
 
     path: Path
-    bags: tuple[str, ...]
-    diagnosed: bool
+    bags: tuple[str, ...]  # Its recordings, as the result names them
+    diagnosed: bool  # A gap.json; otherwise a result.json
+    # Whether the model is the physical set of the refit; otherwise the nominal one with the causes
     refit: bool
     robot: RobotModel
     physical: PhysicalParameters
     model: CorrectedModel
-    effects: tuple[SimulatedEffect, ...]
-    in_parameters: tuple[str, ...]
-    left_out: tuple[str, ...]
+    effects: tuple[SimulatedEffect, ...]  # Causes beyond the model
+    in_parameters: tuple[str, ...]  # Causes that are no effects, in words
+    left_out: tuple[str, ...]  # Names of causes that were not wanted
+    # s by which dry friction turned before its joint in the recording, as a simulator has it
     friction_leads: dict[str, float]
-    errors: tuple[ParameterError, ...]
-    notes: tuple[str, ...]
+    errors: tuple[ParameterError, ...]  # What of the torque gap the causes leave at each joint
+    notes: tuple[str, ...]  # What a reader of the files must know
 
     def values(self, kind: str, otherwise: FloatArray) -> list[float]:
         """Standard parameters of a kind by joint; `otherwise` where the model lacks them."""

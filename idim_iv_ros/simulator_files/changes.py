@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import Answer
-from idim_iv_ros.simulator_files.law import DriveLaw
 from idim_iv_ros.simulator_files.named import kind_of
-from idim_iv_ros.simulator_files.randomization import Randomization
+from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulator_files.xml_text import number_text
 
 _SOURCES = {
@@ -19,19 +18,19 @@ _ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "consta
 
 
 def changes_text(
-    answer: Answer,
+    robot: ExportedRobot,
     effects: Sequence[SimulatedEffect],
-    law: DriveLaw,
     files: Sequence[str],
     notes: Sequence[str],
     *,
-    randomization: Randomization | None = None,
-    file: str = "URDF",
+    ranges: Sequence[str],
+    file: str,
 ) -> str:
-    """Return the page: causes or refit, parameters, effects, the law, notes.
+    """Return the page: causes or refit, parameters, ranges, effects, the law, notes.
 
     `file`: what kind of file the nominal model is, URDF or MJCF.
     """
+    answer = robot.answer
     lines = [f"# {answer.robot.name}: from {answer.path.name} into a simulator", ""]
     lines += _of_refit(answer) if answer.refit else _of_causes(answer)
     lines += [
@@ -54,10 +53,10 @@ def changes_text(
         ),
         "",
         *_remainder(answer),
-        *(randomization.table() if randomization is not None else ()),
+        *ranges,
         *_without_element(answer, file),
         *_effect_lines(answer, effects),
-        *("## Control law", "", f"{law.words}.", ""),
+        *("## Control law", "", f"{robot.law.words}.", ""),
     ]
     remarks = [*answer.notes, *notes]
     if remarks:

@@ -1,36 +1,29 @@
 """From a result to the files of a simulator: the whole of `idim-iv export`."""
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
 from idim_iv_ros.model import kinematics_digest, load_robot, read_urdf_file, read_urdf_text
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
-from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.answer import Answer, read_answer
+from idim_iv_ros.simulator_files.answer import read_answer
 from idim_iv_ros.simulator_files.changes import changes_text
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
-from idim_iv_ros.simulator_files.law import DriveLaw, drive_law
-from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
-from idim_iv_ros.simulator_files.mjcf import JointValues, mjcf_text
-from idim_iv_ros.simulator_files.mjcf_effects import Coupled, native_effects
+from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
 from idim_iv_ros.simulator_files.mjcf_kept import with_mjcf_values
-from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.randomization import EVENTS, RANDOMIZE, Randomization
+from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulator_files.urdf_text import with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile
-from idim_iv_ros.types import FloatArray
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
 _READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
@@ -149,24 +142,24 @@ def export(
     )
     _require_other_files(made, source, path, configuration, force)
     urdf = read_urdf_text(text, str(source))
-    robot = _ExportedRobot(answer, configuration, source, source.read_bytes(), urdf)
-    texts, effects, more = robot.of_mjcf(made) if of_mjcf else robot.of_urdf(made)
+    robot = ExportedRobot(answer, configuration, source, source.read_bytes(), urdf)
+    texts, effects, more = (_of_mjcf if of_mjcf else _of_urdf)(robot, made)
     notes = (*robot.notes, *more)
     document = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
         recordings=answer.bags,
     )
-    ranges = robot.randomization if randomize else None
     names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
-    texts[made.effects] = document.to_json()
-    texts[made.changes] = changes_text(
-        answer, effects, robot.law, names, notes, randomization=ranges, file=kind
-    )
-    if ranges is not None:
+    table: list[str] = []
+    if randomize:
+        ranges = Randomization.of(robot)
         of_mujoco, of_isaac_lab = made.ranges
         texts[of_mujoco] = ranges.mujoco_text(made.mjcf.name, robot.origin)
         texts[of_isaac_lab] = ranges.isaac_lab_text(robot.origin)
+        table = ranges.table()
+    texts[made.effects] = document.to_json()
+    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=table, file=kind)
     _write(texts, out)
     return replace(
         made,
@@ -180,213 +173,73 @@ def export(
 
 
 # Contents by file, effects marked as native or not, and notes.
-_Made = tuple[dict[Path, bytes | str], tuple[SimulatedEffect, ...], tuple[str, ...]]
+_Written = tuple[dict[Path, bytes | str], tuple[SimulatedEffect, ...], tuple[str, ...]]
 
 
-@dataclass(frozen=True)
-class _ExportedRobot:
-    """An answer, the file that it changes, and what follows from both for all written files."""
+def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
+    """Write a URDF and what goes with it; the MJCF is new, and holds what effects it can."""
+    assert made.urdf is not None and made.isaac_lab is not None
+    native, effects = native_effects(robot.effects, robot.answer.robot, robot.law)
+    drives = zip(
+        robot.answer.robot.joints, robot.drives.damping, robot.drives.friction, strict=True
+    )
+    dynamics = {
+        name: {"damping": float(damping), "friction": float(friction)}
+        for name, damping, friction in drives
+    }
+    written = with_values(robot.content, robot.links[0], dynamics, robot.mounted, str(robot.source))
+    _require_read_back(robot, decoded_urdf(written))
+    texts: dict[Path, bytes | str] = {
+        made.urdf: written,
+        made.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
+        made.isaac_lab: isaac_lab_text(robot, made.urdf.name, effects),
+    }
+    names = ", ".join(robot.coupled_friction)
+    notes = (f"{names}: in {EFFECTS} and the MJCF; a URDF has no place",) if names else ()
+    return texts, effects, notes
 
-    answer: Answer
-    configuration: Configuration
-    source: Path
-    content: bytes
-    urdf: Urdf
 
-    @property
-    def origin(self) -> str:
-        """What the numbers come from."""
-        kind = "diagnosis" if self.answer.diagnosed else "identification"
-        return f"{self.answer.path.name} ({kind})"
-
-    @cached_property
-    def bodies(self) -> dict[str, FloatArray]:
-        """XX … M (10,) of what each joint carries, without payloads."""
-        joints, values = self.answer.robot.joints, self.answer.model.values
-        return {name: body_of_joint(values, joint) for joint, name in enumerate(joints)}
-
-    @cached_property
-    def links(self) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
-        """Links that change, and what there is to say of them."""
-        return link_bodies(self.urdf, self.bodies, str(self.source))
-
-    @cached_property
-    def mounted(self) -> dict[str, tuple[str, Load]]:
-        """Payloads by a link name that no link has, each with the link that carries it."""
-        taken, mounted = set(self.urdf.links), {}
-        for load in self.answer.model.loads:
-            name = load.name
-            while name in taken:
-                name += "_found"
-            taken.add(name)
-            mounted[name] = (self.urdf.joints[load.joint].child, load)
-        return mounted
-
-    @cached_property
-    def drives(self) -> JointValues:
-        """Drives and friction of all joints."""
-        robot, values = self.answer.robot, self.answer.model.values
-        numbers = {
-            kind: np.array(self.answer.values(kind, given))
-            for kind, given in robot.given.of_drives.items()
-        }
-        leads = self.answer.friction_leads
-        return JointValues(
-            armature=numbers["Ia"],
-            damping=np.maximum(numbers["Fv"], 0.0),
-            friction=np.maximum(numbers["Fc"], 0.0),
-            offset=numbers["off"],
-            bodies=tuple(LinkBody.of(body) for body in self.bodies.values()),
-            lead=np.array([leads.get(name, 0.0) for name in robot.joints]),
-            couplings=tuple(
-                Coupled(
-                    int(first),
-                    int(second),
-                    1.0,
-                    values.get(f"Fvm{second + 1}", 0.0),
-                    values.get(f"Fcm{second + 1}", 0.0),
-                    float(numbers["Ia"][second]),
-                )
-                for first, second in robot.given.coupling_joints
-            ),
+def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
+    """Write the user's MJCF; effects stay with the callbacks."""
+    configuration = robot.configuration
+    if configuration.robot.couplings:
+        raise UsageError(
+            f"{configuration.source or 'configuration'}: robot.couplings: the coupled "
+            f"transmission would be a tendon that {robot.source} does not have: diagnose with "
+            "the same robot as robot.urdf, whose export makes an MJCF with it"
         )
+    written, notes = with_mjcf_values(robot)
+    _require_read_back(robot, mjcf_as_urdf(robot.source, decoded_urdf(written)), armature=True)
+    notes += (
+        "everything else of the MJCF is as it was, actuators and time step too: they need not "
+        "be the law of the configuration, which is in changes.md",
+        "dry friction turns as early as in the recording, not 10 ms before the joint as with "
+        "MuJoCo's default: that is solreffriction of the joints",
+        f"there is no {ISAAC_LAB}: it needs a URDF",
+    )
+    if configuration.simulator.armature is not None:
+        notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
+    return {made.mjcf: written}, robot.effects, notes
 
-    @cached_property
-    def negative_friction(self) -> tuple[SimulatedEffect, ...]:
-        """Fv and Fc below zero as effects that are the same torque (`Cause.instead_of`).
 
-        No simulator has it as a number: the sum of a joint's friction is simulated, and kept from
-        driving.
-        """
-        values = self.answer.model.values
-        return tuple(
-            SimulatedEffect(effect.name, name, numbers)
-            for joint, name in enumerate(self.answer.robot.joints, 1)
-            for kind in ("Fv", "Fc")
-            if values.get(f"{kind}{joint}", 0.0) < 0.0
-            for effect in STRUCTURAL
-            if (numbers := effect.instead_of(kind, values[f"{kind}{joint}"]))
+def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = False) -> None:
+    """Read the new file as this program reads any, and find the parameters that were meant."""
+    bodies, drives = exported.bodies, exported.drives
+    robot = load_robot(text, list(bodies), source=str(exported.source))
+    meant = np.array(list(bodies.values()))
+    for load in exported.answer.model.loads:
+        meant[list(bodies).index(load.joint)] += load.parameters
+    inertial = robot.given.inertial[:, list(REGRESSOR_ORDER)]
+    same = np.allclose(inertial, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
+    same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
+    same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
+    if armature:
+        same &= np.allclose(robot.given.drive_inertia, drives.armature, rtol=_READ_BACK)
+    if not same or kinematics_digest(robot) != kinematics_digest(exported.answer.robot):
+        raise UsageError(
+            f"{exported.source}: values were put in, and others are read back: elements are "
+            "written in a way that this program does not know; nothing was written"
         )
-
-    @property
-    def effects(self) -> tuple[SimulatedEffect, ...]:
-        """All effects, with negative friction and constant torques among them."""
-        offsets = zip(self.answer.robot.joints, self.drives.offset, strict=True)
-        constant = tuple(
-            SimulatedEffect(name_of("offset"), name, {"offset": float(offset)})
-            for name, offset in offsets
-            if offset
-        )
-        return (*self.answer.effects, *self.negative_friction, *constant)
-
-    @cached_property
-    def law(self) -> DriveLaw:
-        """The configured law as the robot runs it."""
-        return drive_law(
-            self.configuration.controller, self.answer.robot.joints, self.answer.effects
-        )
-
-    @property
-    def coupled_friction(self) -> dict[str, float]:
-        """Friction of coupled transmissions, which no URDF has."""
-        return {
-            parameter.name: parameter.value
-            for parameter in self.answer.model.parameters
-            if parameter.name.startswith(("Fvm", "Fcm")) and parameter.value != parameter.given
-        }
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What there is to say of links and friction."""
-        negative = tuple(
-            f"friction of {effect.joint} below zero, which another effect there makes up for, is "
-            f"the {effect.effect} with parameters {effect.parameters}: the file holds zero in its "
-            "place"
-            for effect in self.negative_friction
-        )
-        return (*self.links[1], *negative)
-
-    @property
-    def randomization(self) -> Randomization | None:
-        """What may vary; None where nothing is spread."""
-        if self.answer.model.remainder is None:
-            return None
-        links = {name: self.urdf.joints[name].child for name in self.answer.robot.joints}
-        loads = {load.name: name for name, (_, load) in self.mounted.items()}
-        return Randomization.of(self.answer, self.answer.model.remainder, links, loads)
-
-    def of_urdf(self, made: Exported) -> _Made:
-        """Write a URDF and what goes with it; the MJCF is new, and holds what effects it can."""
-        answer, drives, law = self.answer, self.drives, self.law
-        assert made.urdf is not None and made.isaac_lab is not None
-        native, effects = native_effects(self.effects, answer.robot, law)
-        dynamics = {
-            name: {"damping": float(damping), "friction": float(friction)}
-            for name, damping, friction in zip(
-                answer.robot.joints, drives.damping, drives.friction, strict=True
-            )
-        }
-        written = with_values(self.content, self.links[0], dynamics, self.mounted, str(self.source))
-        self._require_read_back(decoded_urdf(written))
-        comments = _comments(self.origin, law, effects)
-        texts: dict[Path, bytes | str] = {
-            made.urdf: written,
-            made.mjcf: mjcf_text(answer, self.urdf, drives, law, native, self.mounted, comments),
-            made.isaac_lab: isaac_lab_text(
-                answer.robot, made.urdf.name, drives, law, effects, self.origin
-            ),
-        }
-        names = ", ".join(self.coupled_friction)
-        notes = (f"{names}: in {EFFECTS} and the MJCF; a URDF has no place",) if names else ()
-        return texts, effects, notes
-
-    def of_mjcf(self, made: Exported) -> _Made:
-        """Write the user's MJCF; effects stay with the callbacks."""
-        if self.configuration.robot.couplings:
-            raise UsageError(
-                f"{self.configuration.source or 'configuration'}: robot.couplings: the coupled "
-                f"transmission would be a tendon that {self.source} does not have: diagnose with "
-                "the same robot as robot.urdf, whose export makes an MJCF with it"
-            )
-        written, notes = with_mjcf_values(
-            self.content,
-            self.source,
-            self.urdf,
-            self.links[0],
-            self.answer.robot.joints,
-            self.drives,
-            self.mounted,
-        )
-        self._require_read_back(mjcf_as_urdf(self.source, decoded_urdf(written)), armature=True)
-        notes += (
-            "everything else of the MJCF is as it was, actuators and time step too: they need not "
-            "be the law of the configuration, which is in changes.md",
-            "dry friction turns as early as in the recording, not 10 ms before the joint as with "
-            "MuJoCo's default: that is solreffriction of the joints",
-            f"there is no {ISAAC_LAB}: it needs a URDF",
-        )
-        if self.configuration.simulator.armature is not None:
-            notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
-        return {made.mjcf: written}, self.effects, notes
-
-    def _require_read_back(self, text: str, *, armature: bool = False) -> None:
-        """Read the new file as this program reads any, and find the parameters that were meant."""
-        joints, drives = self.configuration.robot.joints, self.drives
-        robot = load_robot(text, joints, source=str(self.source))
-        meant = np.array(list(self.bodies.values()))
-        for load in self.answer.model.loads:
-            meant[list(self.bodies).index(load.joint)] += load.parameters
-        inertial = robot.given.inertial[:, list(REGRESSOR_ORDER)]
-        same = np.allclose(inertial, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
-        same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
-        same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
-        if armature:
-            same &= np.allclose(robot.given.drive_inertia, drives.armature, rtol=_READ_BACK)
-        if not same or kinematics_digest(robot) != kinematics_digest(self.answer.robot):
-            raise UsageError(
-                f"{self.source}: values were put in, and others are read back: elements are "
-                "written in a way that this program does not know; nothing was written"
-            )
 
 
 def _require_other_files(
@@ -405,8 +258,10 @@ def _require_other_files(
             )
 
 
-def _comments(origin: str, law: DriveLaw, effects: tuple[SimulatedEffect, ...]) -> list[str]:
-    lines = [f"From {origin} by idim_iv_ros; changes.md says what is new and how sure it is."]
+def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[str]:
+    """Lines at the top of the new MJCF."""
+    law = robot.law
+    lines = [f"From {robot.origin} by idim_iv_ros; changes.md says what is new and how sure it is."]
     if law.in_actuators:
         lines.append(
             "Actuators are the law: ctrl of JOINT is q_ref"

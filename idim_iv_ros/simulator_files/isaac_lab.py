@@ -11,8 +11,7 @@ import numpy as np
 from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.law import DriveLaw
-from idim_iv_ros.simulator_files.mjcf import JointValues
+from idim_iv_ros.simulator_files.robot import DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
 _FILE = '''"""{robot} for Isaac Lab, from {origin}.
@@ -53,24 +52,13 @@ _UNKNOWN_LAW = [
 
 
 def isaac_lab_text(
-    robot: RobotModel,
-    urdf_name: str,
-    values: JointValues,
-    law: DriveLaw,
-    effects: Sequence[SimulatedEffect],
-    origin: str,
+    exported: ExportedRobot, urdf_name: str, effects: Sequence[SimulatedEffect]
 ) -> str:
-    """Return the file.
+    """Return the file, for the exported URDF of that name beside it.
 
-    Parameters
-    ----------
-    urdf_name
-        Of the exported URDF beside it.
-    effects
-        Of the robot; those that no field expresses are listed in a comment.
-    origin
-        What the numbers come from, for the first line.
+    Effects that no field expresses are listed in a comment.
     """
+    robot, values, law = exported.answer.robot, exported.drives, exported.law
     delayed = bool(law.configured and any(law.delay))
     kind = "DelayedPDActuatorCfg" if delayed else "IdealPDActuatorCfg"
     said = _inexpressible(robot, values, law, effects) or ["nothing that was found"]
@@ -87,7 +75,7 @@ def isaac_lab_text(
         lines.append("        ),")
     return _FILE.format(
         robot=robot.name,
-        origin=origin,
+        origin=exported.origin,
         inexpressible="\n".join(f"- {text}" for text in said),
         kind=kind,
         period=law.period,

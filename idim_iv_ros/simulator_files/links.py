@@ -26,20 +26,11 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class LinkBody:
-    """Inertial of one link in the axes of its frame.
+    """Inertial of one link in the axes of its frame."""
 
-    Attributes
-    ----------
-    mass : float
-        kg.
-    centre : (3,) m
-    inertia : (3, 3) kg m²
-        About the centre of mass.
-    """
-
-    mass: float
-    centre: FloatArray
-    inertia: FloatArray
+    mass: float  # kg
+    centre: FloatArray  # (3,) m
+    inertia: FloatArray  # (3, 3) kg m²: about the centre of mass
 
     @classmethod
     def of(cls, parameters: FloatArray) -> "LinkBody":
@@ -60,13 +51,8 @@ def link_bodies(
 ) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
     """Return the links that change, and what there is to say of them.
 
-    Parameters
-    ----------
-    urdf
-    joints
-        XX … M (10,) of the body that each identified joint carries.
-    source
-        What to call the URDF in messages.
+    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
+    in messages.
 
     Raises
     ------

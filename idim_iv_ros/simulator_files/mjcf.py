@@ -1,8 +1,16 @@
-"""A MuJoCo model of a robot with the parameters of a result, every number in full precision."""
+"""A MuJoCo model of a robot with the parameters of a result, every number in full precision.
+
+Its elements hold the effects that MuJoCo has exactly. The numbers of a joint (damping, stiffness)
+and of a tendon over two joints are what the effect's own file says (`Cause.element`). Of the
+control: a delay is that of a motor, a limit beyond which nothing more acts the range of its
+command, and gains are those of the actuators where no lag and no feedforward is part of it. MuJoCo
+has no element for a constant torque, and its DC motor has LuGre friction, another law than those of
+the catalogue. All these stay with `Effects`.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -10,46 +18,77 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
-from idim_iv_ros.simulator_files.answer import Answer
-from idim_iv_ros.simulator_files.law import DriveLaw
+from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.links import LinkBody
-from idim_iv_ros.simulator_files.mjcf_effects import Coupled, NativeEffects
-from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.simulator_files.xml_text import number_text, numbers_text
 from idim_iv_ros.types import FloatArray
 
+
+@dataclass
+class NativeEffects:
+    """What the elements of a MuJoCo model have beyond friction and drive inertia."""
+
+    # damping, stiffness: Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³; of q, q², q³
+    damping: dict[int, FloatArray] = field(default_factory=dict)
+    stiffness: dict[int, FloatArray] = field(default_factory=dict)
+    couplings: list[Coupled] = field(default_factory=list)
+    # Names of the joints or tendons that hold an effect, by its name
+    listed: dict[str, list[str]] = field(default_factory=dict)
+
+    def take(self, effect: SimulatedEffect, robot: RobotModel) -> bool:
+        """Hold an effect; False where MuJoCo has no element for it."""
+        cause = BY_NAME[effect.effect]
+        if not cause.element_of or effect.joint is None:
+            return False
+        joint = robot.joints.index(effect.joint)
+        low, high = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
+        element = cause.element(effect.parameters, low, high)
+        if element is None:
+            return False
+        name = effect.joint
+        for numbers, values in (
+            (self.damping, element.damping),
+            (self.stiffness, element.stiffness),
+        ):
+            if values:
+                numbers[joint] = numbers.get(joint, np.zeros(len(values))) + values
+        if element.tendon:
+            if effect.other_joint is None:
+                return False
+            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *element.tendon)
+            self.couplings.append(tendon)
+            name = tendon.name(robot.joints)
+        self.listed.setdefault(effect.effect, []).append(name)
+        return True
+
+
+def native_effects(
+    effects: Sequence[SimulatedEffect], robot: RobotModel, law: DriveLaw
+) -> tuple[NativeEffects, tuple[SimulatedEffect, ...]]:
+    """Return what the model has natively, and all effects, marked where they are in it."""
+    native = NativeEffects()
+    marked = tuple(
+        replace(effect, native=_in_control(effect, law) or native.take(effect, robot))
+        for effect in effects
+    )
+    return native, marked
+
+
+def _in_control(effect: SimulatedEffect, law: DriveLaw) -> bool:
+    """Whether motors or actuators hold an effect; see `law.drive_law`."""
+    part = part_of(effect.effect)
+    if part == "limit":
+        return not effect.parameters.get("slope", 0.0)
+    return part == "delay" or (part == "gains" and law.configured and not law.beyond)
+
+
 _IMPEDANCE = 0.95  # largest of MuJoCo's default solimpfriction
 _THICKNESS = 0.12  # of a drawn link, of its length
-
-
-@dataclass(frozen=True)
-class JointValues:
-    """Drives and friction of all joints, (n_joints,) each.
-
-    Attributes
-    ----------
-    armature, damping, friction, offset
-        kg m², N m s/rad, N m, N m.
-    bodies : tuple of LinkBody
-        What each joint carries, in its frame.
-    lead : (n_joints,) s
-        By which dry friction turns before its joint; zero as a robot's, and 9.5 ms as MuJoCo's
-        with the defaults of its solver.
-    couplings : tuple of Coupled
-        Of the transmission.
-    """
-
-    armature: FloatArray
-    damping: FloatArray
-    friction: FloatArray
-    offset: FloatArray
-    bodies: tuple[LinkBody, ...]
-    lead: FloatArray
-    couplings: tuple[Coupled, ...] = ()
 
 
 def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:
@@ -71,42 +110,20 @@ def friction_solver(lead: float, step: float) -> dict[str, str]:
     return {"solreffriction": f"{2.0 * step:.4g} 1", "solimpfriction": "0.99 0.99"}
 
 
-def mjcf_text(
-    answer: Answer,
-    urdf: Urdf,
-    values: JointValues,
-    law: DriveLaw,
-    native: NativeEffects,
-    mounted: Mapping[str, tuple[str, Load]],
-    comments: Sequence[str],
-) -> str:
-    """Return the model as text.
+def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence[str]) -> str:
+    """Return the model as text, with effects that its elements hold, and comments at the top.
 
-    Parameters
-    ----------
-    answer
-        Of its robot the kinematics; locked joints and fixed links are part of the body that carries
-        them.
-    urdf
-        Names of links.
-    values
-    law
-        Proportional and derivative actuators where they are the whole law; else motors, whose
-        commands are torques.
-    native
-        Effects that elements of the model have.
-    mounted
-        Payloads by the name of their body.
-    comments
-        Lines at the top.
+    Locked joints and fixed links are part of the body that carries them. Actuators are proportional
+    and derivative where these are the whole law; else motors, whose commands are torques.
 
     Raises
     ------
     UsageError
         A coupled transmission whose drives have less inertia or damping than it takes from them.
     """
-    robot = answer.robot
-    model = _Model(robot, urdf, _behind_transmission(values, robot), law, native)
+    robot, law = exported.answer.robot, exported.law
+    values = _behind_transmission(exported.drives, robot)
+    model = _Model(robot, exported.urdf, values, law, native)
     root = Element("mujoco", model=robot.name)
     for line in comments:
         root.append(_comment(line))
@@ -115,12 +132,12 @@ def mjcf_text(
         root,
         "option",
         timestep=_number(law.period),
-        gravity=_numbers(answer.model.gravity),
+        gravity=_numbers(exported.answer.model.gravity),
         integrator="implicitfast",
     )
     model.add_custom(SubElement(root, "custom"))
     bodies = model.add_bodies(SubElement(root, "worldbody"))
-    for name, (_, load) in mounted.items():
+    for name, (_, load) in exported.mounted.items():
         carrier = bodies[load.joint]
         carrier.append(_comment(load.words))
         SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))

@@ -4,7 +4,7 @@ What an `<inertial>` of the file is written as stays: `fullinertia` in the axes 
 `diaginertia` with a `quat`. Attributes that a default class gives are written at the joint itself.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
@@ -17,10 +17,11 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
 from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
-from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.model.urdf import UrdfJoint
 from idim_iv_ros.simulator_files.links import LinkBody
-from idim_iv_ros.simulator_files.mjcf import JointValues, friction_solver, inertial_of
+from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
 from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
 from idim_iv_ros.simulator_files.xml_text import (
     comment_text,
     elements,
@@ -50,31 +51,8 @@ _NEAR = 0.1  # of it: known no better from a recording
 _ROUNDING = 1e-14
 
 
-def with_mjcf_values(
-    content: bytes,
-    path: Path,
-    urdf: Urdf,
-    links: Mapping[str, LinkBody],
-    joints: Sequence[str],
-    values: JointValues,
-    mounted: Mapping[str, tuple[str, Load]],
-) -> tuple[bytes, tuple[str, ...]]:
-    """Return the MJCF with other values and bodies for payloads, and what to say of it.
-
-    Parameters
-    ----------
-    content
-        The bytes of the file.
-    path
-    urdf
-        What this program makes of the file.
-    links
-        Inertials of links in their frames, by name.
-    joints
-        Those that are identified, in the order of `values`.
-    values
-    mounted
-        Payloads by the name of their body, each with the link that carries it.
+def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
+    """Return the user's MJCF with other values and bodies for payloads, and what to say of it.
 
     Raises
     ------
@@ -82,6 +60,7 @@ def with_mjcf_values(
         The file takes bodies from an asset or makes them by itself, or has settings that change
         inertials; a joint or body whose values have no place of their own.
     """
+    content, path = exported.content, exported.source
     document, included = with_included(content, path)
     notes: tuple[str, ...] = ()
     files = [element.getAttribute("file") for element in _all(document)]
@@ -101,10 +80,11 @@ def with_mjcf_values(
     _require_own_inertials(mujoco, spec, model, str(path))
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
-    for place, name in enumerate(joints):
-        file.set_joint(urdf, name, values, place)
+    for place, name in enumerate(exported.answer.robot.joints):
+        file.set_joint(exported.urdf.joints[name], exported.drives, place)
+    links, _ = exported.links
     without = [name for name, body in links.items() if not file.set_inertial(name, body)]
-    for name, (link, load) in mounted.items():
+    for name, (link, load) in exported.mounted.items():
         file.add_payload(name, link, load)
     if without:
         notes += (
@@ -183,41 +163,33 @@ class _Mjcf:
     bodies: Mapping[str, Any]
     source: str
 
-    def set_joint(self, urdf: Urdf, name: str, values: JointValues, place: int) -> None:
-        """Armature, damping and friction at the joint, less what its actuators have of them."""
-        given = urdf.joints[name]
-        joint = self._only_joint(given.child, name)
+    def set_joint(self, given: UrdfJoint, values: JointValues, place: int) -> None:
+        """Armature, damping and friction at a joint, less what its actuators have of them."""
+        joint = self._only_joint(given.child, given.name)
         dof = int(self.model.jnt_dofadr[int(self.model.body(given.child).jntadr[0])])
-        now = {
-            "armature": float(self.model.dof_armature[dof]),
-            "damping": float(np.ravel(self.model.dof_damping[dof])[0]),
-            "frictionloss": float(self.model.dof_frictionloss[dof]),
-        }
-        # What the compiled joint has less than the nominal model is that of actuators.
-        of_actuators = {
-            "armature": given.armature - now["armature"],
-            "damping": given.damping - now["damping"],
-            "frictionloss": 0.0,
-        }
-        wanted = {
-            "armature": float(values.armature[place]),
-            "damping": float(values.damping[place]),
-            "frictionloss": float(values.friction[place]),
-        }
+        armature = float(self.model.dof_armature[dof])
+        damping = float(np.ravel(self.model.dof_damping[dof])[0])
+        friction = float(self.model.dof_frictionloss[dof])
         changed = {}
-        for key, whole in wanted.items():
-            value, beyond = whole - of_actuators[key], of_actuators[key]
-            if value < -_ROUNDING * max(1.0, abs(beyond)):
+        # What the compiled joint has less than the nominal model is that of actuators.
+        for key, wanted, now, of_actuators in (
+            ("armature", float(values.armature[place]), armature, given.armature - armature),
+            ("damping", float(values.damping[place]), damping, given.damping - damping),
+            ("frictionloss", float(values.friction[place]), friction, 0.0),
+        ):
+            value = wanted - of_actuators
+            if value < -_ROUNDING * max(1.0, abs(of_actuators)):
                 raise UsageError(
-                    f"{self.source}: joint {name}: its actuators alone have more {key} "
-                    f"({beyond:.6g}) than was found ({whole:.6g}): take it out of the actuators"
+                    f"{self.source}: joint {given.name}: its actuators alone have more {key} "
+                    f"({of_actuators:.6g}) than was found ({wanted:.6g}): take it out of the "
+                    "actuators"
                 )
-            if abs(value - now[key]) > _ROUNDING * (abs(now[key]) + abs(beyond)):
+            if abs(value - now) > _ROUNDING * (abs(now) + abs(of_actuators)):
                 changed[key] = number_text(max(value, 0.0))
         solver = friction_solver(float(values.lead[place]), float(self.model.opt.timestep))
         constant, ratio = self.model.dof_solref[dof]
         near = abs(float(solver["solreffriction"].split()[0]) / constant - 1.0) < _NEAR
-        if wanted["frictionloss"] > 0.0 and (constant, ratio) == _DEFAULT_SOLVER and not near:
+        if values.friction[place] > 0.0 and (constant, ratio) == _DEFAULT_SOLVER and not near:
             changed |= solver
         set_values(joint, changed, zeros=True)
 

@@ -53,25 +53,13 @@ class Load:
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """The robot that is exported: the nominal model with named causes, or physical parameters.
-
-    Attributes
-    ----------
-    parameters : tuple of StandardValue
-    loads : tuple of Load
-        Payloads as bodies of their own.
-    effects : tuple of SimulatedEffect
-        Parametric causes that are no parameter of a model.
-    gravity : (3,) m/s²
-    remainder : Remainder or None
-        What no cause explains, where `parameters` hold it.
-    """
+    """The robot that is exported: the nominal model with named causes, or physical parameters."""
 
     parameters: tuple[StandardValue, ...]
-    loads: tuple[Load, ...]
-    effects: tuple[SimulatedEffect, ...]
-    gravity: FloatArray
-    remainder: Remainder | None = None
+    loads: tuple[Load, ...]  # Payloads as bodies of their own
+    effects: tuple[SimulatedEffect, ...]  # Parametric causes that are no parameter of a model
+    gravity: FloatArray  # (3,) m/s²
+    remainder: Remainder | None = None  # What no cause explains, where `parameters` hold it
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -129,19 +117,11 @@ def corrected_model(
     physical: PhysicalParameters,
     source: str,
 ) -> CorrectedModel:
-    """Return the nominal model with these causes.
+    """Return the nominal model, the given parameters of `model`, with these causes.
 
-    Parameters
-    ----------
-    model
-        Its given parameters are the nominal model.
-    causes
-    left_out
-        Those that the diagnosis names and the model shall not have.
-    physical
-        Of the refit: friction beside structural effects of friction.
-    source
-        What to call the result in messages.
+    `left_out` are causes that the diagnosis names and the model shall not have; `physical` is of
+    the refit, for friction beside structural effects of friction; `source` names the result in
+    messages.
 
     Raises
     ------

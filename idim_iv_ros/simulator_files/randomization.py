@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
-from idim_iv_ros.physical.remainder import Remainder, lower_root
-from idim_iv_ros.simulator_files.answer import Answer
-from idim_iv_ros.simulator_files.links import body_of_joint
+from idim_iv_ros.physical.remainder import lower_root
 from idim_iv_ros.simulator_files.named import kind_of
+from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.types import FloatArray
 
 RANDOMIZE, EVENTS = "randomize.py", "isaac_lab_events.py"
@@ -136,27 +135,16 @@ def _map(model, drawn, data, part, mapping, turn, origin):
 
 @dataclass(frozen=True)
 class BodyRange:
-    """What one joint carries, or a payload, as the exported link of a name.
-
-    Attributes
-    ----------
-    name, link : str
-    payload : bool
-    mass, mass_std : float
-        kg.
-    shift_std : (3,)
-        Standard deviation of the centre of mass, m.
-    factor : (4, 4)
-        F: J = F (1 + S) Fᵀ with S = 0 for the exported one.
-    """
+    """What one joint carries, or a payload, as the exported link of a name."""
 
     name: str
     link: str
     payload: bool
+    # mass, mass_std: kg
     mass: float
     mass_std: float
-    shift_std: FloatArray
-    factor: FloatArray
+    shift_std: FloatArray  # (3,): standard deviation of the centre of mass, m
+    factor: FloatArray  # (4, 4): F: J = F (1 + S) Fᵀ with S = 0 for the exported one
 
 
 @dataclass(frozen=True)
@@ -171,47 +159,28 @@ class JointRange:
 
 @dataclass(frozen=True)
 class Randomization:
-    """What may vary, and how together.
-
-    Attributes
-    ----------
-    bodies : tuple of BodyRange
-    joints : tuple of JointRange
-    root : (r, r)
-        Lower triangular; of the triangles of all S, then of the joints.
-    link, drive : float
-        Relative sizes of what no motion shows.
-    """
+    """What may vary, and how together."""
 
     bodies: tuple[BodyRange, ...]
     joints: tuple[JointRange, ...]
-    root: FloatArray
+    root: FloatArray  # (r, r): lower triangular; of the triangles of all S, then of the joints
+    # link, drive: Relative sizes of what no motion shows
     link: float
     drive: float
 
     @classmethod
-    def of(
-        cls, answer: Answer, remainder: Remainder, links: dict[str, str], loads: dict[str, str]
-    ) -> "Randomization":
-        """Take what is exported.
-
-        Parameters
-        ----------
-        answer
-        remainder
-        links
-            The link of each joint.
-        loads
-            The link of each payload that is exported, by its name in the answer.
-        """
-        uncertainty, robot, values = remainder.uncertainty, answer.robot, answer.model.values
+    def of(cls, exported: ExportedRobot) -> "Randomization":
+        """Take what is exported, with what no cause explains spread."""
+        answer, joints_of = exported.answer, exported.urdf.joints
+        robot, values, remainder = answer.robot, answer.model.values, answer.model.remainder
+        assert remainder is not None
+        uncertainty = remainder.uncertainty
         coordinates = uncertainty.coordinates
         carried = [
-            (name, links[name], False, body_of_joint(values, joint))
-            for joint, name in enumerate(robot.joints)
+            (name, joints_of[name].child, False, body) for name, body in exported.bodies.items()
         ]
         mounted = [
-            (load.name, loads[load.name], True, load.parameters) for load in answer.model.loads
+            (load.name, link, True, load.parameters) for link, (_, load) in exported.mounted.items()
         ]
         bodies = []
         for number, (name, link, payload, body) in enumerate([*carried, *mounted]):

@@ -40,23 +40,14 @@ def with_values(
 ) -> bytes:
     """Return the URDF with other values; all else stays, but for blanks.
 
-    Parameters
-    ----------
-    content
-        The bytes of the file.
-    links
-        Inertials of links by name; one is inserted where a link has none.
-    dynamics
-        ``damping`` and ``friction`` of joints by name.
-    mounted
-        Payloads by the name of their link, each with the link that carries it.
-    source
-        What to call the URDF in messages.
+    Inertials of `links` are by name, and one is inserted where a link has none; `dynamics` are
+    ``damping`` and ``friction`` of joints by name; `mounted` are payloads by the name of their
+    link, each with the link that carries it.
 
     Raises
     ------
     UsageError
-        As `read_xml`.
+        As `read_xml`, with `source` as the name of the URDF.
     """
     document = read_xml(content, source)
     robot = document.documentElement

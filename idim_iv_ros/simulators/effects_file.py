@@ -1,11 +1,12 @@
 """What a simulated robot has beyond its configuration: a diagnosis, or effects written by hand."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
 from idim_iv_ros.diagnosis.result import Cause, GapResult
-from idim_iv_ros.documents import Document
+from idim_iv_ros.documents import Document, Unsaved
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
@@ -35,19 +36,23 @@ class EffectsFile(Document):
     base_parameters: dict[str, float] = field(default_factory=dict)
     effects: tuple[SimulatedEffect, ...] = ()
     recordings: tuple[str, ...] = ()
+    place: Unsaved[str] = ""  # of the base parameters, for messages: file and key
 
+    def changed(self, nominal: Mapping[str, float]) -> dict[str, float]:
+        """Return base parameters by name with these in their place.
 
-@dataclass(frozen=True)
-class ExtendedModel:
-    """Base parameters that differ from the configuration's, and effects beyond them.
-
-    `key`: where the parameters stand in the file; `recordings`: names of those they are from.
-    """
-
-    parameters: dict[str, float]
-    effects: tuple[SimulatedEffect, ...]
-    key: str
-    recordings: tuple[str, ...]
+        Raises
+        ------
+        UsageError
+            The robot does not have one of them.
+        """
+        for name in self.base_parameters:
+            if name not in nominal:
+                raise UsageError(
+                    f"{self.place}.{name} is not a base parameter of this robot; they are "
+                    f"{', '.join(nominal)}"
+                )
+        return {**nominal, **self.base_parameters}
 
 
 def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
@@ -56,8 +61,8 @@ def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
     return SimulatedEffect(cause.effect, cause.joint, numbers, cause.other_joint, source)
 
 
-def read_effects(path: Path) -> ExtendedModel:
-    """Read a gap.json, or a file of effects.
+def read_effects(path: Path) -> EffectsFile:
+    """Read a file of effects, or a gap.json as one.
 
     Raises
     ------
@@ -75,10 +80,13 @@ def read_effects(path: Path) -> ExtendedModel:
         effects = tuple(
             replace(effect, source=f"{path}: effects.{k}") for k, effect in enumerate(file.effects)
         )
-        return ExtendedModel(file.base_parameters, effects, "base_parameters", file.recordings)
+        return replace(file, effects=effects, place=f"{path}: base_parameters")
     gap = GapResult.from_json(text, str(path))
     effects = tuple(
         effect_of_cause(cause, f"{path}: causes.{k}") for k, cause in enumerate(gap.causes)
     )
     parameters = {name: parameter.value for name, parameter in gap.extended_parameters.items()}
-    return ExtendedModel(parameters, effects, "extended_parameters", gap.bags)
+    place = f"{path}: extended_parameters"
+    return EffectsFile(
+        base_parameters=parameters, effects=effects, recordings=gap.bags, place=place
+    )

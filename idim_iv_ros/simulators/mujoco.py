@@ -16,7 +16,6 @@ MuJoCo allows (`dof_solref`, `dof_solimp`), since with the defaults a joint at r
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -97,27 +96,21 @@ class Effects:
         given = [effect for effect in effects if not effect.native]
         names = _joint_names(self._mujoco, model)
         parts = joint_effects(given, names)
-        offsets = [effect for effect in given if part_of(effect.effect) == "offset"]
-        constant = [effect for effect in offsets if effect.joint in names]
-        affected = {j for part in parts for j in (part.joint, part.other_joint) if j >= 0}
-        used = sorted(affected | {names.index(str(effect.joint)) for effect in constant})
-        self.joints = tuple(names[joint] for joint in used)
-        affected_joints = [model.joint(name) for name in self.joints]
-        self._dof = np.array([int(joint.dofadr[0]) for joint in affected_joints], dtype=np.int64)
-        self._qpos = np.array([int(joint.qposadr[0]) for joint in affected_joints], dtype=np.int64)
-        # Contributions are numbered as `names`; here only joints with effects count.
-        number = {joint: k for k, joint in enumerate(used)} | {-1: -1}
-        added = contributions_of(
-            [
-                replace(part, joint=number[part.joint], other_joint=number[part.other_joint])
-                for part in parts
-            ],
-            model.dof_frictionloss[self._dof],
-        )
-        self._offset = np.zeros(len(used))
+        affected = {names[j] for part in parts for j in (part.joint, part.other_joint) if j >= 0}
+        constant = [effect for effect in given if part_of(effect.effect) == "offset"]
+        used = affected | {effect.joint for effect in constant}
+        self.joints = tuple(name for name in names if name in used)
+        joints = [model.joint(name) for name in self.joints]
+        self._dof = np.array([int(joint.dofadr[0]) for joint in joints], dtype=np.int64)
+        self._qpos = np.array([int(joint.qposadr[0]) for joint in joints], dtype=np.int64)
+        # Numbered as the joints with effects, not as all of the model.
+        numbered = joint_effects(given, self.joints)
+        added = contributions_of(numbered, model.dof_frictionloss[self._dof])
+        self._offset = np.zeros(len(joints))
         for effect in constant:
-            place = self.joints.index(str(effect.joint))
-            self._offset[place] += effect.parameters.get("offset", 0.0)
+            if effect.joint in self.joints:
+                place = self.joints.index(effect.joint)
+                self._offset[place] += effect.parameters.get("offset", 0.0)
         self.notes = tuple(
             f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
             "there"
@@ -125,22 +118,22 @@ class Effects:
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
         self._compile(model, added)
-        rubbing = self._friction.dissipative | self._friction.dry[: len(used)]
-        rubbing = (rubbing | (self._friction.model_level > 0.0)) & np.isin(used, list(affected))
+        rubbing = self._friction.dissipative | self._friction.dry[: len(joints)]
+        rubbing |= self._friction.model_level > 0.0
+        rubbing &= [name in affected for name in self.joints]
         reference = (2.0 * model.opt.timestep, 1.0)
         for dof in self._dof[rubbing]:
             model.dof_solref[dof], model.dof_solimp[dof] = reference, STIFFEST
         for tendon in self._tendons:
             model.tendon_solref_fri[tendon] = reference
             model.tendon_solimp_fri[tendon] = STIFFEST
-        lag = np.zeros(len(used))
+        lag = np.zeros(len(joints))
         for joint, delay in added.of(CommandDelay):
             lag[joint] += delay.seconds
-        self._wrong = any(True for _ in added.of(EncoderError))
+        self._wrong = any(added.of(EncoderError))
         self._drive = None
-        if self._wrong or np.any(lag > 0.0) or any(True for _ in added.of(DriveCurve)):
-            ids = [int(joint.id) for joint in affected_joints]
-            self._drive = _DelayLine(self._mujoco, model, ids, lag)
+        if self._wrong or np.any(lag > 0.0) or any(added.of(DriveCurve)):
+            self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
 
     def _compile(self, model: Any, added: JointContributions) -> None:

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.compilation import entry, kernel, source_digest
+from idim_iv_ros.compilation import entry, source_digest
 from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Load
-from idim_iv_ros.simulation import effect_kernel
+from idim_iv_ros.simulation import dry_friction, effect_kernel
+from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.effect_kernel import (
     LEAST_LEVEL,
     Rows,
@@ -28,26 +29,21 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 
 class Friction(NamedTuple):
-    """Friction of the model, and what effects replace of it: n joints, then couplings.
+    """Friction of the model, and what effects replace of it: n joints, then couplings."""
 
-    Attributes
-    ----------
-    level, damping : (contacts,), (n,)
-        Dry friction less what effects take the place of; viscous friction.
-    model_level, inertia : (n,)
-        Dry friction before that; of the drives, kg m².
-    dry, dissipative : (contacts,), (n,)
-        Which have dry friction at any time; whose friction is kept from driving.
-    first, second, direction : (contacts,)
-        Joints whose speeds a contact adds; second −1 for a joint of its own.
-    """
-
+    # level, damping: (contacts,), (n,): dry friction less what effects take the place of; viscous
+    # friction
     level: FloatArray
     damping: FloatArray
+    # model_level, inertia: (n,): dry friction before that; of the drives, kg m²
     model_level: FloatArray
     inertia: FloatArray
+    # dry, dissipative: (contacts,), (n,): which have dry friction at any time; whose friction is
+    # kept from driving
     dry: NDArray[np.bool_]
     dissipative: NDArray[np.bool_]
+    # first, second, direction: (contacts,): joints whose speeds a contact adds; second −1 for a
+    # joint of its own
     first: IntArray
     second: IntArray
     direction: FloatArray
@@ -69,14 +65,6 @@ class Motion(NamedTuple):
     push: FloatArray
     moved: FloatArray
     rest: FloatArray
-
-
-@kernel
-def _slip(friction: Friction, contact: int, values: FloatArray) -> float:
-    total: float = values[friction.first[contact]]
-    if friction.second[contact] >= 0:
-        total += friction.direction[contact] * values[friction.second[contact]]
-    return total
 
 
 def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
@@ -109,8 +97,9 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
         middle = time + 0.5 * step
         for t in range(rows.state.shape[0]):
             c = rows.joint[t]
-            ahead = _slip(friction, c, motion.velocity)
-            ahead += 0.5 * step * _slip(friction, c, motion.acceleration)
+            contact = (friction.first, friction.second, friction.direction, c)
+            ahead = slip(*contact, motion.velocity)
+            ahead += 0.5 * step * slip(*contact, motion.acceleration)
             sign = np.sign(ahead)
             position = velocity = load = 0.0
             if c < n:
@@ -137,7 +126,8 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
         for c in range(level.shape[0]):
             if damping[c] < 0.0 and (c >= n or friction.dissipative[c]):
                 # Less friction at higher speed: a lower level, which cannot drive.
-                speed = abs(_slip(friction, c, motion.velocity))
+                contact = (friction.first, friction.second, friction.direction, c)
+                speed = abs(slip(*contact, motion.velocity))
                 level[c] += damping[c] * max(speed, LEAST_SPEED)
                 damping[c] = 0.0
             level[c] = max(level[c], LEAST_LEVEL if friction.dry[c] else 0.0)
@@ -158,4 +148,4 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
     return torques, drives, encoders
 
 
-torques, drives, encoders = _entries(source_digest(effect_kernel, *registry.MODULES))
+torques, drives, encoders = _entries(source_digest(dry_friction, effect_kernel, *registry.MODULES))

@@ -2,81 +2,56 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.effects.registry import name_of
-from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
-from idim_iv_ros.simulation.affected_robot import (
-    JointContributions,
-    LawParts,
-    changed_law,
-    contributions_of,
-)
+from idim_iv_ros.simulation.affected_robot import contributions_of
+from idim_iv_ros.simulation.closed_loop import sampled_loop
+from idim_iv_ros.simulation.closed_loop_kernel import SPEED_LIMIT, Loop, send_command
 from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.plant import State, initial_state, plant
 from idim_iv_ros.simulators.mujoco import Effects
-from idim_iv_ros.simulators.mujoco_parts import StepTooLongError
-from idim_iv_ros.simulators.mujoco_plant import REPLAY
+from idim_iv_ros.simulators.mujoco_parts import REPLAY, StepTooLongError
 from idim_iv_ros.types import FloatArray
 
 # Longest step when nothing asks for a shorter one, s, and how often it is halved for a shaft.
 LONGEST_STEP = 0.5e-3
 _HALVINGS = 6
-_FASTEST = 1e3  # rad/s (m/s): beyond it the simulation has diverged
 
 
 @dataclass(frozen=True)
 class References:
-    """What one recording asked for, and where its robot began.
+    """What one recording asked for, and where its robot began."""
 
-    Attributes
-    ----------
-    rate : float
-        Hz.
-    position : (n_samples, n_joints)
-        rad (m).
-    velocity : (n_samples, n_joints)
-        Central differences of the positions where none was recorded.
-    start, speed : (n_joints,)
-        Position and velocity at the first sample, as the encoders show them.
-    start_time : float
-        s since the start of the session.
-    """
-
-    rate: float
-    position: FloatArray
+    rate: float  # Hz
+    position: FloatArray  # (n_samples, n_joints) rad (m)
+    # (n_samples, n_joints): central differences of the positions where none was recorded
     velocity: FloatArray
+    # start, speed: (n_joints,): position and velocity at the first sample, as the encoders show
+    # them
     start: FloatArray
     speed: FloatArray
-    start_time: float
+    start_time: float  # s since the start of the session
 
 
 @dataclass(frozen=True)
 class MujocoMotion:
-    """What a recorder would have seen, (n_samples, n_joints) each.
+    """What a recorder would have seen, (n_samples, n_joints) each."""
 
-    Attributes
-    ----------
-    position : rad (m)
-        Of the encoders.
-    torque : N m (N)
-        Command of the law.
-    diverged : str
-        Why it ended early; empty if it did not.
-    """
-
-    position: FloatArray
-    torque: FloatArray
-    diverged: str = ""
+    position: FloatArray  # rad (m): of the encoders
+    torque: FloatArray  # N m (N): command of the law
+    diverged: str = ""  # Why it ended early; empty if it did not
 
 
 def run_in_mujoco(
     mujoco: Any,
     model: Any,
-    joints: Sequence[str],
+    robot: RobotModel,
     law: ControlLaw,
     references: References,
     parameters: DynamicParameters,
@@ -90,8 +65,8 @@ def run_in_mujoco(
     ----------
     model
         With a motor ``replay_NAME`` for each joint, and the parts that the effects need.
-    joints
-        In the order of the law and the references.
+    robot
+        Its joints have the order of the law and the references.
     parameters
         Of the model: effects that take the place of dry friction ask for it.
     effects
@@ -109,9 +84,17 @@ def run_in_mujoco(
     if law.delay > 0.0:
         delayed.append(SimulatedEffect(name_of("delay"), None, {"delay": law.delay}))
     active, steps = _effects(model, delayed, period, references.start_time, longest_step)
-    added = contributions_of(joint_effects(effects, joints), parameters.coulomb)
-    loop = _SampledLaw(joints, law, references, added, period)
-    return _run(mujoco, model, joints, loop, active, steps)
+    added = contributions_of(joint_effects(effects, robot.joints), parameters.coulomb)
+    loop = sampled_loop(
+        robot, law, added, references.position, references.velocity, None, references.rate, period
+    )
+    joints = [robot.joints[joint] for joint in robot.order]
+    start, speed = references.start[robot.order], references.speed[robot.order]
+    # The motors of the model hold the command back, not the law.
+    state = initial_state(plant(robot, parameters), start, speed, 0.0 * start, period)
+    ran = _run(mujoco, model, joints, loop, state, active, steps)
+    place = np.argsort(robot.order)
+    return replace(ran, position=ran.position[:, place], torque=ran.torque[:, place])
 
 
 def _effects(
@@ -132,71 +115,16 @@ def _effects(
     raise AssertionError("the last halving returns or raises")
 
 
-class _SampledLaw:
-    """The law at its instants, with what it remembers from one to the next."""
-
-    def __init__(
-        self,
-        joints: Sequence[str],
-        law: ControlLaw,
-        references: References,
-        added: JointContributions,
-        period: float,
-    ) -> None:
-        feedforward, still = law.feedforward, np.zeros(len(joints))
-        if feedforward is None:
-            feedforward = np.zeros_like(references.position)
-        parts = LawParts(*law.torque_gains, feedforward, still, still)
-        self._law = changed_law(parts, added, references.velocity, references.rate)
-        self._limit, self._speed_factor, self.period = law.torque_limit, law.speed_factor, period
-        self.references = references
-        count = math.floor((len(references.position) - 1) / references.rate / period + 1e-6) + 1
-        self.time = np.arange(count) * period
-        uses = 1.0 if law.uses_velocity_reference else 0.0
-        self.wanted = self._at(references.position)
-        self._speed = uses * self._at(references.velocity)
-        self._feedforward = self._at(self._law.feedforward)
-        lag = self._law.lag
-        self._share = np.where(lag > 0.0, -np.expm1(-period / np.maximum(lag, 1e-12)), 1.0)
-        self._integral, self._late = still.copy(), still.copy()
-        self._sent: FloatArray | None = None
-        self._seen: FloatArray | None = None
-
-    def _at(self, values: FloatArray) -> FloatArray:
-        """Values of the samples at the control instants, linear between them."""
-        samples = np.arange(len(values)) / self.references.rate
-        return np.column_stack([np.interp(self.time, samples, column) for column in values.T])
-
-    def command(self, instant: int, q: FloatArray, dq: FloatArray) -> FloatArray:
-        """Torque (n_joints,) that is sent at a control instant, of what the encoders show."""
-        law = self._law
-        if self._speed_factor is not None:
-            if self._seen is None:
-                self._late = dq
-            else:
-                difference = (q - self._seen) / self.period
-                self._late = self._late + self._speed_factor * (difference - self._late)
-            self._seen, dq = q, self._late
-        error = self.wanted[instant] - q
-        torque = law.kp * error + law.kd * (self._speed[instant] - dq) + self._feedforward[instant]
-        moved = self.period * error
-        torque += law.ki * (self._integral + moved)
-        free = (np.abs(torque) <= self._limit) | (torque * error < 0.0)
-        self._integral[free] += moved[free]
-        torque = np.clip(torque, -self._limit, self._limit)
-        sent = torque if self._sent is None else self._sent
-        self._sent = sent + self._share * (torque - sent)
-        return self._sent
-
-
 def _run(
     mujoco: Any,
     model: Any,
-    joints: Sequence[str],
-    law: _SampledLaw,
+    joints: list[str],
+    loop: Loop,
+    state: State,
     effects: Effects | None,
     steps: int,
 ) -> MujocoMotion:
+    """Run a loop from the position and speed of a state, joints in the order of both."""
     qpos, dof = (
         np.array([int(getattr(model.joint(name), address)[0]) for name in joints])
         for address in ("qposadr", "dofadr")
@@ -204,29 +132,32 @@ def _run(
     motor = np.array([int(model.actuator(REPLAY + name).id) for name in joints])
     names = () if effects is None else effects.joints
     affected = np.array([joints.index(name) for name in names], dtype=np.int64)
-    data, references = mujoco.MjData(model), law.references
-    data.qpos[qpos], data.qvel[dof] = references.start, references.speed
+    data = mujoco.MjData(model)
+    data.qpos[qpos], data.qvel[dof] = state.q, state.dq
     if effects is not None:
         for _ in range(20):  # the slope of an encoder's error is far below one
-            data.qpos[qpos[affected]] += references.start[affected] - effects.position(data)
+            data.qpos[qpos[affected]] += state.q[affected] - effects.position(data)
         effects.place_links(model, data)
     mujoco.mj_forward(model, data)
-    position, torque = np.zeros((2, *law.wanted.shape))
+    samples = np.arange(len(loop.position)) / loop.rate
+    instants = np.arange(math.floor(samples[-1] / loop.period + 1e-6) + 1) * loop.period
+    position, torque = np.zeros((2, len(instants), len(joints)))
     before = data.qvel[dof] - model.opt.timestep * data.qacc[dof]
-    for k, time in enumerate(law.time):
+    for k, time in enumerate(instants):
         q, speed = data.qpos[qpos], data.qvel[dof]
         # MuJoCo's positions move by the velocity of a step's end: it is that of half a step ago.
         # Its accelerations are those before implicit damping.
         dq = speed + 0.5 * (speed - before)
-        fast = ~(np.abs(dq) < _FASTEST)
+        fast = ~(np.abs(dq) < SPEED_LIMIT)
         if np.any(fast):
             joint = joints[int(np.argmax(fast))]
-            diverged = f"joint {joint} passed {_FASTEST:g} rad/s (m/s) at {time:.3f} s"
+            diverged = f"joint {joint} passed {SPEED_LIMIT:g} rad/s (m/s) at {time:.3f} s"
             return MujocoMotion(position[:k], torque[:k], diverged)
         if effects is not None and len(affected):
             q[affected], shown = effects.measured(data)
             dq[affected] += shown - speed[affected]
-        position[k], torque[k] = q, law.command(k, q, dq)
+        position[k] = q
+        send_command(loop, state, k, q, dq, torque[k])
         data.ctrl[motor] = torque[k]
         for _ in range(steps):
             before = data.qvel[dof]
@@ -234,7 +165,6 @@ def _run(
                 effects.apply(model, data)
             mujoco.mj_step(model, data)
     # At the samples of the references; the torque as it was held.
-    samples = np.arange(len(references.position)) / references.rate
-    place = np.minimum((samples / law.period + 1e-6).astype(int), len(torque) - 1)
-    shown = np.column_stack([np.interp(samples, law.time, column) for column in position.T])
+    place = np.minimum((samples / loop.period + 1e-6).astype(int), len(torque) - 1)
+    shown = np.column_stack([np.interp(samples, instants, column) for column in position.T])
     return MujocoMotion(shown, torque[place])

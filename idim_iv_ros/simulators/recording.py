@@ -32,30 +32,17 @@ TRUTH = ".truth.json"
 
 @dataclass(frozen=True)
 class SimulatedBag:
-    """One bag that was written.
-
-    Attributes
-    ----------
-    path : Path
-    seed : int
-    samples : int
-    rate, duration : float
-        Hz, s.
-    joint_types : tuple of str
-        ``revolute`` or ``prismatic``.
-    peak_torque : (n_joints,) N m (N)
-        Largest recorded effort, on the joint side.
-    peak_error : (n_joints,) rad (m)
-        Largest distance between reference and true position.
-    """
+    """One bag that was written."""
 
     path: Path
     seed: int
     samples: int
+    # rate, duration: Hz, s
     rate: float
     duration: float
-    joint_types: tuple[str, ...]
-    peak_torque: FloatArray
+    joint_types: tuple[str, ...]  # ``revolute`` or ``prismatic``
+    peak_torque: FloatArray  # (n_joints,) N m (N): largest recorded effort, on the joint side
+    # (n_joints,) rad (m): largest distance between reference and true position
     peak_error: FloatArray
 
 
@@ -208,6 +195,7 @@ def recorded_topics(
 def _summary(
     path: Path, seed: int, record: SimulatedRecording, joint_types: tuple[str, ...]
 ) -> SimulatedBag:
+    """Say what of a recording a user is told."""
     truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
     return SimulatedBag(
         path=path,

@@ -26,7 +26,7 @@ from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
-from idim_iv_ros.simulators.effects_file import ExtendedModel, read_effects
+from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
 from idim_iv_ros.simulators.replay_models import (
     StageModel,
@@ -64,10 +64,9 @@ class _Run:
 class _Simulated:
     """One stage on all recordings: filtered positions and torques; why there are none."""
 
-    name: str
-    positions: tuple[FloatArray, ...]
-    torques: tuple[FloatArray, ...]
-    note: str
+    positions: Sequence[FloatArray] = ()
+    torques: Sequence[FloatArray] = ()
+    note: str = ""
 
 
 def replay_bags(
@@ -107,24 +106,25 @@ def replay_bags(
     mujoco = load_mujoco("a replay")
     with Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
-        extended = None if effects is None else read_effects(Path(effects))
+        extended = EffectsFile() if effects is None else read_effects(Path(effects))
         prepared = prepare(read_configured(bags, configuration), configuration)
         possible = _stages(mujoco, prepared, model, extended, effects)
         models = [stage for stage in possible if stage.name in stages]
-        fitted = () if extended is None else extended.recordings
+        fitted = extended.recordings
         planted = [effect for stage in possible for effect in stage.effects]
         runs, notes = _runs(prepared, fitted, planted)
+        robot = prepared.model.robot
         simulated = []
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
-            simulated.append(_simulate(mujoco, prepared.model.robot, runs, stage))
-    comparison = _Comparison(prepared.model.robot, [run.motion for run in runs])
-    done = {stage.name: stage for stage in simulated if not stage.note}
+            simulated.append((stage, _simulate(mujoco, robot, runs, stage)))
+    comparison = _Comparison(robot, [run.motion for run in runs])
+    done = {stage.name: ran for stage, ran in simulated if not ran.note}
     bags = tuple(run.motion.signals.name for run in runs)
     return ReplayResult(
-        robot=prepared.model.robot.name,
-        joints=prepared.model.robot.joints,
-        joint_types=prepared.model.robot.joint_types,
+        robot=robot.name,
+        joints=robot.joints,
+        joint_types=robot.joint_types,
         bags=bags,
         duration=comparison.seconds,
         software={"idim_iv_ros": version("idim-iv-ros"), "mujoco": version("mujoco")},
@@ -132,16 +132,12 @@ def replay_bags(
         effects="" if effects is None else str(effects),
         tracking_noise=comparison.by_joint(comparison.position_noise),
         torque_noise=comparison.by_joint(comparison.torque_noise),
-        stages=tuple(
-            comparison.stage(stage, model) for stage, model in zip(simulated, models, strict=True)
-        ),
+        stages=tuple(comparison.stage(stage, ran) for stage, ran in simulated),
         held_out=None if not fitted else not any(bag in fitted for bag in bags),
         notes=(*prepared.doubts, *(note for stage in models for note in stage.notes), *notes),
         series=comparison.series(done),
-        positions={
-            "recorded": runs[0].motion.position,
-            **{name: stage.positions[0] for name, stage in done.items()},
-        },
+        positions={"recorded": runs[0].motion.position}
+        | {name: ran.positions[0] for name, ran in done.items()},
         rate=runs[0].motion.signals.rate,
     )
 
@@ -165,13 +161,9 @@ def _runs(
     if any(BY_NAME[effect.effect].part == "gains" for effect in effects):
         return runs, ()
     beyond = [_beyond_gains(run) for run in runs]
-    shares = np.max(
-        [
-            _rms(torque) / np.maximum(_rms(run.motion.filtered(run.motion.signals.torque)), 1e-300)
-            for run, torque in zip(runs, beyond, strict=True)
-        ],
-        axis=0,
-    )
+    torques = [run.motion.filtered(run.motion.signals.torque) for run in runs]
+    parts = zip(beyond, torques, strict=True)
+    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in parts], axis=0)
     worst = int(np.argmax(shares))
     if shares[worst] < _BEYOND_GAINS:
         return runs, ()
@@ -220,7 +212,7 @@ def _stages(
     mujoco: Any,
     prepared: PreparedRegression,
     model: FilePath,
-    extended: ExtendedModel | None,
+    extended: EffectsFile,
     source: FilePath | None,
 ) -> list[StageModel]:
     """Nominal, corrected and with effects, as far as there is something to simulate."""
@@ -228,9 +220,8 @@ def _stages(
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
     stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
-    effects: tuple[SimulatedEffect, ...] = () if extended is None else extended.effects
+    effects, parameters = extended.effects, extended.base_parameters
     joint_effects(effects, robot.joints)  # refuses what is not known before anything is simulated
-    parameters = {} if extended is None else extended.parameters
     if str(model) != URDF:
         path = Path(model)
         stage = xml_stage(mujoco, robot, path, parameters)
@@ -246,15 +237,8 @@ def _stages(
             stage = replace(stage, effects=tuple(constant))
         stages.append(stage)
     elif parameters:
-        values = dict(zip(base.names, prepared.given, strict=True))
-        for name in parameters:
-            if name not in values:
-                raise UsageError(
-                    f"{source}: {name} is not a base parameter of this robot; they are "
-                    f"{', '.join(base.names)}"
-                )
-        corrected = np.array(list((values | parameters).values()))
-        stages.append(plant_stage(mujoco, prepared.model, corrected))
+        values = extended.changed(dict(zip(base.names, prepared.given, strict=True)))
+        stages.append(plant_stage(mujoco, prepared.model, np.array(list(values.values()))))
     beyond = [effect for effect in effects if not BY_NAME[effect.effect].in_base_parameters]
     if beyond:
         stages.append(stages[-1].with_effects(beyond))
@@ -281,14 +265,12 @@ def _simulate(
         law = replace(run.law, feedforward=None if forward is None else forward[first:])
         model = stage.compiled(mujoco)
         with mujoco_warnings():
-            ran = run_in_mujoco(
-                mujoco, model, robot.joints, law, references, robot.given, stage.effects
-            )
+            ran = run_in_mujoco(mujoco, model, robot, law, references, robot.given, stage.effects)
         if ran.diverged:
-            return _Simulated(stage.name, (), (), f"{signals.name}: {ran.diverged}")
+            return _Simulated(note=f"{signals.name}: {ran.diverged}")
         positions.append(motion.filtered(np.vstack([motion.position[:first], ran.position])))
         torques.append(motion.filtered(np.vstack([signals.torque[:first], ran.torque])))
-    return _Simulated(stage.name, tuple(positions), tuple(torques), "")
+    return _Simulated(positions, torques)
 
 
 @dataclass(frozen=True)
@@ -335,18 +317,15 @@ class _Comparison:
         """Values (n_joints,) by the names of their joints."""
         return dict(zip(self.robot.joints, map(float, values), strict=True))
 
-    def stage(self, simulated: _Simulated, model: StageModel) -> ReplayStage:
+    def stage(self, model: StageModel, ran: _Simulated) -> ReplayStage:
         """Errors of one stage; none where it was not simulated to the end."""
-        if simulated.note:
-            return ReplayStage(model.name, model.words, None, None, None, simulated.note)
+        if ran.note:
+            return ReplayStage(model.name, model.words, None, None, None, ran.note)
         joints = self.robot.joints
-        return ReplayStage(
-            model.name,
-            model.words,
-            self._errors(joints, simulated.positions, self.positions, self.position_noise),
-            self._errors(joints, simulated.torques, self.torques, self.torque_noise),
-            self._tool_error(simulated.positions),
-        )
+        tracking = self._errors(joints, ran.positions, self.positions, self.position_noise)
+        torque = self._errors(joints, ran.torques, self.torques, self.torque_noise)
+        tool = self._tool_error(ran.positions)
+        return ReplayStage(model.name, model.words, tracking, torque, tool)
 
     def _tool_error(self, positions: Sequence[FloatArray]) -> ReplayError:
         """Distance of the centres of the last link."""

@@ -16,9 +16,9 @@ from idim_iv_ros.model.mujoco_package import mujoco_reads
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.mujoco import STIFFEST
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP
-from idim_iv_ros.simulators.mujoco_parts import add_parts
-from idim_iv_ros.simulators.mujoco_plant import (
+from idim_iv_ros.simulators.mujoco_parts import (
     add_motors,
+    add_parts,
     nearest_parameters,
     plant_spec,
     set_inertias,
@@ -31,26 +31,15 @@ _LARGEST = 50.0  # MB
 
 @dataclass(frozen=True)
 class StageModel:
-    """One robot to simulate.
+    """One robot to simulate."""
 
-    Attributes
-    ----------
-    name, words : str
-        Of the stage; what the model is made of.
-    robot : RobotModel
-    parameters : DynamicParameters or None
-        None for a model that is read from `xml`.
-    xml : Path or None
-    effects : tuple of SimulatedEffect
-        Beyond the model: constant torques, which MuJoCo has no parameter for, are among them.
-    notes : tuple of str
-    """
-
+    # name, words: Of the stage; what the model is made of
     name: str
     words: str
     robot: RobotModel
-    parameters: DynamicParameters | None
+    parameters: DynamicParameters | None  # None for a model that is read from `xml`
     xml: Path | None
+    # Beyond the model: constant torques, which MuJoCo has no parameter for, are among them
     effects: tuple[SimulatedEffect, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -58,13 +47,8 @@ class StageModel:
         """The model with effects; those that elements of its file hold stay theirs."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
-        ours = [
-            replace(
-                effect,
-                native=effect.native and self.xml is not None and _may_be_element(effect),
-            )
-            for effect in effects
-        ]
+        in_file = [self.xml is not None and e.native and _may_be_element(e) for e in effects]
+        ours = [replace(e, native=native) for e, native in zip(effects, in_file, strict=True)]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
         return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 

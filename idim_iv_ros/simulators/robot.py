@@ -24,29 +24,14 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class SimulatedRobot:
-    """A robot whose parameters are known.
+    """A robot whose parameters are known."""
 
-    Attributes
-    ----------
-    robot : RobotModel
-        Kinematics, limits, and the given values, which need not be the true ones.
-    truth : dict
-        True base parameters by name, friction and drive inertia included.
-    parameters : DynamicParameters
-        Dynamics that are equivalent to `truth`.
-    law : ControlLaw
-    settings : SimulatedRobotSection
-        Noise, rates and delay.
-    effects : tuple of SimulatedEffect
-        What it has beyond `parameters`.
-    """
-
-    robot: RobotModel
-    truth: dict[str, float]
-    parameters: DynamicParameters
+    robot: RobotModel  # Kinematics, limits, and the given values, which need not be the true ones
+    truth: dict[str, float]  # True base parameters by name, friction and drive inertia included
+    parameters: DynamicParameters  # Dynamics that are equivalent to `truth`
     law: ControlLaw
-    settings: SimulatedRobotSection
-    effects: tuple[SimulatedEffect, ...] = ()
+    settings: SimulatedRobotSection  # Noise, rates and delay
+    effects: tuple[SimulatedEffect, ...] = ()  # What it has beyond `parameters`
 
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
         """Run a trajectory and record it; `seed` is that of all noise.
@@ -134,14 +119,7 @@ def simulated_robot(
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
         beyond = read_effects(extended)
-        for name in beyond.parameters:
-            if name not in truth:
-                raise UsageError(
-                    f"{extended}: {beyond.key}.{name} is not a base parameter of this robot; they "
-                    f"are {', '.join(truth)}"
-                )
-        truth |= beyond.parameters
-        effects = beyond.effects
+        truth, effects = beyond.changed(truth), beyond.effects
         joint_effects(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:

@@ -16,7 +16,7 @@ from idim_iv_ros.excitation import (
 )
 from idim_iv_ros.excitation.cost import ExcitationCost
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.moving_frames import moving_frames
+from idim_iv_ros.excitation.limits import moving_frames
 from tests.excitation.conftest import FLOOR, SETTINGS
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree, lowest, torques
 

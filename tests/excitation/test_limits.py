@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import motion_limits
-from idim_iv_ros.excitation.moving_frames import moving_frames, require_reachable
+from idim_iv_ros.excitation.limits import moving_frames, require_reachable
 from idim_iv_ros.model import JointLimits
 
 
@@ -108,6 +108,6 @@ def test_heights_and_slopes_are_those_of_pinocchio(robots, name: str) -> None:
 def test_floor_out_of_reach_names_the_frame(robots) -> None:
     configuration, model = robots("arm6")
     limits, frames = motion_limits(model, configuration), moving_frames(model.robot)
-    require_reachable(frames, 0.05, limits.lower, limits.upper)
+    require_reachable(frames, replace(limits, floor=0.05))
     with pytest.raises(UsageError, match=r"floor 0\.5 m .* joint_1"):
-        require_reachable(frames, 0.5, limits.lower, limits.upper)
+        require_reachable(frames, replace(limits, floor=0.5))

@@ -15,8 +15,8 @@ from s3fs import S3FileSystem
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.commands import BAGS
-from idim_iv_ros.fleet.remote import file_system
 from idim_iv_ros.fleet.run import FleetRun, connected
+from idim_iv_ros.fleet.source import file_system
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder
 from tests.fleet.test_fleet import LocalRun

@@ -15,9 +15,8 @@ from pyarrow import parquet
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.commands import BAGS, identify_bags, identify_task, owned_by
-from idim_iv_ros.fleet.content import configuration_digest, content_of
 from idim_iv_ros.fleet.result import BagResult
-from idim_iv_ros.fleet.robots import Robot, robots_of
+from idim_iv_ros.fleet.robots import Robot, configuration_digest, content_of, robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.table import FILE, write_table

@@ -10,11 +10,9 @@ from mcap.writer import CompressionType, Writer
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.fleet.commands import identify_task
-from idim_iv_ros.fleet.content import content_of
-from idim_iv_ros.fleet.remote import FetchedFile, open_bag
 from idim_iv_ros.fleet.result import BagResult
-from idim_iv_ros.fleet.robots import Robot
-from idim_iv_ros.fleet.source import find_bags
+from idim_iv_ros.fleet.robots import Robot, content_of
+from idim_iv_ros.fleet.source import FetchedFile, find_bags, open_bag
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_bag

@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet import run as scheduling
-from idim_iv_ros.fleet.content import code_version
+from idim_iv_ros.fleet.robots import code_version
 from idim_iv_ros.fleet.run import connected, run_tasks
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.moving_frames import moving_frames
+from idim_iv_ros.excitation.limits import moving_frames
 from idim_iv_ros.model import build_inverse_model, load_robot
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.model.test_regressor import arm, states

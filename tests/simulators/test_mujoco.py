@@ -17,8 +17,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
 from idim_iv_ros.simulators.mujoco import STIFFEST, Effects, model_with_effects
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP, References, run_in_mujoco
-from idim_iv_ros.simulators.mujoco_parts import add_parts
-from idim_iv_ros.simulators.mujoco_plant import add_motors, plant_spec, set_inertias
+from idim_iv_ros.simulators.mujoco_parts import add_motors, add_parts, plant_spec, set_inertias
 from tests.simulation.test_effects import FORMULAS
 
 JOINTS = ("joint_1", "joint_2")
@@ -219,7 +218,9 @@ def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
     offsets = [
         on("torque_offset", joint, offset=value) for joint, value in enumerate(arm.truth.offset)
     ]
-    ran = run_in_mujoco(mujoco, model, JOINTS, arm.law, references, arm.truth, [*effects, *offsets])
+    ran = run_in_mujoco(
+        mujoco, model, arm.robot, arm.law, references, arm.truth, [*effects, *offsets]
+    )
     assert ran.diverged == ""
     difference = np.sqrt(np.mean((ran.position - own.measured_position) ** 2, axis=0))
     # Steps of half a millisecond, of first order there and second order here.

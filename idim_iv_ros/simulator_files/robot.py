@@ -1,0 +1,244 @@
+"""A robot that is exported: its control law, and what all written files take from its result."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from idim_iv_ros.configuration import Configuration, ControllerSection
+from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
+from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.simulation import SimulatedEffect, control_law
+from idim_iv_ros.simulator_files.answer import Answer
+from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
+from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.types import FloatArray
+
+
+@dataclass(frozen=True)
+class DriveLaw:
+    """Gains from errors to torque, joint side, (n_joints,) each; zeros where no law is known."""
+
+    # kp, kd, ki: N m/rad, N m s/rad, N m/(rad s)
+    kp: FloatArray
+    kd: FloatArray
+    ki: FloatArray
+    # Whether the kd term acts on the error of the speed; otherwise on the speed
+    velocity_reference: bool
+    limit: FloatArray  # N m: infinite where there is none
+    # period, delay: s: of the control; from the command to the torque
+    period: float
+    delay: FloatArray
+    configured: bool  # Whether a law is known
+    beyond: tuple[str, ...]  # What of the law simulators have no element for
+
+    @property
+    def in_actuators(self) -> bool:
+        """Whether proportional and derivative actuators are the whole law."""
+        return (
+            self.configured and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
+        )
+
+    @property
+    def words(self) -> str:
+        """The law in words."""
+        if not self.configured:
+            return "the control law is not known: give each motor its torque"
+        slip = "(dq_ref - dq)" if self.velocity_reference else "(-dq)"
+        integral = " + ki * integral of (q_ref - q)" if np.any(self.ki) else ""
+        return f"torque = kp * (q_ref - q) + kd * {slip}{integral}, every {self.period:g} s"
+
+
+def drive_law(
+    section: ControllerSection, joints: Sequence[str], effects: Sequence[SimulatedEffect]
+) -> DriveLaw:
+    """Return the configured law with the gains, delays and limits that the robot really has.
+
+    These are in effects whose part is gains, delay or limit.
+    """
+    n = len(joints)
+    law = None if section.type == "unknown" else control_law(section, n)
+    gains = (np.zeros(n),) * 3 if law is None else law.torque_gains
+    numbers = dict(zip(("kp", "kd", "ki"), (gain.copy() for gain in gains), strict=True))
+    limit = np.full(n, np.inf) if section.torque_limit is None else np.array(section.torque_limit)
+    delay, beyond = np.full(n, section.delay), []
+    for effect in effects:
+        value, part = effect.parameters, part_of(effect.effect)
+        places = list(range(n)) if effect.joint is None else [list(joints).index(effect.joint)]
+        if part == "delay":
+            delay[places] += value.get("delay", 0.0)
+        elif part == "limit" and not value.get("slope", 0.0):
+            limit[places] = np.minimum(limit[places], value["knee"])
+        elif part == "gains" and law is not None:
+            for name, number in value.items():
+                if name in numbers:
+                    numbers[name][places] = number
+                elif number:
+                    beyond.append(f"{name} {number:.4g} at {effect.joint}")
+    return DriveLaw(
+        **numbers,
+        velocity_reference=law is not None and law.uses_velocity_reference,
+        limit=limit,
+        period=section.period or 0.001,
+        delay=delay,
+        configured=law is not None,
+        beyond=tuple(beyond),
+    )
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """A fixed tendon over two joints: q_first + direction q_second."""
+
+    first: int
+    second: int
+    direction: float
+    damping: float
+    friction: float
+    inertia: float = 0.0
+
+    def name(self, joints: Sequence[str]) -> str:
+        """Of the tendon."""
+        return f"{joints[self.first]}_{joints[self.second]}"
+
+
+@dataclass(frozen=True)
+class JointValues:
+    """Drives and friction of all joints, (n_joints,) each."""
+
+    # armature, damping, friction, offset: kg m², N m s/rad, N m, N m
+    armature: FloatArray
+    damping: FloatArray
+    friction: FloatArray
+    offset: FloatArray
+    bodies: tuple[LinkBody, ...]  # What each joint carries, in its frame
+    # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
+    # MuJoCo's with the defaults of its solver
+    lead: FloatArray
+    couplings: tuple[Coupled, ...] = ()  # Of the transmission
+
+
+@dataclass(frozen=True)
+class ExportedRobot:
+    """An answer, the file that it changes, and what follows from both for all written files."""
+
+    answer: Answer
+    configuration: Configuration
+    source: Path
+    content: bytes
+    urdf: Urdf
+
+    @property
+    def origin(self) -> str:
+        """What the numbers come from."""
+        kind = "diagnosis" if self.answer.diagnosed else "identification"
+        return f"{self.answer.path.name} ({kind})"
+
+    @cached_property
+    def bodies(self) -> dict[str, FloatArray]:
+        """XX … M (10,) of what each joint carries, without payloads."""
+        joints, values = self.answer.robot.joints, self.answer.model.values
+        return {name: body_of_joint(values, joint) for joint, name in enumerate(joints)}
+
+    @cached_property
+    def links(self) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
+        """Links that change, and what there is to say of them."""
+        return link_bodies(self.urdf, self.bodies, str(self.source))
+
+    @cached_property
+    def mounted(self) -> dict[str, tuple[str, Load]]:
+        """Payloads by a link name that no link has, each with the link that carries it."""
+        taken, mounted = set(self.urdf.links), {}
+        for load in self.answer.model.loads:
+            name = load.name
+            while name in taken:
+                name += "_found"
+            taken.add(name)
+            mounted[name] = (self.urdf.joints[load.joint].child, load)
+        return mounted
+
+    @cached_property
+    def drives(self) -> JointValues:
+        """Drives and friction of all joints."""
+        robot, values = self.answer.robot, self.answer.model.values
+        numbers = {
+            kind: np.array(self.answer.values(kind, given))
+            for kind, given in robot.given.of_drives.items()
+        }
+        leads = self.answer.friction_leads
+        return JointValues(
+            armature=numbers["Ia"],
+            damping=np.maximum(numbers["Fv"], 0.0),
+            friction=np.maximum(numbers["Fc"], 0.0),
+            offset=numbers["off"],
+            bodies=tuple(LinkBody.of(body) for body in self.bodies.values()),
+            lead=np.array([leads.get(name, 0.0) for name in robot.joints]),
+            couplings=tuple(
+                Coupled(
+                    int(first),
+                    int(second),
+                    1.0,
+                    values.get(f"Fvm{second + 1}", 0.0),
+                    values.get(f"Fcm{second + 1}", 0.0),
+                    float(numbers["Ia"][second]),
+                )
+                for first, second in robot.given.coupling_joints
+            ),
+        )
+
+    @cached_property
+    def negative_friction(self) -> tuple[SimulatedEffect, ...]:
+        """Fv and Fc below zero as effects that are the same torque (`Cause.instead_of`).
+
+        No simulator has it as a number: the sum of a joint's friction is simulated, and kept from
+        driving.
+        """
+        values = self.answer.model.values
+        return tuple(
+            SimulatedEffect(effect.name, name, numbers)
+            for joint, name in enumerate(self.answer.robot.joints, 1)
+            for kind in ("Fv", "Fc")
+            if values.get(f"{kind}{joint}", 0.0) < 0.0
+            for effect in STRUCTURAL
+            if (numbers := effect.instead_of(kind, values[f"{kind}{joint}"]))
+        )
+
+    @property
+    def effects(self) -> tuple[SimulatedEffect, ...]:
+        """All effects, with negative friction and constant torques among them."""
+        offsets = zip(self.answer.robot.joints, self.drives.offset, strict=True)
+        constant = tuple(
+            SimulatedEffect(name_of("offset"), name, {"offset": float(offset)})
+            for name, offset in offsets
+            if offset
+        )
+        return (*self.answer.effects, *self.negative_friction, *constant)
+
+    @cached_property
+    def law(self) -> DriveLaw:
+        """The configured law as the robot runs it."""
+        return drive_law(
+            self.configuration.controller, self.answer.robot.joints, self.answer.effects
+        )
+
+    @property
+    def coupled_friction(self) -> dict[str, float]:
+        """Friction of coupled transmissions, which no URDF has."""
+        return {
+            parameter.name: parameter.value
+            for parameter in self.answer.model.parameters
+            if parameter.name.startswith(("Fvm", "Fcm")) and parameter.value != parameter.given
+        }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What there is to say of links and friction."""
+        negative = tuple(
+            f"friction of {effect.joint} below zero, which another effect there makes up for, is "
+            f"the {effect.effect} with parameters {effect.parameters}: the file holds zero in its "
+            "place"
+            for effect in self.negative_friction
+        )
+        return (*self.links[1], *negative)
