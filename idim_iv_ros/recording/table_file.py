@@ -3,6 +3,7 @@
 import csv
 import warnings
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -368,8 +369,8 @@ def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
 
 def _different(path: Path, wanted: list[_Wanted]) -> list[_Wanted]:
     """Refuse what is asked for twice: it would be the signal of two joints."""
-    for column in wanted:
-        if wanted.count(column) > 1:
+    for column, times in Counter(wanted).items():
+        if times > 1:
             raise UsageError(f"{path}: {column} is given twice; each joint has its own")
     return wanted
 
