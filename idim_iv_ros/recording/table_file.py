@@ -278,7 +278,8 @@ class TextTable:
             return np.array(["nan" if c.strip() in _EMPTY else c for c in plain], dtype=float)
         if dates:
             with suppress(ValueError):
-                return np.array(cells, dtype="datetime64[ns]").astype(np.int64) * 1e-9
+                stamps: FloatArray = np.array(cells, dtype="datetime64[ns]").astype(np.float64)
+                return 1e-9 * stamps
         wrong = next(cell for cell in plain if cell.strip() not in _EMPTY and not is_number(cell))
         raise DataError(
             f"{self._path}: {self.names[column]} holds {wrong[:40]!r}: no number"
