@@ -43,42 +43,43 @@ class JointSamples:
 
     @property
     def about(self) -> BoolArray:
-        """`named`, also where it is None."""
+        """Joints that each sample is about, (n, n_joints) bool."""
         return np.ones(self.values.shape, dtype=bool) if self.named is None else self.named
 
     @property
     def newest(self) -> IntArray:
         """Newest stamp of each joint, (n_joints,) ns; `NEVER` without one."""
-        if self.named is None and len(self):
-            return np.full(self.values.shape[1], self.time[-1])
         stamps = np.where(self.about, self.time[:, None], NEVER)
         return np.asarray(stamps.max(axis=0, initial=NEVER))
 
     @property
     def slowest(self) -> IntArray:
         """Stamps, ns, of the joint that has the fewest."""
-        if self.named is None:
-            return self.time
-        counts = self.named.sum(axis=0)
+        counts = self.about.sum(axis=0)
         column = int(np.argmin(np.where(counts > 0, counts, len(self) + 1)))
-        return np.asarray(self.time[self.named[:, column]])
+        return np.asarray(self.time[self.about[:, column]])
 
     def followed_by(self, later: "JointSamples") -> "JointSamples":
         """These and later ones in the order of time, samples of one stamp put together."""
-        time = np.concatenate([self.time, later.time])
-        values = np.concatenate([self.values, later.values])
-        if self.named is None and later.named is None:
-            return JointSamples(time, values)
-        named = np.concatenate([self.about, later.about])
-        if np.all(np.diff(time) > 0):
-            return JointSamples(time, values, None if named.all() else named)
+        time, values, about = (
+            np.concatenate(pair)
+            for pair in (
+                (self.time, later.time),
+                (self.values, later.values),
+                (self.about, later.about),
+            )
+        )
         times, place = np.unique(time, return_inverse=True)
-        row, column = np.nonzero(named)
+        row, column = np.nonzero(about)
         merged = np.full((len(times), values.shape[1]), np.nan)
         merged[place[row], column] = values[row, column]
-        about = np.zeros(merged.shape, dtype=bool)
-        about[place[row], column] = True
-        return JointSamples(times, merged, None if about.all() else about)
+        named = np.zeros(merged.shape, dtype=bool)
+        named[place[row], column] = True
+        return JointSamples(times, merged, named)
+
+    def part(self, rows: slice) -> "JointSamples":
+        """Some of the samples."""
+        return JointSamples(self.time[rows], self.values[rows], self.about[rows])
 
 
 class SampleStream:
@@ -130,33 +131,27 @@ class SampleStream:
             )
             first = len(new) - (len(time) - 1 - int(breaks[-1]))
             self.samples = self._empty
-        self._append(new.time[first:], new.values[first:], new.about[first:])
+        self._append(new.part(slice(first, None)))
 
-    def _append(self, time: IntArray, values: FloatArray, about: BoolArray) -> None:
-        stamps = np.vstack([self.samples.newest, np.where(about, time[:, None], NEVER)])
-        about = about & (time[:, None] > np.maximum.accumulate(stamps)[:-1])
+    def _append(self, new: JointSamples) -> None:
+        """Append samples that are later than those of their joints, without wraps."""
+        stamps = np.vstack([self.samples.newest, np.where(new.about, new.time[:, None], NEVER)])
+        about = new.about & (new.time[:, None] > np.maximum.accumulate(stamps)[:-1])
         fresh = about.any(axis=1)
         self.late += int(np.count_nonzero(~fresh))
-        time, values, about = time[fresh], np.where(about, values, np.nan)[fresh], about[fresh]
-        if self._turning.any():
-            values = self._without_wraps(values)
-        later = JointSamples(time, values, None if about.all() else about)
+        later = JointSamples(
+            new.time[fresh], np.where(about, new.values, np.nan)[fresh], about[fresh]
+        )
         self.samples = self.samples.followed_by(later)
-
-    def _without_wraps(self, values: FloatArray) -> FloatArray:
-        """Add the turns that make each position follow the one before."""
-        positions = np.concatenate([self.samples.values, values])
+        positions = self.samples.values
         for joint in np.flatnonzero(self._turning):
             measured = np.isfinite(positions[:, joint])
             positions[measured, joint] = np.unwrap(positions[measured, joint], discont=_WRAP)
-        return np.asarray(positions[len(self.samples) :])
 
     def forget(self, before: int) -> None:
         """Give up samples stamped before a time, ns, but the last one."""
-        kept = min(int(np.searchsorted(self.samples.time, before)), max(len(self.samples) - 1, 0))
-        if kept:
-            named = None if self.samples.named is None else self.samples.named[kept:]
-            self.samples = JointSamples(self.samples.time[kept:], self.samples.values[kept:], named)
+        first = min(int(np.searchsorted(self.samples.time, before)), max(len(self.samples) - 1, 0))
+        self.samples = self.samples.part(slice(first, None))
 
     def clear(self) -> None:
         """Give up all samples."""

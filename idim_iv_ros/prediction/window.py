@@ -1,7 +1,5 @@
 """The chain of the identification on the newest samples: grid, filters, prediction, decimation."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
@@ -10,15 +8,15 @@ from idim_iv_ros.prediction.stream import JointSamples
 from idim_iv_ros.recording.grid import Grid, on_grid
 from idim_iv_ros.signals import (
     REVERSAL_MARGIN,
+    JointSignals,
+    Motion,
     ParallelDecimation,
     butterworth_samples,
-    central_differences,
-    difference_order,
     fast_samples,
     zero_phase_butterworth,
 )
-from idim_iv_ros.signals.motion import all_around
-from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+from idim_iv_ros.signals.motion import decimated_motion
+from idim_iv_ros.types import FloatArray, IntArray
 
 CURVE_TOLERANCE = 0.01  # share of an impulse response that curves, and decimation, do not wait for
 ROW_TOLERANCE = 1e-4  # the same of the positions behind the rows
@@ -29,29 +27,6 @@ _HIGHEST = 0.8  # of the Nyquist frequency: smoothing that smooths nothing
 _EVERY = 0.2  # s between two looks for new rows
 # s of samples before the window, by which splines and bridged gaps are what they are.
 _CONTEXT = 0.24
-
-
-@dataclass(frozen=True)
-class _Stretch:
-    """Consecutive samples of the grid, predicted.
-
-    Attributes
-    ----------
-    first : int
-        Number of the first one.
-    torque, predicted : (n, n_joints) N m (N)
-    valid, fast : (n, n_joints) bool
-        Measured; faster than the reversal speed.
-    matrix : (n, n_joints, b)
-        Base regressor.
-    """
-
-    first: int
-    torque: FloatArray
-    predicted: FloatArray
-    valid: BoolArray
-    fast: BoolArray
-    matrix: FloatArray
 
 
 class PredictionWindow:
@@ -82,13 +57,14 @@ class PredictionWindow:
         self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
         self._smoothing, self._smooth_wait = self._curve_filter(result.processing.decimation_cutoff)
         self.lag = (self._wait + self._smooth_wait) / rate
-        given = identified.processing
         # The decimation of the identification at this rate: the same edge in Hz.
         self._factor = max(1, round(rate / result.processing.row_rate))
         self.row_rate = rate / self._factor
-        edge = given.decimation_edge * result.processing.row_rate / self.row_rate
-        self._edge = min(edge, 1.0)
-        self._row_wait = ParallelDecimation(self._factor, 1, self._edge).settling(CURVE_TOLERANCE)
+        given = identified.processing
+        edge = min(given.decimation_edge * result.processing.row_rate / self.row_rate, 1.0)
+        changes = {"decimation_edge": edge, "decimation_phase": "first"}
+        self._processing = given.model_copy(update=changes)
+        self._row_wait = ParallelDecimation(self._factor, 1, edge).settling(CURVE_TOLERANCE)
         margin = REVERSAL_MARGIN if given.reversal_margin is None else given.reversal_margin
         self._around = round(margin * self._factor)
         self._end = 0  # number behind the newest sample
@@ -155,10 +131,16 @@ class PredictionWindow:
             # Begins at a decimated sample, as the identification does.
             first = min(first, int(places[0]) - self._row_wait)
             first = max(first // self._factor, -(-available // self._factor)) * self._factor
-        stretch = self._predicted(positions, efforts, first, available)
+        motion = self._motion(positions, efforts, first, available)
+        matrix = self._identified.model.matrix(*motion.derivatives(0, self._end - first))
+        predicted = matrix @ self._identified.values
         if len(places):
-            self._add_rows(stretch, places, rows)
-        return self._curve(stretch)
+            row = (places - first) // self._factor
+            variance = self._identified.variance(matrix[places - first])
+            residual = motion.decimation.at(motion.torque - predicted, places - first)
+            rows.add(places, residual, motion.kept[row], variance)
+            self._next_row = int(places[-1]) + self._factor
+        return self._curve(motion, predicted, first)
 
     def _new_rows(self, available: int) -> IntArray:
         """Numbers of the decimated samples that both filters reach by now, some at a time.
@@ -171,58 +153,54 @@ class PredictionWindow:
         due = last - begin >= _EVERY * self.rate
         return np.arange(begin, last + 1, factor) if due else np.arange(0)
 
-    def _predicted(
+    def _motion(
         self, positions: JointSamples, efforts: JointSamples, first: int, available: int
-    ) -> _Stretch:
-        """Samples from number `first` on, by the chain of the identification."""
-        identified, rate = self._identified, self.rate
+    ) -> Motion:
+        """Samples from number `first` on, filtered by the chain of the identification."""
+        transform = self._identified.transform
         begin = max(first - 3 * self._settled, available)
-        grid = Grid(self._stamp(begin), rate, self._end - begin)
+        grid = Grid(self._stamp(begin), self.rate, self._end - begin)
         position = on_grid(grid, positions.time, positions.values, "", smooth=True)
         effort = on_grid(grid, efforts.time, efforts.values, "")
-        filtered = zero_phase_butterworth(
-            identified.transform.position(position.values),
-            rate=rate,
-            cutoff=self._cutoff,
-            order=self._order,
+        record = JointSignals(
+            "",
+            self.rate,
+            transform.position(position.values),
+            transform.torque(effort.values),
+            ~transform.touched(position.invented, effort.invented),
         )
-        kept = slice(first - begin, None)
-        velocity, acceleration = central_differences(
-            filtered, rate=rate, start=first - begin, order=difference_order(self._cutoff, rate)
+        return decimated_motion(
+            record,
+            self._smooth(record.position, self._cutoff),
+            slice(first - begin, grid.samples),
+            self._processing,
+            (self._cutoff, self._factor),
+            self._identified.minimum_speed,
+            self._identified.couplings,
         )
-        matrix = identified.model.matrix(filtered[kept], velocity, acceleration)
-        fast = fast_samples(filtered, rate, identified.minimum_speed, identified.couplings)
-        invented = identified.transform.touched(position.invented[kept], effort.invented[kept])
-        torque = identified.transform.torque(effort.values[kept])
-        return _Stretch(first, torque, matrix @ identified.values, ~invented, fast[kept], matrix)
 
-    def _curve(self, stretch: _Stretch) -> tuple[int, FloatArray, FloatArray]:
-        place = self._curve_place - stretch.first
+    def _smooth(self, values: FloatArray, cutoff: float) -> FloatArray:
+        return zero_phase_butterworth(values, rate=self.rate, cutoff=cutoff, order=self._order)
+
+    def _curve(
+        self, motion: Motion, predicted: FloatArray, first: int
+    ) -> tuple[int, FloatArray, FloatArray]:
+        place = self._curve_place - first
         begin = max(0, place - 3 * self._smooth_wait)
-        inside = slice(begin, place + self._smooth_wait + 1)
-        both = np.hstack([stretch.torque[inside], stretch.predicted[inside]])
+        both = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]
         if self._smooth_wait:
-            both = zero_phase_butterworth(
-                both, rate=self.rate, cutoff=self._smoothing, order=self._order
-            )
+            both = self._smooth(both, self._smoothing)
         measured, predicted = np.split(both[place - begin], 2)
         reach = max(self._factor, self._around)
         around = slice(max(place - reach, 0), place + reach + 1)
-        there = stretch.valid[around].all(axis=0)
-        moves = stretch.fast[around].all(axis=0)
+        there = motion.signals.valid[motion.span][around].all(axis=0)
+        identified = self._identified
+        fast = fast_samples(
+            motion.position[motion.span], self.rate, identified.minimum_speed, identified.couplings
+        )
+        moves = fast[around].all(axis=0)
         return (
             self._stamp(self._curve_place),
             np.where(there, measured, np.nan),
             np.where(there & moves, predicted, np.nan),
         )
-
-    def _add_rows(self, stretch: _Stretch, places: IntArray, rows: ResidualRows) -> None:
-        inside = slice(0, int(places[-1]) + self._row_wait + 1 - stretch.first)
-        residual = stretch.torque[inside] - stretch.predicted[inside]
-        decimation = ParallelDecimation(self._factor, len(residual), self._edge)
-        counts = all_around(stretch.fast[inside], decimation, self._around)
-        counts &= all_around(stretch.valid[inside], decimation, self._factor)
-        row = (places - stretch.first) // self._factor
-        variance = self._identified.variance(stretch.matrix[places - stretch.first])
-        rows.add(places, decimation.whole(residual)[row], counts[row], variance)
-        self._next_row = int(places[-1]) + self._factor

@@ -7,7 +7,7 @@ import numpy as np
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.joint_messages import JointMessages
 from idim_iv_ros.recording.recording import ClockQuality, Note
-from idim_iv_ros.types import BoolArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 GAP = 2.5  # sampling intervals without a message
 _MOSTLY_BACKWARD = 0.2
@@ -43,6 +43,15 @@ class StampedMessages:
     time: IntArray
     quality: ClockQuality
     notes: tuple[Note, ...]
+
+    def taken(self, places: IntArray) -> "StampedMessages":
+        """Messages at `places` (k,), in this order."""
+        return replace(self, messages=self.messages.taken(places), time=self.time[places])
+
+    def with_values(self, name: str, values: FloatArray, *notes: Note) -> "StampedMessages":
+        """Other values (n, n_joints) of a field, and what there is to say of them."""
+        messages = replace(self.messages, values={**self.messages.values, name: values})
+        return replace(self, messages=messages, notes=(*self.notes, *notes))
 
 
 def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
@@ -108,11 +117,6 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
         backward=backward,
     )
     return StampedMessages(messages, ordered, quality, tuple(notes))
-
-
-def selected(stamped: StampedMessages, places: IntArray) -> StampedMessages:
-    """Messages at `places` (k,), in this order."""
-    return replace(stamped, messages=stamped.messages.taken(places), time=stamped.time[places])
 
 
 def _one_of_each_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:

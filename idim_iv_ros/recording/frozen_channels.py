@@ -7,7 +7,6 @@ while the joint moves; where the channel is smooth it must end in a jump instead
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -76,8 +75,9 @@ def without_frozen(
     if not frozen_stretches:
         return stamped, ()
     cleaned = dict(stamped)
-    cleaned[joint_states] = _without(cleaned[joint_states], "position", lost[0])
-    cleaned[effort] = _without(cleaned[effort], "effort", lost[1])
+    for topic, name, frozen in ((joint_states, "position", lost[0]), (effort, "effort", lost[1])):
+        values = cleaned[topic].messages.values[name]
+        cleaned[topic] = cleaned[topic].with_values(name, np.where(frozen, np.nan, values))
     return cleaned, tuple(frozen_stretches)
 
 
@@ -88,12 +88,6 @@ def _at(wanted: IntArray, time: IntArray, position: FloatArray) -> FloatArray:
     finite = np.isfinite(position)
     begin = time[0]
     return np.asarray(np.interp(wanted - begin, time[finite] - begin, position[finite]))
-
-
-def _without(stamped: StampedMessages, field: str, lost: BoolArray) -> StampedMessages:
-    values = np.where(lost, np.nan, stamped.messages.values[field])
-    messages = replace(stamped.messages, values={**stamped.messages.values, field: values})
-    return replace(stamped, messages=messages)
 
 
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.recording.clock import GAP, StampedMessages, selected
+from idim_iv_ros.recording.clock import GAP, StampedMessages
 from idim_iv_ros.recording.recording import Note, Signal
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -239,7 +239,7 @@ def without_pauses(
     shortened = {}
     for topic, messages in stamped.items():
         inside = pauses.kept(messages.time)
-        kept = messages if inside.all() else selected(messages, np.flatnonzero(inside))
+        kept = messages if inside.all() else messages.taken(np.flatnonzero(inside))
         shortened[topic] = replace(kept, time=pauses.shortened(kept.time))
     return shortened
 

@@ -83,11 +83,13 @@ def import_lerobot(
     position, command = scale * state[:, columns], scale * action[:, columns]
     _require_radians(folder, [name for name, _ in pairs], position)
     stamps, warnings = _stamps(time[:, 0], float(information["fps"]))
+    signals = {"position": position, "reference": command}
     return write_import(
         out,
         [name for name, _ in pairs],
         (stamps, stamps),
-        {"position": position, "reference": command},
+        signals,
+        dict.fromkeys(signals, str(folder)),
         warnings,
         robot_description=robot_description,
         force=force,

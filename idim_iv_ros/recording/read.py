@@ -19,13 +19,12 @@ from idim_iv_ros.recording.grid import Grid, make_grid, pauses_of, without_pause
 from idim_iv_ros.recording.other_topics import (
     prismatic_joints,
     reference_advice,
-    robot_description,
     unused_references,
 )
 from idim_iv_ros.recording.parts import Part, joined, parts_note, parts_of
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
-from idim_iv_ros.recording.request import Request, add_batch, in_bag
+from idim_iv_ros.recording.request import BagMessages, Request, in_bag
 from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
@@ -119,14 +118,15 @@ def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
 
 def read_bag(bag: Bag, request: Request) -> Recording:
     """Read the recording of one bag; see `read_recordings`."""
-    path = bag.path
     try:
         try:
             request = in_bag(bag, request)
-            readers, description = _messages(bag, request)
+            messages = BagMessages(bag, request)
+            for topic, batch in bag.batches(messages.topics):
+                messages.add(topic, batch)
         except OSError as error:
-            raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
-        recording = recording_of(bag, request, readers, description)
+            raise UsageError(f"{bag.path}: cannot be read: {error.strerror or error}") from error
+        recording = recording_of(messages)
     except DataError as error:
         raise with_loss(error, bag, request.topics) from error
     if request.reference is not None:
@@ -135,12 +135,7 @@ def read_bag(bag: Bag, request: Request) -> Recording:
     return replace(recording, unused_references=unused)
 
 
-def recording_of(
-    bag: Bag,
-    request: Request,
-    readers: Mapping[str, JointMessageReader],
-    description: str | None,
-) -> Recording:
+def recording_of(messages: BagMessages) -> Recording:
     """Put the messages of all sources on one grid.
 
     Raises
@@ -149,28 +144,17 @@ def recording_of(
         A topic, a joint or a field is missing, or the messages make no recording.
     """
     sources: dict[str, JointMessages] = {}
+    bag, request = messages.bag, messages.request
     notes = loss_notes(bag, request.topics)
     for source in request.fields:
-        if source not in readers:
+        if source not in messages.readers:
             raise DataError(_missing(bag, source, request))
         optional = source == request.link_states
-        sources[source], more = _checked(bag.path, readers[source], optional=optional)
-        notes += more
-    return _assemble(bag.path, request, parts_of(sources, str(bag.path)), description, notes)
-
-
-def _messages(bag: Bag, request: Request) -> tuple[dict[str, JointMessageReader], str | None]:
-    """Messages of each source, and the robot's description."""
-    readers: dict[str, JointMessageReader] = {}
-    descriptions: dict[str, str] = {}
-    likely = request.descriptions
-    for topic, batch in bag.batches({*request.topics, *likely}):
-        if topic in likely:
-            text = robot_description(batch)
-            descriptions.update({} if text is None else {topic: text})
-        else:
-            add_batch(readers, bag, request, topic, batch)
-    return readers, request.likeliest(descriptions)
+        reader = messages.readers[source]
+        sources[source], left_out = _checked(bag.path, reader, optional=optional)
+        notes += left_out
+    parts = parts_of(sources, str(bag.path))
+    return _assemble(bag.path, request, parts, messages.description, notes)
 
 
 def _checked(
@@ -246,7 +230,20 @@ def _assemble(
         notes.append(paused[1])
         parts = [replace(part, stamped=without_pauses(part.stamped, paused[0])) for part in parts]
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
-    parts = [_unwrapped(part, request, prismatic) for part in parts]
+    followers = [source for source in (reference, request.link_states) if source is not None]
+    parts = [
+        replace(
+            part,
+            stamped=without_wraps(
+                part.stamped,
+                joint_states,
+                followers,
+                [joints[column] for column in part.columns],
+                prismatic,
+            ),
+        )
+        for part in parts
+    ]
     grid = _common_grid(path, request, parts)
     notes += _inactive_notes(request, parts[0].stamped, grid)
     frozen: tuple[FrozenStretches, ...] = ()
@@ -300,16 +297,6 @@ def _no_effort(grid: Grid, joints: int) -> Signal:
     """Zeros for a robot that records no efforts."""
     zeros = np.zeros((grid.samples, joints))
     return Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
-
-
-def _unwrapped(part: Part, request: Request, prismatic: Collection[str]) -> Part:
-    """Return the same part without the wraps of its positions."""
-    joints = [request.joints[column] for column in part.columns]
-    states, stamped = request.joint_states, dict(part.stamped)
-    stamped = without_wraps(stamped, states, request.reference, joints, prismatic)
-    if request.link_states is not None:
-        stamped = without_wraps(stamped, states, request.link_states, joints, prismatic)
-    return replace(part, stamped=stamped)
 
 
 def _inactive_notes(

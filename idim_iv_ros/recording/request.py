@@ -7,6 +7,7 @@ from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
+from idim_iv_ros.recording.other_topics import robot_description
 from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from idim_iv_ros.signal_source import field_of, topic_of, with_field
 
@@ -66,14 +67,6 @@ class Request:
         """Topics that may hold the robot's description, the likeliest first."""
         return descriptions_of(topic_of(self.joint_states), self.own_topics)
 
-    def likeliest(self, descriptions: Mapping[str, str]) -> str | None:
-        """Of the descriptions that a bag holds, by topic, that of the robot."""
-        return next(filter(None, map(descriptions.get, self.descriptions)), None)
-
-    def sources(self, topic: str) -> list[str]:
-        """Sources that are read from a topic."""
-        return [source for source in self.fields if topic_of(source) == topic]
-
 
 def in_bag(bag: Bag, request: Request) -> Request:
     """Return the request with the full names of its topics in this bag.
@@ -106,30 +99,59 @@ def in_bag(bag: Bag, request: Request) -> Request:
     ).with_reference_field
 
 
-def add_batch(
-    readers: dict[str, JointMessageReader],
-    bag: Bag,
-    request: Request,
-    topic: str,
-    batch: MessageBatch,
-) -> None:
-    """Give the messages of a topic to the reader of each source that is read from it.
+@dataclass
+class BagMessages:
+    """What was read of a bag so far.
 
-    Raises
-    ------
-    UsageError, DataError
-        They hold no quantities of joints, or not in the field that is named.
+    Attributes
+    ----------
+    bag : Bag
+    request : Request
+        With the full names of its topics.
+    readers : dict
+        Messages of each source that was met.
     """
-    for source in request.sources(topic):
-        if source not in readers:
-            readers[source] = _reader_of(bag, source, request)
-        readers[source].add(batch)
 
+    bag: Bag
+    request: Request
+    readers: dict[str, JointMessageReader] = field(default_factory=dict)
+    _descriptions: dict[str, str] = field(default_factory=dict)
 
-def _reader_of(bag: Bag, source: str, request: Request) -> JointMessageReader:
-    """Return an empty reader for a source whose topic was just met."""
-    name = bag.topics[topic_of(source)]
-    asked = source == request.reference
-    kind = JointMessageType(name, bag.definitions.get(name), field_of(source), asked)
-    kind.require_readable(bag.path, topic_of(source))
-    return JointMessageReader(source, kind, request.joints, sorted(request.fields[source]))
+    @property
+    def topics(self) -> set[str]:
+        """Topics of the bag that are read."""
+        return {*self.request.topics, *self.request.descriptions}
+
+    @property
+    def description(self) -> str | None:
+        """The robot's description, of the likeliest topic that has one."""
+        return next(filter(None, map(self._descriptions.get, self.request.descriptions)), None)
+
+    def add(self, topic: str, batch: MessageBatch) -> None:
+        """Take messages of a topic, for each source that is read from it.
+
+        Raises
+        ------
+        UsageError, DataError
+            They hold no quantities of joints, or not in the field that is named.
+        """
+        if topic in self.request.descriptions:
+            text = robot_description(batch)
+            self._descriptions.update({} if text is None else {topic: text})
+        for source, quantities in self.request.fields.items():
+            if topic_of(source) != topic:
+                continue
+            if source not in self.readers:
+                name, asked = self.bag.topics[topic], source == self.request.reference
+                schema = self.bag.definitions.get(name)
+                kind = JointMessageType(name, schema, field_of(source), asked)
+                kind.require_readable(self.bag.path, topic)
+                self.readers[source] = JointMessageReader(
+                    source, kind, self.request.joints, sorted(quantities)
+                )
+            self.readers[source].add(batch)
+
+    def before(self, arrival: int) -> "BagMessages":
+        """Give up the messages that arrived before a time, ns."""
+        earlier = {source: reader.before(arrival) for source, reader in self.readers.items()}
+        return replace(self, readers=earlier)

@@ -107,25 +107,22 @@ def import_table(
         "link": link,
     }
     tables = {name: os.fspath(spec) for name, spec in given.items() if spec is not None}
-    warnings: list[str] = []
-    signals = {}
-    for name, spec in tables.items():
-        values = read_table(spec)
+    signals = {name: read_table(spec) for name, spec in tables.items()}
+    for name, values in signals.items():
         if values.shape[1] != len(joints):
-            raise UsageError(f"{spec}: {values.shape[1]} columns for {len(joints)} joints")
-        signals[name] = _possible(name, values, spec, joints, warnings)
-    stamps = _stamps(time, rate, signals["position"], tables["position"])
-    reference_stamps = stamps
+            raise UsageError(f"{tables[name]}: {values.shape[1]} columns for {len(joints)} joints")
+    stamps = _stamps(time, rate, len(signals["position"]), tables["position"])
+    reference_stamps, warnings = stamps, []
     if reference is not None:
-        wanted = signals["reference"]
+        samples = len(signals["reference"])
         if reference_time is not None:
-            reference_stamps = _stamps(reference_time, None, wanted, tables["reference"])
-        elif rate is not None and len(wanted) != len(stamps):
+            reference_stamps = _stamps(reference_time, None, samples, tables["reference"])
+        elif rate is not None and samples != len(stamps):
             warnings.append(
-                f"{tables['reference']}: {len(wanted)} samples, but {len(stamps)} of the "
+                f"{tables['reference']}: {samples} samples, but {len(stamps)} of the "
                 "measurements; both are taken to begin at the same instant, with the same rate"
             )
-            reference_stamps = _stamps(None, rate, wanted, tables["reference"])
+            reference_stamps = _stamps(None, rate, samples, tables["reference"])
     for name, values in signals.items():
         of_reference = name in ("reference", "velocity_reference")
         there = reference_stamps if of_reference else stamps
@@ -137,6 +134,7 @@ def import_table(
         joints,
         (stamps, reference_stamps),
         signals,
+        tables,
         warnings,
         robot_description=robot_description,
         force=force,
@@ -174,21 +172,17 @@ def import_mapped(
     joints = list(described.joints)
     out = require_bag_place(out, joints, force=force)
     time, signals = mapped_columns(described, table)
-    warnings: list[str] = []
-    source = str(table)
-    signals = {
-        name: _possible(name, values, source, joints, warnings) for name, values in signals.items()
-    }
+    source, samples = str(table), len(signals["position"])
     if time is None:
-        stamps = _stamps(None, described.rate, signals["position"], source)
+        stamps = _stamps(None, described.rate, samples, source)
     else:
-        stamps = _checked_stamps(time, source, signals["position"], source)
+        stamps = _checked_stamps(time, source, samples, source)
     return write_import(
         out,
         joints,
         (stamps, stamps),
         signals,
-        warnings,
+        dict.fromkeys(signals, source),
         robot_description=robot_description,
         force=force,
     )
@@ -219,12 +213,13 @@ def write_import(
     joints: Sequence[str],
     stamps: tuple[FloatArray, FloatArray],
     signals: Mapping[str, FloatArray],
-    warnings: Sequence[str],
+    sources: Mapping[str, str],
+    warnings: Sequence[str] = (),
     *,
     robot_description: str | None,
     force: bool,
 ) -> ImportSummary:
-    """Write the topics of an import.
+    """Write the topics of an import, rows that hold no possible value as missing.
 
     Parameters
     ----------
@@ -232,8 +227,24 @@ def write_import(
         (n,) s of the measurements and of the references.
     signals
         (n, n_joints) of `table_map.SIGNALS`.
+    sources
+        What the table of each signal is called.
     """
-    time, reference_time = stamps
+    possible, warnings = {}, list(warnings)
+    for name, values in signals.items():
+        possible[name], sentence = without_impossible(
+            _KINDS.get(name, name),
+            values,
+            joints,
+            sources[name],
+            "mend the table or leave these rows out",
+            row="row",
+            first=0,
+            missing=True,
+        )
+        if sentence:
+            warnings.append(f"{sources[name]}: {sentence}; imported as missing")
+    signals, (time, reference_time) = possible, stamps
     measured = {name: signals[name] for name in QUANTITIES if name in signals}
     topics = [JointTopic("/joint_states", joints, time, **measured)]
     if "reference" in signals:
@@ -254,25 +265,30 @@ def write_import(
     return ImportSummary(len(time), rate, duration, tuple(signals), tuple(warnings))
 
 
-def _stamps(
-    time: FilePath | None, rate: float | None, position: FloatArray, source: str
-) -> FloatArray:
-    if time is None:
-        _require_samples(position, source)
-        assert rate is not None
-        return _regular_stamps(len(position), rate)
-    time = os.fspath(time)
-    stamps = read_table(time)
-    if stamps.shape[1] != 1:
-        raise UsageError(f"{time}: one column of time stamps is needed, not {stamps.shape[1]}")
-    return _checked_stamps(stamps[:, 0], time, position, source)
+def _stamps(time: FilePath | None, rate: float | None, samples: int, source: str) -> FloatArray:
+    """Stamps (samples,) s of the rows of `source`, from a table or at a rate."""
+    if time is not None:
+        time = os.fspath(time)
+        stamps = read_table(time)
+        if stamps.shape[1] != 1:
+            raise UsageError(f"{time}: one column of time stamps is needed, not {stamps.shape[1]}")
+        return _checked_stamps(stamps[:, 0], time, samples, source)
+    assert rate is not None
+    _require_samples(samples, source)
+    with np.errstate(over="ignore"):
+        last = float(np.divide(samples - 1, rate))
+    if last > _LAST_STAMP or rate > 1e9:
+        raise UsageError(
+            f"--rate {rate:g}: {samples} samples would take {last:.3g} s; give samples per second"
+        )
+    return np.arange(samples) / rate
 
 
-def _checked_stamps(stamps: FloatArray, time: str, position: FloatArray, source: str) -> FloatArray:
+def _checked_stamps(stamps: FloatArray, time: str, samples: int, source: str) -> FloatArray:
     """Refuse stamps (n,) that no recording has; `time`, `source`: where both come from."""
-    _require_samples(position, source)
-    if len(stamps) != len(position):
-        raise DataError(f"{time}: {len(stamps)} stamps for {len(position)} samples of {source}")
+    _require_samples(samples, source)
+    if len(stamps) != samples:
+        raise DataError(f"{time}: {len(stamps)} stamps for {samples} samples of {source}")
     if not np.isfinite(stamps).all():
         raise DataError(f"{time}: not every stamp is a number")
     if np.any(np.diff(stamps) <= 0.0):
@@ -288,36 +304,7 @@ def _checked_stamps(stamps: FloatArray, time: str, position: FloatArray, source:
     return np.asarray(stamps)
 
 
-def _require_samples(position: FloatArray, source: str) -> None:
-    """Refuse positions (n, n_joints) of which there is no rate."""
-    if len(position) < 2:
-        raise DataError(f"{source}: {len(position)} samples: nothing to import")
-
-
-def _regular_stamps(samples: int, rate: float) -> FloatArray:
-    with np.errstate(over="ignore"):
-        last = float(np.divide(samples - 1, rate))
-    if last > _LAST_STAMP or rate > 1e9:
-        raise UsageError(
-            f"--rate {rate:g}: {samples} samples would take {last:.3g} s; give samples per second"
-        )
-    return np.arange(samples) / rate
-
-
-def _possible(
-    name: str, values: FloatArray, source: str, joints: Sequence[str], warnings: list[str]
-) -> FloatArray:
-    """Values with NaN, and a warning, where a few rows hold no possible value."""
-    values, sentence = without_impossible(
-        _KINDS.get(name, name),
-        values,
-        joints,
-        source,
-        "mend the table or leave these rows out",
-        row="row",
-        first=0,
-        missing=True,
-    )
-    if sentence:
-        warnings.append(f"{source}: {sentence}; imported as missing")
-    return values
+def _require_samples(samples: int, source: str) -> None:
+    """Refuse so few rows that there is no rate."""
+    if samples < 2:
+        raise DataError(f"{source}: {samples} samples: nothing to import")

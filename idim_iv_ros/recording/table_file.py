@@ -1,10 +1,14 @@
 """Numbers in .csv, .npy, .npz, .mat, .parquet and .h5 files: ``FILE`` or ``FILE:KEY``."""
 
+import csv
 import warnings
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,8 +20,12 @@ from idim_iv_ros.types import FloatArray
 
 _Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
-HDF5 = (".h5", ".hdf5", ".hdf")
-SUFFIXES = (".csv", ".npy", ".npz", ".mat", ".parquet", *HDF5)
+TEXT = (".csv", ".tsv", ".txt")
+ARRAYS = (".npz", ".mat", ".parquet", ".h5", ".hdf5", ".hdf")
+SUFFIXES = (*TEXT, ".npy", *ARRAYS)
+_EMPTY = {"", "NA", "N/A", "na", "nan", "NaN", "NAN", "null", "NULL", "None", "-", "#N/A"}
+_ROWS_AT_ONCE = 10_000  # of a text
+_COMMA = str.maketrans(",.", ".,")
 _NUMBERS = "iuf"  # kinds of numpy: integers, unsigned ones, floats
 _LARGEST = 1 << 30  # bytes of one array
 
@@ -160,6 +168,126 @@ def needs_tables(path: Path, module: str) -> Any:
         raise UsageError(f'{path}: needs {name}: pip install "idim-iv-ros[tables]"') from error
 
 
+@dataclass(frozen=True)
+class TextFormat:
+    """How a table is written as text.
+
+    Attributes
+    ----------
+    delimiter : str
+        Between columns; empty: what stands most often in the first row.
+    decimal : str
+        ``.`` or ``,``.
+    comment : str
+        Begins lines that are none of the table; empty: nothing does.
+    """
+
+    delimiter: str = ""
+    decimal: str = "."
+    comment: str = "#"
+
+
+class TextTable:
+    """A table as text, with a row of names or without.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the columns; their numbers where there are none. A comment before numbers of as many
+        columns holds names, too: NumPy writes them so.
+    """
+
+    def __init__(self, path: Path, text_format: TextFormat | None = None) -> None:
+        self._path, self._format = path, text_format or TextFormat()
+        comment, first = "", ""
+        for line in self._lines():
+            if first := self._without_comment(line):
+                break
+            comment = line.strip().removeprefix(self._format.comment)
+        signs = [sign for sign in (",", ";", "\t", "|") if sign != self._format.decimal]
+        self._delimiter = self._format.delimiter or max(signs, key=first.count)
+        cells, described = (
+            [cell.strip() for cell in next(csv.reader([line], delimiter=self._delimiter), [])]
+            for line in (first, comment)
+        )
+        self._headed = not all(map(is_number, cells))
+        named = cells if self._headed else described
+        self.names = named if len(named) == len(cells) else [str(k) for k in range(len(cells))]
+
+    def _lines(self) -> Iterator[str]:
+        with self._path.open(encoding="utf-8-sig", newline="") as file:
+            yield from (line for line in file if line.strip())
+
+    def _without_comment(self, line: str) -> str:
+        sign = self._format.comment
+        return "" if sign and line.lstrip().startswith(sign) else line
+
+    def number(self, column: str) -> int:
+        """Number of a column by its name, or by its number from 0.
+
+        Raises
+        ------
+        UsageError
+            There is none, or several.
+        """
+        if self.names.count(column) > 1:
+            raise UsageError(
+                f"{self._path}: {self.names.count(column)} columns are named {column}; give their "
+                "numbers from 0"
+            )
+        if column in self.names:
+            return self.names.index(column)
+        if column.isdigit() and int(column) < len(self.names):
+            return int(column)
+        listed = ", ".join(self.names)
+        raise UsageError(f"{self._path}: no column {column}; there are {listed}, or numbers from 0")
+
+    def columns(self, wanted: Sequence[int], time: int | None = None) -> list[FloatArray]:
+        """Columns (n,) by their numbers, empty cells as NaN.
+
+        Parameters
+        ----------
+        time
+            Number of one that may hold dates of ISO 8601: they are read as s since 1970.
+
+        Raises
+        ------
+        DataError
+            Rows of different lengths, or something else in a cell.
+        """
+        rows = csv.reader(filter(self._without_comment, self._lines()), delimiter=self._delimiter)
+        parts: list[list[FloatArray]] = [[np.zeros(0)] for _ in wanted]
+        for _ in range(self._headed):
+            next(rows)
+        while block := list(islice(rows, _ROWS_AT_ONCE)):
+            odd = next((row for row in block if len(row) != len(self.names)), None)
+            if odd is not None:
+                raise DataError(
+                    f"{self._path}: not a table: a row of {len(odd)} columns, where the first has "
+                    f"{len(self.names)}: {self._delimiter.join(odd)[:60]!r}"
+                )
+            for part, column in zip(parts, wanted, strict=True):
+                cells = [row[column] for row in block]
+                part.append(self._values(column, cells, dates=column == time))
+        return [np.concatenate(part) for part in parts]
+
+    def _values(self, column: int, cells: list[str], *, dates: bool) -> FloatArray:
+        # Where the decimal sign is a comma, a point is a sign of something else.
+        plain = [c.translate(_COMMA) for c in cells] if self._format.decimal == "," else cells
+        with suppress(ValueError):
+            return np.array(["nan" if c.strip() in _EMPTY else c for c in plain], dtype=float)
+        if dates:
+            with suppress(ValueError):
+                stamps: FloatArray = np.array(cells, dtype="datetime64[ns]").astype(np.float64)
+                return 1e-9 * stamps
+        wrong = next(cell for cell in plain if cell.strip() not in _EMPTY and not is_number(cell))
+        raise DataError(
+            f"{self._path}: {self.names[column]} holds {wrong[:40]!r}: no number"
+            f"{' and no time of ISO 8601' if dates else ''}; set decimal, delimiter, comment or "
+            "time.unit in the map"
+        )
+
+
 def _split(spec: str) -> tuple[Path, str | None]:
     name, colon, key = spec.rpartition(":")
     if not colon or _is_there(spec):
@@ -183,8 +311,10 @@ def _is_there(spec: str) -> bool:
 
 def _load(path: Path, key: str | None) -> Any:
     suffix = path.suffix.lower()
-    if suffix == ".csv":
-        return _csv(path, key)
+    if suffix in TEXT:
+        table = TextTable(path)
+        wanted = range(len(table.names)) if key is None else map(table.number, key.split(","))
+        return np.column_stack(table.columns(_different(path, list(wanted))))
     if suffix == ".npy":
         # Mapped, so that a header that claims more than the file holds is an error and no memory.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -240,8 +370,8 @@ def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
 
 def _different(path: Path, wanted: list[_Wanted]) -> list[_Wanted]:
     """Refuse what is asked for twice: it would be the signal of two joints."""
-    for column in wanted:
-        if wanted.count(column) > 1:
+    for column, times in Counter(wanted).items():
+        if times > 1:
             raise UsageError(f"{path}: {column} is given twice; each joint has its own")
     return wanted
 
@@ -250,42 +380,6 @@ def _column(path: Path, text: str) -> int:
     if not text.isdigit():
         raise UsageError(f"{path}: no column {text}; columns are numbers from 0")
     return int(text)
-
-
-def _csv(path: Path, key: str | None) -> FloatArray:
-    with path.open(encoding="utf-8-sig") as file:
-        first = file.readline().strip()
-    delimiter = ";" if first.count(";") > first.count(",") else ","
-    names = [name.strip().strip('"') for name in first.split(delimiter)]
-    headed = not all(is_number(name) for name in names)
-    wanted = None
-    if key is not None:
-        listed = names if headed else []
-        wanted = _different(
-            path, [_csv_column(path, k, listed, len(names)) for k in key.split(",")]
-        )
-    return np.loadtxt(
-        path,
-        delimiter=delimiter,
-        skiprows=1 if headed else 0,
-        usecols=wanted,
-        ndmin=2,
-        encoding="utf-8-sig",
-    )
-
-
-def _csv_column(path: Path, column: str, names: list[str], count: int) -> int:
-    """Number of a column by its name in the header, if there are `names`, or by its number."""
-    if names.count(column) > 1:
-        raise UsageError(
-            f"{path}: {names.count(column)} columns are named {column}; give their numbers from 0"
-        )
-    if column in names:
-        return names.index(column)
-    if column.isdigit() and int(column) < count:
-        return int(column)
-    listed = f"{', '.join(names)}, or numbers from 0" if names else f"0 to {count - 1}"
-    raise UsageError(f"{path}: no column {column}; there are {listed}")
 
 
 def is_number(value: object) -> bool:

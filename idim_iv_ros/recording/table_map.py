@@ -3,11 +3,10 @@
 A first map is proposed from the names of the columns, to be corrected by whoever knows them.
 """
 
-import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -16,10 +15,11 @@ from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, is_file
 from idim_iv_ros.recording.table_file import (
-    HDF5,
+    ARRAYS,
+    TEXT,
+    TextFormat,
+    TextTable,
     array_shapes,
-    is_number,
-    needs_tables,
     one_line_errors,
     read_array,
     real_numbers,
@@ -28,12 +28,9 @@ from idim_iv_ros.recording.table_file import (
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
 
-TEXT = (".csv", ".tsv", ".txt")
-SUFFIXES = (*TEXT, *HDF5, ".parquet", ".npz", ".mat")
+SUFFIXES = (*TEXT, *ARRAYS)
 SIGNALS = ("position", "velocity", "effort", "reference", "velocity_reference", "link")
-_EMPTY = ["", "NA", "N/A", "na", "nan", "NaN", "NAN", "null", "NULL", "None", "-", "#N/A"]
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_NUMBERS = ("int64", "double", "null")  # types of columns that are read as numbers
 _POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
 _SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
 _SPEEDS["rpm"] = 2.0 * np.pi / 60.0
@@ -186,14 +183,17 @@ def _scale(signal: str, units: Units) -> float:
 
 def read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
     """Columns (n,) by their names; those of an ISO time are s since 1970."""
-    iso = described.time.column if described.time and described.time.unit == "iso" else ""
+    names = list(dict.fromkeys(wanted))
     with one_line_errors(table):
         if table.suffix.lower() in TEXT:
-            columns = _text_columns(table, described, wanted, iso)
+            text_format = TextFormat(described.delimiter, described.decimal, described.comment)
+            text, time = TextTable(table, text_format), described.time
+            stamps = text.number(time.column) if time and time.unit == "iso" else None
+            read = text.columns([text.number(name) for name in names], stamps)
         else:
-            columns = {name: _array_column(table, name) for name in wanted}
-    lengths = {len(column) for column in columns.values()}
-    if len(lengths) > 1:
+            read = _array_columns(table, names)
+    columns = dict(zip(names, read, strict=True))
+    if len({len(column) for column in read}) > 1:
         listed = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
         raise DataError(f"{table}: columns of different lengths ({listed})")
     return columns
@@ -203,7 +203,7 @@ def column_names(table: Path) -> list[str]:
     """Names that a map may use: of columns, or of datasets, ``NAME[k]`` for parts of one."""
     with one_line_errors(table):
         if table.suffix.lower() in TEXT:
-            return list(_text_table(table).column_names)
+            return TextTable(table).names
         names: list[str] = []
         for name, shape in array_shapes(table).items():
             wide = [length for length in shape if length > 1]
@@ -212,91 +212,24 @@ def column_names(table: Path) -> list[str]:
         return names
 
 
-def _array_column(table: Path, name: str) -> FloatArray:
-    """One column of a file of arrays: a whole one, or ``NAME[k]``."""
-    whole, _, rest = name.partition("[")
-    names = array_shapes(table)
-    if whole not in names:
-        raise UsageError(f"{table}: no {whole}; there are {', '.join(sorted(names)[:30])}")
-    values = real_numbers(read_array(table, whole), f"{table}: {whole}")
-    if not rest:
-        if values.ndim > 1 and min(values.shape) > 1:
+def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
+    """Columns of a file of arrays: whole ones, or ``NAME[k]``."""
+    names, arrays, columns = array_shapes(table), dict[str, FloatArray](), []
+    for name in wanted:
+        whole, _, rest = name.partition("[")
+        if whole not in names:
+            raise UsageError(f"{table}: no {whole}; there are {', '.join(sorted(names)[:30])}")
+        if whole not in arrays:
+            arrays[whole] = real_numbers(read_array(table, whole), f"{table}: {whole}")
+        values, number = arrays[whole], rest.rstrip("]")
+        if rest and not (number.isdigit() and values.ndim == 2 and int(number) < min(values.shape)):
+            raise UsageError(f"{table}: no column {name}")
+        if not rest and values.ndim > 1 and min(values.shape) > 1:
             raise UsageError(
                 f"{table}: {name} has {min(values.shape)} columns; say which, {name}[0]"
             )
-        return np.ravel(values)
-    number = rest.rstrip("]")
-    if not number.isdigit() or values.ndim != 2 or int(number) >= min(values.shape):
-        raise UsageError(f"{table}: no column {name}")
-    return samples_first(values)[:, int(number)]
-
-
-def _text_columns(
-    table: Path, described: TableMap, wanted: list[str], iso: str
-) -> dict[str, FloatArray]:
-    read = _text_table(
-        table,
-        delimiter=described.delimiter,
-        decimal=described.decimal,
-        comment=described.comment,
-        iso=bool(iso),
-    )
-    made = {}
-    for name in dict.fromkeys(wanted):
-        if read.column_names.count(name) != 1:
-            why = "no column" if name not in read.column_names else "more than one column"
-            raise UsageError(f"{table}: {why} {name}; there are {', '.join(read.column_names)}")
-        column = read[name]
-        kind = str(column.type)
-        if name == iso and kind.startswith("timestamp"):
-            made[name] = column.cast("timestamp[ns]").cast("int64").to_numpy() * 1e-9
-        elif kind in _NUMBERS:
-            made[name] = column.cast("double").to_numpy(zero_copy_only=False)
-        else:
-            shown = next((str(v) for v in column.to_pylist() if not is_number(v)), "")
-            raise DataError(
-                f"{table}: {name} holds {shown[:40]!r}: no number"
-                + ("" if name != iso else " and no time of ISO 8601")
-                + "; set decimal, delimiter, comment or time.unit in the map"
-            )
-    return made
-
-
-def _text_table(
-    table: Path, *, delimiter: str = "", decimal: str = ".", comment: str = "#", iso: bool = False
-) -> Any:
-    """The whole table; empty cells are missing, lines that begin with the comment left out."""
-    csv = needs_tables(table, "pyarrow.csv")
-    content = table.read_bytes().removeprefix(b"\xef\xbb\xbf")
-    if comment:
-        start = comment.encode()
-        lines = [line for line in content.splitlines() if not line.lstrip().startswith(start)]
-        content = b"\n".join(lines)
-    try:
-        return csv.read_csv(
-            io.BytesIO(content),
-            # A process that ends while pyarrow starts its threads is aborted, if rarely.
-            read_options=csv.ReadOptions(use_threads=False),
-            parse_options=csv.ParseOptions(delimiter=delimiter or _delimiter(content, decimal)),
-            convert_options=csv.ConvertOptions(
-                decimal_point=decimal,
-                null_values=_EMPTY,
-                strings_can_be_null=True,
-                timestamp_parsers=[csv.ISO8601] if iso else ["%never"],
-            ),
-        )
-    except Exception as error:  # pyarrow's own
-        reason = " ".join(str(error).split())
-        raise DataError(
-            f"{table}: not a table: {reason[:200]}; set delimiter, decimal or comment in the map"
-        ) from error
-
-
-def _delimiter(content: bytes, decimal: str) -> str:
-    """What stands most often in the first line; a comma only where it is no decimal sign."""
-    first = content.split(b"\n", 1)[0].decode("utf-8", "replace")
-    signs = [sign for sign in (",", ";", "\t", "|") if sign != decimal]
-    return max(signs, key=first.count)
+        columns.append(samples_first(values)[:, int(number)] if rest else np.ravel(values))
+    return columns
 
 
 def _signal(name: str) -> tuple[str, str] | None:
@@ -385,15 +318,21 @@ def proposed_map(table: Path) -> str:
 
 def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[str, bool]:
     """Decimal sign with which positions of a text are numbers; whether stamps are ISO 8601."""
-    iso = False
-    if table.suffix.lower() in TEXT:
-        for decimal in (".", ","):
-            read = _text_table(table, decimal=decimal, iso=True)
-            kinds = {n: str(c.type) for n, c in zip(read.column_names, read.columns, strict=True)}
-            iso = iso or kinds.get(time or "", "").startswith("timestamp")
-            if all(kinds[name] in _NUMBERS for name in positions):
-                return decimal, iso
-    return ".", iso
+
+    def readable(decimal: str, columns: list[str], *, dates: bool = False) -> bool:
+        text = TextTable(table, TextFormat(decimal=decimal))
+        numbers = [text.number(name) for name in columns]
+        try:
+            text.columns(numbers, numbers[0] if dates else None)
+        except DataError:
+            return False
+        return True
+
+    if table.suffix.lower() not in TEXT:
+        return ".", False
+    decimal = next((sign for sign in (".", ",") if readable(sign, positions)), ".")
+    iso = time is not None and not readable(decimal, [time])
+    return decimal, iso and readable(decimal, [str(time)], dates=True)
 
 
 def _named_unit(units: Mapping[str, float], names: list[str]) -> str:

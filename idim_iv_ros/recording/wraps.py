@@ -6,7 +6,7 @@ Torques depend on the position of a revolute joint only up to whole turns, so th
 cannot be known (the joint turned unseen, in a gap) changes no result: the nearest is taken.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,86 +45,76 @@ class Unwrapped:
 
 
 def without_wraps(
-    stamped: dict[str, StampedMessages],
+    stamped: Mapping[str, StampedMessages],
     joint_states: str,
-    reference: str | None,
+    followers: Sequence[str],
     joints: Sequence[str],
     sliding: Collection[str],
 ) -> dict[str, StampedMessages]:
-    """Undo the wraps of positions, and of references so that both are in the same turn.
+    """Undo the wraps of positions, and of what follows them so that both are in the same turn.
 
     Parameters
     ----------
     stamped
         Messages of each topic.
-    joint_states, reference
-        Topics of the positions and of their references.
+    joint_states, followers
+        Topics of the positions, and of references or encoders behind the gears.
     joints
     sliding
         Prismatic joints: they have no turns.
     """
-    for column, joint in enumerate(joints):
-        if joint not in sliding:
-            stamped = _joint_without_wraps(stamped, joint_states, reference, column, joint)
-    return stamped
-
-
-def _joint_without_wraps(
-    stamped: dict[str, StampedMessages],
-    joint_states: str,
-    reference: str | None,
-    column: int,
-    joint: str,
-) -> dict[str, StampedMessages]:
-    states = stamped[joint_states]
-    measured = states.messages.values["position"][:, column]
-    position = unwrapped(states.time, measured)
     new = dict(stamped)
-    if position is not None:
-        new[joint_states] = _with(states, column, position.position, _sentence(joint, position))
-    if reference is None or reference == joint_states:
-        return new
-    topic = stamped[reference]
-    recorded = topic.messages.values["position"][:, column]
-    if not np.isfinite(recorded).any() or not np.isfinite(measured).any():
-        return new
-    unwrapped_reference = unwrapped(topic.time, recorded)
-    position_turns = Unwrapped(measured, 0, np.zeros(0, np.int64)) if position is None else position
-    wanted = (
-        Unwrapped(recorded, 0, np.zeros(0, np.int64))
-        if unwrapped_reference is None
-        else unwrapped_reference
-    )
-    turns = _turns_between(states.time, position_turns, topic.time, wanted)
-    if unwrapped_reference is None and not turns.any():
-        return new
-    sentence = (
-        f"the reference of {joint} is put into the same turn as its position"
-        if unwrapped_reference is None
-        else _sentence(joint, unwrapped_reference)
-    )
-    new[reference] = _with(topic, column, wanted.position + TURN * turns, sentence)
+    for column, joint in enumerate(joints):
+        if joint in sliding:
+            continue
+        states = stamped[joint_states]
+        position = unwrapped(states.time, states.messages.values["position"][:, column])
+        if position.wraps:
+            new[joint_states] = _with(
+                new[joint_states], column, position, _sentence(joint, position)
+            )
+        for follower in followers:
+            if follower != joint_states:
+                new[follower] = _in_turns_of(position, states.time, new[follower], column, joint)
     return new
 
 
-def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped | None:
-    """Undo the wraps of a position (n,) rad at stamps `time` (n,) ns; None if there are none."""
+def _in_turns_of(
+    position: Unwrapped, time: IntArray, topic: StampedMessages, column: int, joint: str
+) -> StampedMessages:
+    """Return a topic without wraps, a joint of it in the turns of its position at `time` (n,)."""
+    reference = unwrapped(topic.time, topic.messages.values["position"][:, column])
+    if not np.isfinite(reference.position).any() or not np.isfinite(position.position).any():
+        return topic
+    turns = _turns_between(time, position, topic.time, reference)
+    if not reference.wraps and not turns.any():
+        return topic
+    sentence = _sentence(joint, reference)
+    if not reference.wraps:
+        sentence = f"the reference of {joint} is put into the same turn as its position"
+    whole = replace(reference, position=reference.position + TURN * turns)
+    return _with(topic, column, whole, sentence)
+
+
+def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
+    """Undo the wraps of a position (n,) rad at stamps `time` (n,) ns."""
+    unchanged = Unwrapped(position, 0, np.zeros(0, np.int64))
     finite = np.flatnonzero(np.isfinite(position))
     measured = position[finite]
     # Without a copy, so that the many joints that never wrap cost nothing.
     if len(measured) < 2 or not TURN - _LARGEST <= measured.max() - measured.min() <= _ONE_TURN:
-        return None
+        return unchanged
     steps = np.diff(measured)
     turns = np.round(steps / TURN)
     if not turns.any():
-        return None
+        return unchanged
     interval = np.diff(time[finite]) * 1e-9
     short = steps - TURN * turns
     allowed = _PLAUSIBLE * _speed_around(short, interval) * interval + _NOISE
     plausible = np.abs(short) <= np.minimum(allowed, _LARGEST)
     wraps = (turns != 0.0) & plausible
     if not wraps.any():
-        return None
+        return unchanged
     gap = interval > GAP * float(np.median(interval))
     unsure = gap & (np.abs(steps) > _LARGEST) & ~wraps
     undone = np.where(wraps | unsure, turns, 0.0)
@@ -178,10 +168,8 @@ def _sentence(joint: str, position: Unwrapped) -> str:
 
 
 def _with(
-    stamped: StampedMessages, column: int, position: FloatArray, sentence: str
+    stamped: StampedMessages, column: int, position: Unwrapped, sentence: str
 ) -> StampedMessages:
     values = stamped.messages.values["position"].copy()
-    values[:, column] = position
-    messages = replace(stamped.messages, values={**stamped.messages.values, "position": values})
-    note = Note(stamped.messages.topic, sentence, 1)
-    return replace(stamped, messages=messages, notes=(*stamped.notes, note))
+    values[:, column] = position.position
+    return stamped.with_values("position", values, Note(stamped.messages.topic, sentence, 1))

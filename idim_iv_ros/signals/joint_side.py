@@ -46,9 +46,9 @@ class JointSignals:
     position: FloatArray
     torque: FloatArray
     valid: BoolArray
-    velocity: FloatArray | None
-    position_reference: FloatArray | None
-    velocity_reference: FloatArray | None
+    velocity: FloatArray | None = None
+    position_reference: FloatArray | None = None
+    velocity_reference: FloatArray | None = None
     link_position: FloatArray | None = None
     link_valid: BoolArray | None = None
 

@@ -157,7 +157,7 @@ def filter_motion(
             peaks[joint] = max(peaks[joint], float(peak))
     minimum_speed, why = choose_minimum_speed(processing, peaks)
     motions = tuple(
-        _motion(
+        decimated_motion(
             record,
             position,
             span,
@@ -182,7 +182,7 @@ def coarser(
     couplings: Sequence[tuple[int, int]] = (),
 ) -> Motion:
     """Return the same filtered motion, decimated by `factor` instead."""
-    return _motion(
+    return decimated_motion(
         motion.signals,
         motion.position,
         motion.span,
@@ -276,7 +276,7 @@ def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, fa
     return slice(cut[0], samples - cut[1])
 
 
-def _motion(
+def decimated_motion(
     record: JointSignals,
     position: FloatArray,
     span: slice,
@@ -285,6 +285,7 @@ def _motion(
     minimum_speed: FloatArray,
     couplings: Sequence[tuple[int, int]],
 ) -> Motion:
+    """Return a filtered record (n_samples, n_joints), with the decimated samples that count."""
     cutoff, factor = cutoff_and_factor
     samples = span.stop - span.start
     decimation = ParallelDecimation(

@@ -1,5 +1,6 @@
 """One file of a bag, whatever its format, on this machine or somewhere else."""
 
+import os
 import tempfile
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -37,6 +38,18 @@ class ByteSource(Protocol):
             They cannot be fetched.
         """
         ...
+
+
+class LocalFile:
+    """A file on this machine as a `ByteSource`."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self.size = os.fstat(descriptor).st_size
+
+    def read(self, first: int, last: int) -> bytes:
+        """Bytes `first` … `last`, the end excluded."""
+        return os.pread(self._descriptor, last - first, first)
 
 
 @contextmanager

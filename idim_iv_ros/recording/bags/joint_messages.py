@@ -199,6 +199,18 @@ class JointMessageReader:
             layout.names.index(joint) if joint in layout.names else None for joint in self.joints
         ]
 
+    def before(self, arrival: int) -> "JointMessageReader":
+        """Give up the messages that arrived before a time, ns, to a reader of their own."""
+        parts, self._parts = self._parts, []
+        earlier = replace(self, _parts=[])
+        for heads, values in parts:
+            inside = heads[1] < arrival
+            for reader, chosen in ((earlier, inside), (self, ~inside)):
+                kept = {name: value[chosen] for name, value in values.items()}
+                reader._parts.append((tuple(head[chosen] for head in heads), kept))
+        self.damaged = self.passed = self._merged = self._waiting = 0
+        return earlier
+
     def finish(self) -> JointMessages:
         """All messages that were read; the parts are given up."""
         width = len(self.joints)

@@ -1,8 +1,8 @@
 """MCAP files chunk by chunk: raw messages found by their index, no object for each message.
 
-Records are walked from the start of the file, so that a file without summary, with a torn end or
-with damaged records is read as far as it goes. Of a file that is far away (`ByteSource`) only the
-summary and the chunks that hold wanted topics are fetched, and walked by the same code.
+Of a file whose summary lists every message only the chunks that hold wanted topics are read, far
+away (`ByteSource`) or not. The records of any other are walked from its start, so that a file
+without summary, with a torn end or with damaged records is read as far as it goes.
 """
 
 import mmap
@@ -19,7 +19,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, LocalFile, copied
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
@@ -35,9 +35,8 @@ from idim_iv_ros.recording.bags.mcap_records import (
     SCHEMA,
     Record,
     records,
-    text,
 )
-from idim_iv_ros.recording.bags.mcap_summary import McapDescription, fetched_summary, read_summary
+from idim_iv_ros.recording.bags.mcap_summary import DAMAGED_CONTENT, McapDescription, read_summary
 from idim_iv_ros.types import IntArray
 
 _READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
@@ -63,56 +62,48 @@ class McapFile(BagFile):
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, chunk by chunk; otherwise as `BagFile`."""
-        if self.source is not None:
-            summary = fetched_summary(self.source)
-            if summary is not None:
-                yield from self._fetched(summary, self.source, wanted)
-                return
-        with self._mapped() as (content, file):
-            if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
-                raise DataError(f"{self.path}: not an MCAP file")
-            summary = read_summary(content)
-            self._use(summary or McapDescription())
-            yield from self._walk(content, wanted, len(MAGIC), file)
-            if summary is not None and summary.counts is not None:
-                self._compare(summary.counts, wanted)
+        with self._opened() as source:
+            summary = read_summary(source)
+            self._description = summary or McapDescription()
+            self.topics = self._description.topics
+            self.definitions = self._description.definitions
+            if summary is not None and summary.lists_every_message(source.size):
+                for first, last in summary.stretches(wanted):
+                    yield from self._walk(source.read(first, last), wanted, 0)
+                self.truncated = False
+            else:
+                yield from self._whole(source, wanted)
+        if summary is not None and summary.counts is not None:
+            self._compare(summary.counts, wanted)
 
     def summarised_topics(self) -> dict[str, str]:
         """Type of each topic by the summary; empty where the file has none."""
-        if self.source is not None:
-            summary = fetched_summary(self.source)
-        else:
-            with self._mapped() as (content, _):
-                summary = read_summary(content)
+        with self._opened() as source:
+            summary = read_summary(source)
         return {} if summary is None else dict(summary.topics)
 
     @contextmanager
-    def _mapped(self) -> Iterator[tuple[mmap.mmap, int]]:
-        """Content of the file in memory as it is touched, and the descriptor of the file.
+    def _opened(self) -> Iterator[ByteSource]:
+        if self.source is not None:
+            yield self.source
+            return
+        with self.path.open("rb") as file:
+            yield LocalFile(file.fileno())
 
-        What is far away is copied to a file.
+    def _whole(self, source: ByteSource, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Messages of all records from the start; what is far away is copied to a file.
 
         Only a whole file can be searched for what is left of it when its index is missing.
         """
-        with copied(self.source) if self.source is not None else self.path.open("rb") as file:
-            if file.seek(0, 2) == 0:
-                raise DataError(f"{self.path}: the file is empty")
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-                yield content, file.fileno()
-
-    def _fetched(
-        self, summary: McapDescription, source: ByteSource, wanted: set[str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of the chunks that hold wanted topics, some chunks at a time."""
-        self._use(summary)
-        for first, last in summary.stretches(wanted):
-            yield from self._walk(source.read(first, last), wanted, 0)
-        self.truncated = False
-        self._compare(summary.counts or {}, wanted)
-
-    def _use(self, description: McapDescription) -> None:
-        self._description = description
-        self.topics, self.definitions = description.topics, description.definitions
+        if source.size == 0:
+            raise DataError(f"{self.path}: the file is empty")
+        with (
+            copied(source) if self.source is not None else self.path.open("rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+        ):
+            if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
+                raise DataError(f"{self.path}: not an MCAP file")
+            yield from self._walk(content, wanted, len(MAGIC), file.fileno())
 
     def _walk(
         self,
@@ -168,22 +159,21 @@ class McapFile(BagFile):
             return  # the summary has all of it, and a checksum
         try:
             self._description.add(opcode, record)
-        except (struct.error, UnicodeDecodeError):
+        except DAMAGED_CONTENT:
             self._lose()
 
     def _decompress(self, record: bytes, *, torn: bool) -> bytes | None:
         """Content of a chunk, None (and counted) where it is damaged; of a torn one its start."""
         try:
-            size, checksum = struct.unpack_from("<QI", record, 16)
-            compression, place = text(record, 28)
-            payload = record[place + 8 :]
+            size, checksum, name = struct.unpack_from("<QII", record, 16)
+            compression, payload = record[32 : 32 + name], record[40 + name :]
             if size > _LARGEST_CHUNK:
                 raise ValueError("the chunk is too large")
             if torn:
                 return start_of(payload, compression, size)
-            if compression == "zstd":
+            if compression == b"zstd":
                 content = zstandard.ZstdDecompressor().decompress(payload, max_output_size=size)
-            elif compression == "lz4":
+            elif compression == b"lz4":
                 content = bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
             else:
                 content = payload
@@ -209,45 +199,49 @@ class McapFile(BagFile):
     def _chunk(
         self, chunk: bytes | None, indices: dict[int, IntArray], wanted: set[str]
     ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of a chunk: those of its indices, and what lies between them."""
+        """Messages of a chunk, by its indices where these account for every byte of it."""
         if chunk is None:
             for channel, offsets in indices.items():
                 if self._description.channels.get(channel) in wanted:
                     self.missing[self._description.channels[channel]] += len(offsets)
             return
         buffer = np.frombuffer(chunk, dtype=np.uint8)
-        whole: list[tuple[int, IntArray, IntArray]] = []
-        for channel, offsets in indices.items():
-            sizes = message_sizes(buffer, channel, offsets)
-            if sizes is not None:
-                whole.append((channel, offsets, sizes))
-        between = stretches_between(whole, len(chunk))
-        if between:
-            for channel, places in self._scan(chunk, between).items():
-                offsets = np.array(places)
-                whole.append((channel, offsets, integers(buffer, offsets + 1)))
-        for channel, offsets, sizes in whole:
-            topic = self._description.channels.get(channel)
-            self._found[channel] += len(offsets)
-            if topic in wanted and len(offsets):
-                yield topic, message_batch(buffer, offsets, sizes)
+        sizes = {
+            channel: message_sizes(buffer, channel, places) for channel, places in indices.items()
+        }
+        listed = sum(int(size.sum()) + HEAD * len(size) for size in sizes.values())
+        if listed != len(chunk):
+            indices = self._scan(chunk)
+        for channel, places in indices.items():
+            yield from self._batch(buffer, channel, places, wanted)
 
-    def _scan(self, chunk: bytes, stretches: list[tuple[int, int]]) -> dict[int, list[int]]:
-        """Walk the records in stretches of a chunk that no index names."""
+    def _batch(
+        self, buffer: NDArray[np.uint8], channel: int, places: IntArray, wanted: set[str]
+    ) -> Iterator[tuple[str, MessageBatch]]:
+        """Messages of one channel whose records begin at `places` (k,)."""
+        topic = self._description.channels.get(channel)
+        self._found[channel] += len(places)
+        if topic in wanted and len(places):
+            sizes = integers(buffer, places + 1) - MESSAGE_HEAD
+            arrival = integers(buffer, places + HEAD + 6)
+            yield topic, MessageBatch(buffer, places + HEAD + MESSAGE_HEAD, sizes, arrival)
+
+    def _scan(self, chunk: bytes) -> dict[int, IntArray]:
+        """Walk the records of a chunk, and say where the messages of each channel begin."""
         places: dict[int, list[int]] = {}
-        for place, last in stretches:
-            while place + HEAD <= last:
-                opcode, size = struct.unpack_from("<BQ", chunk, place)
-                start, end = place + HEAD, place + HEAD + size
-                if end > last:
-                    break
-                if opcode in (SCHEMA, CHANNEL):
-                    self._describe(opcode, chunk[start:end])
-                elif opcode == MESSAGE and size >= MESSAGE_HEAD:
-                    (channel,) = struct.unpack_from("<H", chunk, start)
-                    places.setdefault(channel, []).append(place)
-                place = end
-        return places
+        place = 0
+        while place + HEAD <= len(chunk):
+            opcode, size = struct.unpack_from("<BQ", chunk, place)
+            start, end = place + HEAD, place + HEAD + size
+            if end > len(chunk):
+                break
+            if opcode in (SCHEMA, CHANNEL):
+                self._describe(opcode, chunk[start:end])
+            elif opcode == MESSAGE and size >= MESSAGE_HEAD:
+                (channel,) = struct.unpack_from("<H", chunk, start)
+                places.setdefault(channel, []).append(place)
+            place = end
+        return {channel: np.array(starts) for channel, starts in places.items()}
 
     def _loose(
         self, content: mmap.mmap | bytes, places: list[Record], wanted: set[str]
@@ -261,11 +255,7 @@ class McapFile(BagFile):
             (channel,) = struct.unpack_from("<H", content, record.start)
             by_channel.setdefault(channel, []).append(record.start - HEAD - first)
         for channel, starts in by_channel.items():
-            topic = self._description.channels.get(channel)
-            self._found[channel] += len(starts)
-            if topic in wanted:
-                offsets = np.array(starts)
-                yield topic, message_batch(buffer, offsets, integers(buffer, offsets + 1))
+            yield from self._batch(buffer, channel, np.array(starts), wanted)
 
     def _compare(self, counts: dict[int, int], wanted: set[str]) -> None:
         """Count what is missing against the summary."""
@@ -274,52 +264,29 @@ class McapFile(BagFile):
         for channel, topic in self._description.channels.items():
             if topic in wanted:
                 self.missing[topic] += max(0, counts.get(channel, 0) - self._found[channel])
+        if self.missing.total() and not self.truncated:
+            self.damaged = max(self.damaged, 1)
 
 
-def start_of(payload: bytes, compression: str, size: int) -> bytes | None:
+def start_of(payload: bytes, compression: bytes, size: int) -> bytes | None:
     """What can be decompressed of a chunk whose end is missing."""
-    if compression == "zstd":
+    if compression == b"zstd":
         return zstandard.ZstdDecompressor().decompressobj().decompress(payload)[:size]
-    if compression == "lz4":
+    if compression == b"lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
     return payload
 
 
-def message_sizes(buffer: NDArray[np.uint8], channel: int, offsets: IntArray) -> IntArray | None:
-    """Sizes of the messages that an index names; None if it names anything else."""
-    if len(offsets) == 0:
-        return np.zeros(0, dtype=np.int64)
+def message_sizes(buffer: NDArray[np.uint8], channel: int, offsets: IntArray) -> IntArray:
+    """Sizes of the messages that an index names; none if it names anything else."""
     last = len(buffer) - HEAD - MESSAGE_HEAD
-    if offsets.min() < 0 or offsets.max() > last or np.any(buffer[offsets] != MESSAGE):
-        return None
+    if len(offsets) == 0 or offsets.min() < 0 or offsets.max() > last:
+        return np.zeros(0, dtype=np.int64)
     owner = buffer[offsets + HEAD] + 256 * buffer[offsets + HEAD + 1].astype(np.int64)
     sizes = integers(buffer, offsets + 1)
     whole = (sizes >= MESSAGE_HEAD) & (sizes <= len(buffer) - HEAD - offsets)
-    return sizes if np.all(whole & (owner == channel)) else None
-
-
-def stretches_between(
-    whole: list[tuple[int, IntArray, IntArray]], length: int
-) -> list[tuple[int, int]]:
-    """Stretches of a chunk of so many bytes that belong to no message of an index."""
-    if sum(int(sizes.sum()) + HEAD * len(sizes) for _, _, sizes in whole) == length:
-        return []
-    starts = np.concatenate([np.zeros(0, np.int64), *(offsets for _, offsets, _ in whole)])
-    ends = np.concatenate([np.zeros(0, np.int64), *(o + HEAD + s for _, o, s in whole)])
-    order = np.argsort(starts)
-    begins = np.concatenate([[0], ends[order]])
-    stops = np.concatenate([starts[order], [length]])
-    return [(int(begins[k]), int(stops[k])) for k in np.flatnonzero(stops - begins >= HEAD)]
-
-
-def message_batch(buffer: NDArray[np.uint8], offsets: IntArray, sizes: IntArray) -> MessageBatch:
-    """Batch of the message records at `offsets` whose contents have `sizes` bytes."""
-    return MessageBatch(
-        buffer=buffer,
-        offsets=offsets + HEAD + MESSAGE_HEAD,
-        sizes=sizes - MESSAGE_HEAD,
-        arrival=integers(buffer, offsets + HEAD + 6),
-    )
+    whole &= (owner == channel) & (buffer[offsets] == MESSAGE)
+    return sizes if whole.all() else np.zeros(0, dtype=np.int64)
 
 
 def integers(buffer: NDArray[np.uint8], offsets: IntArray) -> IntArray:

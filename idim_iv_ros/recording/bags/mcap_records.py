@@ -64,20 +64,6 @@ def records(content: mmap | bytes, place: int, file: int | None = None) -> Itera
         trusted = place = following
 
 
-def text(record: bytes, place: int) -> tuple[str, int]:
-    """Text at `place`, and where it ends.
-
-    Raises
-    ------
-    struct.error, UnicodeDecodeError
-        There is none.
-    """
-    (size,) = struct.unpack_from("<I", record, place)
-    if place + 4 + size > len(record):
-        raise struct.error("the text passes the end of its record")
-    return record[place + 4 : place + 4 + size].decode("utf-8"), place + 4 + size
-
-
 def _record(content: mmap | bytes, place: int) -> Record | None:
     """Record at `place`, None where its head contradicts itself."""
     opcode, size = struct.unpack_from("<BQ", content, place)
