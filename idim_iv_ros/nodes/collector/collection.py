@@ -24,7 +24,6 @@ from idim_iv_ros.nodes.collector.following import (
     Course,
     Follower,
     Say,
-    wait_whatever_happens,
 )
 from idim_iv_ros.nodes.collector.neighbours import (
     Controller,
@@ -56,15 +55,9 @@ class Parts:
 
 
 class Collection:
-    """Collects data for one goal, once.
+    """Collects data for one goal, once; `say` as of `Course`.
 
-    Parameters
-    ----------
-    goal : Collect.Goal
-        With numbers in place of the zeros that stand for the node's parameters.
-    parts : Parts
-    say : callable
-        As of `Course`.
+    The goal has numbers in place of the zeros that stand for the node's parameters.
     """
 
     def __init__(self, goal: Collect.Goal, parts: Parts, say: Say) -> None:
@@ -171,7 +164,7 @@ class Collection:
         return asked if np.abs(asked - here).max() < settings.tracking_error else here
 
     def _record(self, passes: Passes) -> Path:
-        self._parts.recorder.start(self._course.wait)
+        self._parts.recorder.start(self._course.tick)
         try:
             self._course.trouble = self._parts.recorder.trouble
             self._course.pause(_REST)
@@ -186,7 +179,7 @@ class Collection:
         return self._close_bag()
 
     def _close_bag(self, *, aborted: bool = False) -> Path:
-        bag = self._parts.recorder.stop(wait_whatever_happens, aborted=aborted)
+        bag = self._parts.recorder.stop(aborted=aborted)
         self.result.bag = bag.name
         return bag
 
@@ -210,7 +203,7 @@ class Collection:
 
         try:
             answer = self._parts.identifier.identify(
-                bag, self._goal.estimator, say, self._course.wait
+                bag, self._goal.estimator, say, self._course.tick
             )
             if not answer.success:
                 raise DataError(answer.message)

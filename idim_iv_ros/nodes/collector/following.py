@@ -8,13 +8,12 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.excitation import Passes, Trajectory, stop
-from idim_iv_ros.nodes.collector.neighbours import Controller
+from idim_iv_ros.nodes.collector.neighbours import LOOK, Controller
 from idim_iv_ros.nodes.entry import Result, in_thread
 from idim_iv_ros.nodes.joint_topic import JointPositions, Place
 from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
-LOOK = 0.02  # s between two looks at the robot
 STANDING = 0.2  # s in which a robot at rest moves less than
 STILL = 0.01  # rad (m)
 
@@ -34,14 +33,8 @@ class Course:
 
     `timeout` counts from now, s; `allowed` says whether the robot may be moved, `gone` whether
     nobody waits for the goal any more; `say` takes stage, share done, largest tracking error so far
-    in the stage and its joint.
-
-    Attributes
-    ----------
-    done, whole : float
-        Expected duration of what is done, and of all, s.
-    trouble : callable
-        Says what else ends the course; empty if all is well.
+    in the stage and its joint. `done` and `whole` are the expected durations of what is done and of
+    all, s; `trouble` says what else ends the course (empty: nothing).
     """
 
     def __init__(
@@ -111,16 +104,6 @@ class Course:
         while time.monotonic() < until:
             self.tick()
 
-    def wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
-        """Wait for a condition, `what` in words.
-
-        Raises
-        ------
-        UsageError
-            It took too long.
-        """
-        _wait(condition, seconds, what, self.tick)
-
     def compute(
         self, compute: Callable[[Callable[[str, float], None]], Result], expected: float
     ) -> Result:
@@ -152,21 +135,6 @@ class Course:
         if at_once or now > self._said + _SIGN_OF_LIFE:
             self._said = now
             self._say(self._stage, min(self.done / self.whole, 1.0), self._worst, self._joint)
-
-
-def wait_whatever_happens(condition: Callable[[], bool], seconds: float, what: str) -> None:
-    """Wait as `Course.wait` for what has to be done in any case: a bag that is open is closed."""
-    _wait(condition, seconds, what, lambda: time.sleep(LOOK))
-
-
-def _wait(
-    condition: Callable[[], bool], seconds: float, what: str, tick: Callable[[], None]
-) -> None:
-    until = time.monotonic() + seconds
-    while not condition():
-        tick()
-        if time.monotonic() > until:
-            raise UsageError(f"{what} did not come within {seconds:g} s")
 
 
 class Supervision:

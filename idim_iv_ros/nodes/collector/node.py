@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from functools import partial
 
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
@@ -20,7 +21,7 @@ from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
 from idim_iv_ros.nodes.joint_topic import JointPositions
-from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
+from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration
 from idim_iv_ros.nodes.settings import CollectorSettings
 
 _TURNS = 10  # of the executor, in which the last result is sent
@@ -37,16 +38,15 @@ IT MOVES THE ROBOT, and knows nothing of people and obstacles: docs/ros.md, "Mov
 It needs the nodes recorder and identifier. Parameters: ros2 param describe /collector NAME."""
 
 
-class Collector:
-    """Parameters and the action around the collection that is under way."""
+class Collector(NodeProgram[CollectorSettings]):
+    """The action around the collection that is under way."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self.node = node = Node("collector")
-        self._settings = declare(node, CollectorSettings, arguments)
+        super().__init__(Node("collector"), CollectorSettings, arguments)
+        node = self.node
         self._controller = Controller(node, self._settings.controller, self._settings.interface)
         self._recorder = RecorderNeighbour(node)
         self._identifier = IdentifierNeighbour(node)
-        self._configuration: Configuration | None = None
         self._positions: JointPositions | None = None
         self._references: JointPositions | None = None
         self._load()
@@ -58,7 +58,7 @@ class Collector:
         )
         self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
-        follow_changes(node, lambda: self._settings, self._apply, self._refuse)
+        self._follow_changes()
         robot = self._settings.configuration or "no robot configured"
         may = "may" if self._settings.allow_motion else "must not"
         node.get_logger().info(
@@ -77,14 +77,15 @@ class Collector:
             for _ in range(_TURNS):
                 executor.spin_once(timeout_sec=0.0)
         self._actions.destroy()
-        self.node.destroy_node()
+        super().close()
 
     def _load(self) -> None:
         """Read the configuration, and hear its robot."""
         for topic in (self._positions, self._references):
             if topic is not None:
                 topic.close()
-        self._configuration = self._positions = self._references = None
+        self._configuration: Configuration | None = None
+        self._positions = self._references = None
         if not self._settings.configuration:
             return
         configuration = read_configuration(self.node, self._settings.configuration)
@@ -199,12 +200,9 @@ class Collector:
             return "configuration: a goal is under way; cancel it first"
         return ""
 
-    def _apply(self, settings: CollectorSettings, given: set[str]) -> None:
-        self._settings = settings
+    def _apply(self, given: set[str]) -> None:
         if "configuration" in given:
             self._load()
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("collector", Collector, ABOUT, arguments)
+run = partial(run_node, "collector", Collector, ABOUT)

@@ -205,15 +205,17 @@ class RecordingSession:
         """Have no latched message of the robot that was recorded before."""
         self._latched.clear()
 
-    def pause(self) -> None:
-        """Leave out what arrives from now on."""
+    def pause(self) -> str:
+        """Leave out what arrives from now on, and say so."""
         self._open_bag()
         self.state = State.PAUSED
+        return "paused"
 
-    def resume(self) -> None:
-        """Record again."""
+    def resume(self) -> str:
+        """Record again, and say so."""
         self._open_bag()
         self.state = State.RECORDING
+        return "recording"
 
     def split(self) -> Path:
         """Go on in a new file and return the one that was closed.
