@@ -38,11 +38,7 @@ class Course:
     """
 
     def __init__(
-        self,
-        timeout: float,
-        allowed: Callable[[], bool],
-        gone: Callable[[], bool],
-        say: Say,
+        self, timeout: float, allowed: Callable[[], bool], gone: Callable[[], bool], say: Say
     ) -> None:
         self._timeout, self._deadline = timeout, time.monotonic() + timeout
         self._allowed, self._gone, self._say = allowed, gone, say
@@ -85,13 +81,7 @@ class Course:
         self._speak(at_once=bool(stage))
 
     def tick(self) -> None:
-        """Let a little time pass.
-
-        Raises
-        ------
-        DataError
-            Nothing more is to be done, and why.
-        """
+        """Let a little time pass; a DataError says why nothing more is to be done."""
         time.sleep(LOOK)
         reason = self.reason_to_end()
         if reason:
@@ -141,19 +131,9 @@ class Supervision:
     """Compares where a robot is with where one trajectory should have it by now.
 
     The controller begins some time after it was asked, which nobody says: until the robot moves,
-    any delay up to a limit is possible; then it is the one that fits best, and the robot must keep
-    to it.
-
-    Parameters
-    ----------
-    motion : Trajectory
-        What the robot was asked for.
-    start : (n_joints,)
-        Where it was then, rad (m).
-    allowed : float
-        Distance from which on it does not follow, rad (m).
-    longest_delay : float
-        Time until the controller begins at the latest, s; `delay` is None before it has begun.
+    any delay up to the longest, s, is possible; then it is the one that fits best, and the robot
+    must keep to it (`delay` is None before). `start` (n_joints,) is where the robot was when it was
+    asked for the motion; from the distance `allowed` on it does not follow, rad (m).
     """
 
     def __init__(
@@ -235,13 +215,7 @@ class Follower:
         return self._positions.last.position
 
     def follow(self, stage: str, motion: Trajectory, passes: Passes) -> None:
-        """Have the robot go through a motion, and watch it.
-
-        Raises
-        ------
-        IdimError
-            The robot was stopped: one line says why.
-        """
+        """Have the robot go through a motion; an IdimError says why it was stopped."""
         self._course.begin(stage)
         settings = self._settings()
         watch = Supervision(motion, self.position(), settings.tracking_error, settings.start_delay)

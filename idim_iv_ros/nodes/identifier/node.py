@@ -51,11 +51,9 @@ With -p auto:=true every bag that the recorder closes is identified. Topics: ~/e
 class ManagedNode(LifecycleNode):
     """A node in one of the states unconfigured, inactive, active and finalized.
 
-    A transition that fails leaves the state as it was, with the reason in the log; so does one that
-    is not possible in the present state, whose request rclpy would never answer.
-
-    `transitions` are what is done in ``configure``, ``activate``, ``deactivate``, ``cleanup`` and
-    ``shutdown``; an IdimError is why it cannot be done.
+    `transitions` are what is done in ``configure``, ``activate`` and so on; an IdimError is why it
+    cannot be done. A transition that fails leaves the state as it was, with the reason in the log;
+    so does one that this state does not have, whose request rclpy would never answer.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -80,13 +78,7 @@ class ManagedNode(LifecycleNode):
         change.callback = answer
 
     def start(self) -> None:
-        """Configure and activate.
-
-        Raises
-        ------
-        IdimError
-            Why that is not possible; the node is unconfigured.
-        """
+        """Configure and activate; an IdimError says why that is not possible."""
         self._starting = True
         try:
             for trigger in (self.trigger_configure, self.trigger_activate):

@@ -115,14 +115,9 @@ def recorder_diagnosis(
         level = DiagnosticStatus.ERROR
         sentence = f"{status.dropped} messages could not be kept: memory_limit was reached"
     values = {
-        "bag": status.bag,
-        "file": status.file,
-        "duration (s)": f"{status.duration:.1f}",
-        "bytes": status.bytes,
-        "free disk (B)": status.free_disk,
-        "waiting": status.waiting,
-        "dropped": status.dropped,
+        name: getattr(status, name) for name in ("bag", "file", "bytes", "waiting", "dropped")
     }
+    values |= {"duration (s)": f"{status.duration:.1f}", "free disk (B)": status.free_disk}
     if ring is not None and ring.duration:
         values["in memory (s)"], values["in memory (B)"] = f"{ring.span:.1f}", ring.size
     return diagnostic_status(level, f"{name}: recording", name, sentence, values)
@@ -202,8 +197,5 @@ def _warnings(topic: WatchedTopic, recent: TopicStatus) -> list[str]:
         "stamped before the one before": recent.backward,
     }
     warnings += [f"{count} messages {what}" for what, count in counts.items() if count]
-    if recent.gaps:
-        warnings.append(
-            f"{recent.gaps} gaps; the longest of the recording {recent.longest_gap:.3f} s"
-        )
-    return warnings
+    longest = f"the longest of the recording {recent.longest_gap:.3f} s"
+    return warnings + ([f"{recent.gaps} gaps; {longest}"] if recent.gaps else [])

@@ -40,13 +40,8 @@ def commanded(
     """Return the uniform trajectory through the points of a JointTrajectory.
 
     `times` (n_points,) in s from the start; `positions` and `velocities` (n_points, n_joints) in
-    rad, rad/s; without velocities the points are joined by straight lines.
-
-    Raises
-    ------
-    UsageError
-        Fewer than two points, times that do not increase, numbers that are not finite, or a
-        motion of less than a sample or more than an hour.
+    rad, rad/s; without velocities the points are joined by straight lines. A UsageError says what
+    cannot be played.
     """
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
