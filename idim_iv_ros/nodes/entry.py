@@ -1,4 +1,4 @@
-"""What all nodes share: running until a signal, timers, stamps, diagnostics."""
+"""What all nodes share: running until a signal, timers, threads."""
 
 import os
 import signal
@@ -6,14 +6,12 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Protocol, TypeVar
 
 import rclpy
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor
@@ -118,16 +116,6 @@ def _start_failure(error: Exception) -> str:
     return f"cannot start: {text}"
 
 
-def diagnostic_status(
-    level: bytes, name: str, hardware: str, sentence: str, values: Mapping[str, object]
-) -> DiagnosticStatus:
-    """Return the entry; `values` are written as text."""
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticStatus(
-        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
-    )
-
-
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Return a timer that runs every `period` seconds whatever the clock of ROS says."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -155,9 +143,3 @@ def new_folder_path(directory: Path, prefix: str) -> Path:
         number += 1
         folder = directory / f"{stamp}_{number}"
     return folder
-
-
-def time_message(stamp: int) -> Time:
-    """Return a time, ns since 1970, as a message."""
-    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-    return Time(sec=seconds, nanosec=nanoseconds)

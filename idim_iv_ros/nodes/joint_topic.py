@@ -13,9 +13,7 @@ from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic, joint_types
 from idim_iv_ros.prediction import JointSamples
 from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.definitions import (
-    SchemaText,
-)
+from idim_iv_ros.recording.bags.definitions import SchemaText
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 from idim_iv_ros.signal_source import field_of, topic_of
@@ -32,6 +30,8 @@ _OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 class JointTopic:
     """One topic whose numbers are put in the order of the joints, read as the recordings are.
 
+    `damaged` counts messages that are not of their type.
+
     Parameters
     ----------
     node : Node
@@ -39,19 +39,12 @@ class JointTopic:
         Resolved in the namespace of the node.
     joints : sequence of str
     fields : mapping of str to (str or None)
-        ``position``, ``effort`` or both, and the field of the message that holds each where the
+        ``position``, ``effort`` or both, with the field of the message that holds it where the
         configuration names one.
     reference : bool
         Whether it is what the controller was asked for, rather than what was measured.
     newest : bool
         Whether the newest messages are enough: those before are dropped, and nothing is sent again.
-
-    Attributes
-    ----------
-    name : str
-        Fully qualified.
-    damaged : int
-        Messages that are not of their type.
     """
 
     def __init__(

@@ -1,12 +1,12 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
 from ast import literal_eval
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -58,37 +58,74 @@ def parameter(
 ) -> Value:
     """Return the field of one parameter.
 
-    Parameters
-    ----------
-    default
-    about
-        Its meaning, with the unit.
-    span
-        Smallest and largest value of a number.
-    choices
-        Texts that are possible; empty: any.
-    read_only
-        Whether it can be given at the start only.
+    `about` is its meaning, with the unit; `span` the smallest and largest value of a number;
+    `choices` the texts that are possible (empty: any). What is `read_only` can be given at the
+    start only.
     """
     metadata = {"about": about, "span": span, "choices": choices, "read_only": read_only}
     made: Value = field(default=default, metadata=metadata)
     return made
 
 
-def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind:
-    """Declare all parameters on a node and return their values.
+class NodeProgram(Generic[Kind]):
+    """A node and its parameters, which can be set while it runs.
 
-    Parameters
-    ----------
-    node
-    kind
-    arguments
-        Command line of the node.
+    `arguments` are the command line of the node.
 
     Raises
     ------
     UsageError
         A value given at the start is not allowed, or is that of an unknown parameter.
+    """
+
+    def __init__(self, node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> None:
+        self.node = node
+        self._settings = declare(node, kind, arguments)
+
+    def close(self) -> None:
+        """Finish what is going on."""
+        self.node.destroy_node()
+
+    def _now(self) -> int:
+        """Time of the node, ns."""
+        return int(self.node.get_clock().now().nanoseconds)
+
+    def _follow_changes(self) -> None:
+        """Check and apply parameters that are set from now on."""
+        self.node.add_on_set_parameters_callback(self._check)
+        self.node.add_post_set_parameters_callback(self._changed)
+
+    def _refuse(self, given: Mapping[str, Any]) -> str:
+        """Say why parameters cannot be set now, or nothing."""
+        return ""
+
+    def _apply(self, given: set[str]) -> None:
+        """Work with the new `_settings`; `given` are the parameters that were set."""
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        given = {item.name: item.value for item in parameters}
+        try:
+            reason = self._refuse(given)
+            if not reason:
+                changed(self._settings, parameters)
+            if not reason and given.get("configuration"):
+                read_configuration(self.node, given["configuration"])
+        except IdimError as error:
+            reason = str(error).removeprefix("parameter ")
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def _changed(self, parameters: list[Parameter]) -> None:
+        self._settings = changed(self._settings, parameters)
+        self._apply({item.name for item in parameters})
+
+
+def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind:
+    """Declare all parameters on a node and return their values.
+
+    Raises
+    ------
+    UsageError
+        As of `NodeProgram`.
     """
     described = {item.name: item for item in fields(kind)}
     refuse_unknown_parameters(node, list(described), arguments)
@@ -159,6 +196,22 @@ def _accepted(described: "Field[Any]", given: Parameter) -> Any:
     return value
 
 
+def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(
+        name=described.name,
+        description=described.metadata["about"],
+        read_only=described.metadata["read_only"],
+    )
+    span = described.metadata["span"]
+    if span is not None and isinstance(described.default, float):
+        limits = FloatingPointRange(from_value=float(span[0]), to_value=float(span[1]))
+        descriptor.floating_point_range = [limits]
+    elif span is not None:
+        limits = IntegerRange(from_value=int(span[0]), to_value=int(span[1]))
+        descriptor.integer_range = [limits]
+    return descriptor
+
+
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     """Return the settings with new values; parameters of others change nothing.
 
@@ -178,61 +231,6 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
         prefix, text = ", ".join(given), str(error)
         raise UsageError(text if text.startswith(prefix) else f"{prefix}: {text}") from error
     return new
-
-
-def follow_changes(
-    node: Node,
-    read: Callable[[], Kind],
-    apply: Callable[[Kind, set[str]], object],
-    refuse: Callable[[Mapping[str, Any]], str] = lambda given: "",
-) -> None:
-    """Check and apply parameters that are set while the node runs.
-
-    Parameters
-    ----------
-    node
-    read
-        Returns the settings as they are now.
-    apply
-        Takes the new settings and the names of the parameters that were set.
-    refuse
-        Takes the given values by name; says why they cannot be set now, or nothing.
-    """
-
-    def check(parameters: list[Parameter]) -> SetParametersResult:
-        given = {item.name: item.value for item in parameters}
-        try:
-            reason = refuse(given)
-            if not reason:
-                changed(read(), parameters)
-            if not reason and given.get("configuration"):
-                read_configuration(node, given["configuration"])
-        except IdimError as error:
-            reason = str(error).removeprefix("parameter ")
-        return SetParametersResult(successful=not reason, reason=reason)
-
-    def follow(parameters: list[Parameter]) -> None:
-        apply(changed(read(), parameters), {item.name for item in parameters})
-
-    node.add_on_set_parameters_callback(check)
-    node.add_post_set_parameters_callback(follow)
-
-
-def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(
-        name=described.name,
-        description=described.metadata["about"],
-        read_only=described.metadata["read_only"],
-    )
-    span = described.metadata["span"]
-    if span is not None:
-        low, high = span
-        if isinstance(described.default, float):
-            limits = FloatingPointRange(from_value=float(low), to_value=float(high))
-            descriptor.floating_point_range = [limits]
-        else:
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
-    return descriptor
 
 
 def read_configuration(node: Node, file: str) -> Configuration:

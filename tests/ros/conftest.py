@@ -42,6 +42,19 @@ def observer(ros: None) -> Iterator[Observer]:
 
 
 @pytest.fixture
+def own_context(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Begin ROS once more in this process, with parameters, for the nodes of one test."""
+    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+
+    def begin(*arguments: str, **parameters: object) -> None:
+        given = [text for item in parameters.items() for text in ("-p", ":=".join(map(str, item)))]
+        rclpy.init(args=["test", "--ros-args", *arguments, *given])
+
+    yield begin
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
 def stack() -> Iterator[ExitStack]:
     with ExitStack() as stack:
         yield stack
@@ -103,7 +116,7 @@ def recorder(
     observer.call("stop")
     idle = bags.parent / "idle.yaml"
     idle.write_text("robot:\n  joints: [a]\nsignals:\n  joint_states: /idle\n")
-    assert observer.set(configuration=str(idle))[0].successful
+    assert observer.set(configuration=str(idle), snapshot_duration=0.0)[0].successful
 
 
 @pytest.fixture(scope="session")
@@ -176,30 +189,6 @@ def simulated_bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
     motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
     simulate(configuration, folder / "bag.mcap", motion, seeds=(1, 2))
     return folder
-
-
-@pytest.fixture
-def identifier(
-    simulated_bags: Path, tmp_path: Path, stack: ExitStack, observer: Observer
-) -> Callable[..., IdentifierClient]:
-    """Start an identifier with parameters."""
-
-    def start(*remappings: str, **parameters: object) -> IdentifierClient:
-        values = {"bag_directory": simulated_bags, **parameters}
-        return start_identifier(stack, tmp_path, observer, *remappings, **values)
-
-    return start
-
-
-@pytest.fixture(scope="session")
-def served(
-    simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory, observer: Observer
-) -> Iterator[IdentifierClient]:
-    """An identifier that the tests share; they leave its parameters as they were."""
-    folder = tmp_path_factory.mktemp("served")
-    announced = "recorder/bag_closed:=/announced"
-    with ExitStack() as stack:
-        yield start_identifier(stack, folder, observer, announced, bag_directory=simulated_bags)
 
 
 def start_identifier(

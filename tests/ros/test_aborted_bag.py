@@ -33,11 +33,11 @@ def test_folder_and_announcement_tell_a_bag_that_was_given_up(
     heard = observer.node.create_subscription(BagClosed, "/recorder/bag_closed", closed.append, 10)
     observer.until(publisher.get_subscription_count, "the recorder")
     observer.until(heard.get_publisher_count, "the announcements")
-    recorder._start()
+    recorder.act("start")
     name = session.bag.folder.name
     publisher.publish(JointState(name=["a"], position=[1.0]))
     observer.until(lambda: session.recorded("/joint_states"), "the message")
-    answer = getattr(recorder, f"_{service}")()
+    answer = recorder.act(service)
     observer.until(lambda: closed, "the announcement")
     bag = bags / (name if whole else f"{name}_aborted")
     assert list(bags.iterdir()) == [bag]
@@ -52,13 +52,13 @@ def test_folder_and_announcement_tell_a_bag_that_was_given_up(
 def test_bag_that_was_given_up_is_marked_when_its_folder_cannot_be_renamed(
     recorder: Recorder, bags: Path
 ) -> None:
-    recorder._start()
+    recorder.act("start")
     folder = recorder._session.bag.folder
     taken = folder.with_name(f"{folder.name}_aborted")
     taken.mkdir()
     (taken / "file").write_text("in the way")
     closed: list = []
     recorder._session._closed = lambda bag, faulty: closed.append((bag.folder, faulty))
-    recorder._abort()
+    recorder.act("abort")
     assert closed == [(folder, True)]
     assert all(path.is_dir() for path in bags.iterdir())

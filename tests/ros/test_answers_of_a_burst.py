@@ -12,32 +12,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
-from idim_iv_ros.nodes.identifier import job_queue, request_server
+from idim_iv_ros.nodes.identifier import request_server
 from idim_iv_ros.nodes.identifier.node import Identifier
 from tests.ros.conftest import ARM2
 from tests.ros.processes import Observer
+from tests.ros.told_worker import EndsAtOnce
 
 COUNT = 200
-
-
-class EndsAtOnce:
-    """A worker whose jobs have ended when they have begun."""
-
-    process_id, ready, killed = None, True, False
-
-    def __init__(self, heard: Callable) -> None:
-        self._heard = heard
-
-    def begin(self, request: object) -> None:
-        """Fail."""
-        self._heard(self, {"error": "nothing moves"})
-        self._heard(self, {"ended": 1})
-
-    def kill(self) -> None:
-        """Nothing is left to end."""
-
-    def close(self) -> None:
-        """Nothing is left to end."""
 
 
 class Answering:
@@ -65,7 +46,6 @@ class Answering:
 @pytest.fixture
 def answering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Answering]:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(job_queue, "Worker", EndsAtOnce)
     monkeypatch.setattr(request_server, "_PAUSE", 3600.0)
     submit, send = Identifier._submit, ActionServer._send_result_response
 
@@ -80,7 +60,7 @@ def answering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Answe
     monkeypatch.setattr(Identifier, "_submit", submitted)
     monkeypatch.setattr(ActionServer, "_send_result_response", sent)
     (tmp_path / "bag.mcap").write_bytes(bytes(100))
-    identifier = Identifier()
+    identifier = Identifier((), EndsAtOnce)
     answering = Answering(identifier)
     results = identifier.node.set_parameters([Parameter("configuration", value=str(ARM2))])
     assert results[0].successful

@@ -171,7 +171,7 @@ def test_cancelled_goal_brings_the_robot_to_rest_within_its_accelerations(
     collector, robot, observer
 ) -> None:
     collector.set(slow_speed=1.0)
-    goal = collector.send(duration=3.0, speed_scale=1.0)
+    goal = collector.send(duration=2.0, speed_scale=1.0)
     feedback = collector.feedback
     assert collector.collect().message == "busy: another goal moves the robot"
     collector.feedback = feedback
@@ -238,7 +238,7 @@ def test_robot_whose_joint_states_end_is_stopped(collector, robot, observer) -> 
 
 def test_robot_is_stopped_when_somebody_else_stops_the_recorder(collector, robot, observer) -> None:
     collector.set(slow_speed=1.0)
-    goal = collector.send(duration=3.0)
+    goal = collector.send(duration=1.5)
     collector.until("recording")
     robot.report()
     robot.state = RecorderStatus.IDLE

@@ -1,8 +1,10 @@
-"""Every `ros2` command line that users are told to paste, against the nodes that it talks to."""
+"""The `ros2` commands that users are told to paste, and the SROS2 policy, against the nodes."""
 
 import functools
 import itertools
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
@@ -12,6 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ruamel.yaml import YAML
+from sensor_msgs.msg import JointState
 
 from idim_iv_ros.nodes.collector import node as collector
 from idim_iv_ros.nodes.identifier import node as identifier
@@ -38,6 +41,25 @@ LAUNCHED = {
     "robot": {"configuration": "arm.yaml"},
     "robot that waits": {"configuration": "arm.yaml", "autostart": "false"},
 }
+
+
+VERBS = {
+    "topics": ("publish", "subscribe"),
+    "services": ("reply", "request"),
+    "actions": ("execute", "call"),
+}
+EVERYWHERE = {"/clock", "/parameter_events"}  # with use_sim_time only; rclpy's own
+
+
+def allowed(node: str) -> dict[str, set[str]]:
+    """Full names by verb in the profile of a node."""
+    root = ElementTree.parse(ROOT / "security" / "policy.xml").getroot()
+    (profile,) = [item for item in root.iter("profile") if item.get("node") == node]
+    names: dict[str, set[str]] = {verb: set() for verbs in VERBS.values() for verb in verbs}
+    for rule in profile:
+        (verb,) = [verb for verb in VERBS[rule.tag] if rule.get(verb) == "ALLOW"]
+        names[verb] |= {str(item.text).replace("~", f"/{node}") for item in rule}
+    return names
 
 
 def documented() -> list[Command]:
@@ -67,14 +89,13 @@ def command(request: pytest.FixtureRequest) -> Command:
 
 @pytest.fixture(scope="module")
 def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Node]]:
-    """All nodes of the demo in this process, under their names; none has anything to do."""
+    """All nodes of the demo in this process, under their names; none is spun yet."""
     arm = Parameter("configuration", value=str(ROOT / "config" / "arm2.yaml"))
     configured = functools.partial(Node, parameter_overrides=[arm])
     made = []
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("nodes"))
         patch.setattr(JobQueue, "warm", lambda queue: None)
-        patch.setattr(simulator.RobotSimulator, "_prepare", lambda robot: None)
         kinds: list[tuple[ModuleType, Callable]] = [
             (recorder, recorder.Recorder),
             (identifier, identifier.Identifier),
@@ -83,7 +104,7 @@ def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Itera
             (simulator, simulator.RobotSimulator),
         ]
         for module, kind in kinds:
-            if module in (predictor, simulator):
+            if module is not identifier:
                 patch.setattr(module, "Node", configured)
             made.append(kind())
         yield [item.node for item in made]
@@ -204,3 +225,37 @@ def test_launch_file_has_the_arguments_that_it_is_given(command: Command) -> Non
     path: Path = ROOT / "launch" / file
     declared = launch(path, **{**given, "params_file": ""}).arguments
     assert set(given) <= set(declared)
+
+
+@pytest.fixture(scope="module")
+def spun(nodes: list[Node], observer: Observer) -> Iterator[None]:
+    """The nodes at work, beside publishers of what they subscribe once it is published."""
+    with ExitStack() as stack:
+        for topic, kind in (("/joint_states", JointState), ("/joint_reference", JointState)):
+            publisher = observer.node.create_publisher(kind, topic, 1)
+            stack.callback(observer.node.destroy_publisher, publisher)
+        for node in nodes:
+            observer.executor.add_node(node)
+            stack.callback(observer.executor.remove_node, node)
+        yield
+
+
+@pytest.mark.parametrize("node", SETTINGS)
+def test_policy_allows_what_the_node_uses_and_no_more(
+    node: str, spun: None, observer: Observer
+) -> None:
+    graph, rules = observer.node, allowed(node)
+    actions = {f"{action}/_action/" for action in rules["execute"] | rules["call"]}
+
+    def names(kind: str) -> set[str]:
+        listed = getattr(graph, f"get_{kind}_names_and_types_by_node")(node, "/")
+        return {item for item, _ in listed if not any(item.startswith(a) for a in actions)}
+
+    for kind, verb in (("publisher", "publish"), ("service", "reply"), ("client", "request")):
+        observer.until(lambda: names(kind) == rules[verb], f"{verb} as allowed")  # noqa: B023
+    listed = graph.get_service_names_and_types_by_node
+    goals = {f"{action}/_action/send_goal" for action in rules["execute"]}
+    observer.until(lambda: goals <= {item for item, _ in listed(node, "/")}, f"{goals}")
+    needed = rules["subscribe"] - EVERYWHERE
+    observer.until(lambda: needed <= names("subscriber"), f"{needed}")
+    assert names("subscriber") - rules["subscribe"] == set()

@@ -187,20 +187,8 @@ def test_unknown_arguments_are_named(arguments: list[str], words: str) -> None:
 
 
 def test_arguments_of_ros_are_known() -> None:
-    refuse_unknown_arguments(
-        [
-            "node",
-            "--ros-args",
-            "-r",
-            "a:=b",
-            "--log-level",
-            "debug",
-            "-p",
-            "a:=1",
-            "--enclave",
-            "/e",
-        ]
-    )
+    given = "node --ros-args -r a:=b --log-level debug -p a:=1 --enclave /e"
+    refuse_unknown_arguments(given.split())
 
 
 @pytest.mark.parametrize("name", [*KINDS, "watch"])
@@ -224,18 +212,26 @@ def test_every_node_ends_before_it_is_ready(start, capfd, name: str) -> None:
         ("recorder", ("configuration:=/no.yaml",), "parameter configuration: /no.yaml:"),
         ("collector", ("configuration:=/no.yaml",), "parameter configuration: /no.yaml:"),
         ("identifier", ("configuration:={wrong}",), "{wrong}: unknown key nonsense"),
+        ("recorder", ("configuration:={no_topic}",), "{no_topic}: signals: 'joint states' is no"),
+        ("collector", ("configuration:={no_topic}",), "{no_topic}: signals: 'joint states' is no"),
+        *(
+            ("collector", (f"controller:='{text}'",), f"collector: parameter controller: '{text}'")
+            for text in ("my controller", "/arm/", "1arm")
+        ),
     ],
 )
 def test_a_node_without_its_configuration_ends_in_one_line(
     start, capfd, tmp_path: Path, monkeypatch, name: str, given: tuple[str, ...], words: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    wrong = tmp_path / "wrong.yaml"
-    wrong.write_text("robot:\n  joints: [a]\nnonsense: 1\n")
-    arguments = [word.format(wrong=wrong) for text in given for word in ("-p", text)]
+    files = {"wrong": tmp_path / "wrong.yaml", "no_topic": tmp_path / "no_topic.yaml"}
+    files["wrong"].write_text("robot:\n  joints: [a]\nnonsense: 1\n")
+    no_topic = "robot:\n  joints: [a]\nsignals:\n  joint_states: joint states\n"
+    files["no_topic"].write_text(no_topic)
+    arguments = [word.format(**files) for text in given for word in ("-p", text)]
     assert start(name, "--ros-args", *arguments) == 2
     (line,) = said(capfd)
-    assert words.format(wrong=wrong) in line
+    assert words.format(**files) in line
 
 
 def test_a_trajectory_that_cannot_be_read_is_refused_when_set(tmp_path: Path) -> None:

@@ -1,28 +1,42 @@
-"""What a user of the identifier relies on."""
+"""What a user of the identifier relies on, from one that the tests share; the last ones end it."""
 
 import json
 import os
 import shutil
 import signal
-import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
 
-from idim_iv_interfaces.msg import DriftReport, GapReport, ParameterEstimates
-from idim_iv_interfaces.srv import GetHistory, SetBaseline
+from idim_iv_interfaces.action import Diagnose as DiagnoseAction
+from idim_iv_interfaces.msg import BagClosed, DriftReport, GapReport, ParameterEstimates
+from idim_iv_interfaces.srv import Diagnose, GetHistory, SetBaseline
 from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulators.recording import simulate
-from tests.ros.conftest import ARM2
+from tests.ros.conftest import ARM2, start_identifier
 from tests.ros.identifier_client import IdentifierClient
-from tests.ros.processes import HANG, Process
+from tests.ros.processes import HANG, Observer
 from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
-EXAMPLE = Path(__file__).with_name("gap.json")
+BOTH = ("bag-1.mcap", "bag-2.mcap")
+ANNOUNCED = "recorder/bag_closed:=/announced"
+
+
+@pytest.fixture(scope="module")
+def served(
+    simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory, observer: Observer
+) -> Iterator[IdentifierClient]:
+    """An identifier whose parameters the tests leave as they were."""
+    folder = tmp_path_factory.mktemp("served")
+    with ExitStack() as stack:
+        yield start_identifier(stack, folder, observer, ANNOUNCED, bag_directory=simulated_bags)
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +45,27 @@ def truth(simulated_bags: Path) -> dict[str, float]:
     return {name: value for name, value in values.items() if name != "format"}
 
 
-def results(client) -> Path:
+@pytest.fixture(scope="module")
+def worn(simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Name of a bag of the same arm with more Coulomb friction at its first joint."""
+    text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
+    path = tmp_path_factory.mktemp("worn") / "worn.yaml"
+    path.write_text(text.replace("Fc1: 1.5012", "Fc1: 1.8012"))
+    configuration = load_configuration(path)
+    motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
+    simulate(configuration, simulated_bags / "worn.mcap", motion)
+    return "worn.mcap"
+
+
+def results(client: IdentifierClient) -> Path:
     return client.process.errors.parent / "results"
+
+
+def kept_process(client: IdentifierClient) -> int:
+    """Process id of the worker that is kept: the only child of the node."""
+    node = client.process.process.pid
+    (child,) = Path(f"/proc/{node}/task/{node}/children").read_text().split()
+    return int(child)
 
 
 def test_service_answers_with_the_result_and_publishes_it_latched(served, truth) -> None:
@@ -49,9 +82,8 @@ def test_service_answers_with_the_result_and_publishes_it_latched(served, truth)
     assert [p.value for p in result.parameters.estimates] == [
         p["value"] for p in document["parameters"]
     ]
-    tests = document["specification"]["tests"]
     assert [(t.scope, t.p_value) for t in result.specification] == [
-        (t["scope"], t["p_value"]) for t in tests
+        (t["scope"], t["p_value"]) for t in document["specification"]["tests"]
     ]
     assert "joint_2: speed" in {t.scope for t in result.specification}
     assert result.instruments_source == document["instruments"]["source"]
@@ -65,6 +97,8 @@ def test_service_answers_with_the_result_and_publishes_it_latched(served, truth)
         level, sentence, _ = served.diagnostics[residual.joint]
         wanted = {"valid": OK, "misspecified": ERROR}.get(residual.verdict, WARN)
         assert (level, sentence) == (wanted, residual.sentence)
+    ready = f"ready: {ARM2}; identifies on request, from bags in "
+    assert ready in served.process.errors.read_text()
 
 
 def test_action_gives_feedback_and_the_same_estimates(served, truth) -> None:
@@ -76,21 +110,21 @@ def test_action_gives_feedback_and_the_same_estimates(served, truth) -> None:
     result = answer.result.result
     require_truth(result.parameters, truth)
     served.observer.until(lambda: feedback[-1].stage == "writing", "the last stage")
-    stages = [item.stage for item in feedback]
-    for stage in ("reading", "regressor", "validation", "writing"):
-        assert stage in stages
+    assert {item.stage for item in feedback} >= {"reading", "regressor", "validation", "writing"}
     shares = [item.progress for item in feedback]
     assert shares == sorted(shares)
     assert 0.0 <= shares[0] < shares[-1] <= 1.0
     assert str(served.latched()) == str(result)
 
 
-def test_cancelled_goal_ends_and_its_worker_is_gone(served) -> None:
+def test_calls_are_answered_while_a_job_runs_and_a_cancelled_one_leaves_nothing(served) -> None:
     before = set(results(served).rglob("*"))
-    with served.closed_gate():
-        goal = served.goal("bag-1.mcap", "bag-2.mcap")
+    with served.parameters(when_busy="refuse"), served.closed_gate():
+        goal = served.goal(*BOTH)
         worker = served.job()
         os.kill(worker, 0)
+        assert served.parameter("when_busy").string_value == "refuse"
+        assert "when_busy" in served.identify("bag-2.mcap").message
         assert served.wait(goal.cancel_goal_async()).goals_canceling
         answer = served.wait(goal.get_result_async())
     assert (answer.status, answer.result.message) == (GoalStatus.STATUS_CANCELED, "cancelled")
@@ -99,29 +133,16 @@ def test_cancelled_goal_ends_and_its_worker_is_gone(served) -> None:
     assert set(results(served).rglob("*")) == before
 
 
-def test_calls_are_answered_while_a_job_runs(served) -> None:
-    with served.parameters(when_busy="refuse"), served.closed_gate():
-        goal = served.goal("bag-1.mcap", "bag-2.mcap")
-        served.job()
-        assert served.parameter("when_busy").string_value == "refuse"
-        refused = served.identify("bag-2.mcap")
-        assert "when_busy" in refused.message
-        assert served.wait(goal.cancel_goal_async()).goals_canceling
-        served.wait(goal.get_result_async())
-
-
 def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served) -> None:
     with served.parameters(queue_limit=2):
         with served.closed_gate():
             first = served.ask("bag-1.mcap", estimator="idim-ls")
             served.job()
-            late = served.identify("bag-2.mcap", timeout=0.1)
-            assert "0.1 s: 1 job" in late.message
+            assert "0.1 s: 1 job" in served.identify("bag-2.mcap", timeout=0.1).message
             feedback: list = []
             goal = served.goal("bag-1.mcap", feedback=feedback)
             third = served.ask("bag-2.mcap", estimator="idim-ls")
-            refused = served.identify("bag-2.mcap")
-            assert "2 jobs" in refused.message
+            assert "2 jobs" in served.identify("bag-2.mcap").message
             served.observer.until(lambda: feedback, "word of the goal that waits")
             assert served.wait(goal.cancel_goal_async()).goals_canceling
             assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
@@ -135,138 +156,46 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
     assert "bag-1.mcap" in sentence
 
 
-def test_what_was_found_survives_a_kill_and_an_interrupted_node_answers(
-    identifier, observer, tmp_path: Path
-) -> None:
-    client = identifier()
-    first = client.identify("bag-1.mcap").result
-    other = client.identify("bag-2.mcap", estimator="idim-ls").result
-    assert other.parameters.estimator == "idim-ls"
-    history = client.call("get_history", GetHistory, estimator="")
-    assert [entry.estimator for entry in history.identifications] == ["idim-iv", "idim-ls"]
-    assert client.call("set_baseline", SetBaseline, folder="").success
-    refused = client.call("set_baseline", SetBaseline, folder="nowhere").message
-    assert "no identification in nowhere" in refused
-    with client.closed_gate():
-        client.goal("bag-1.mcap", "bag-2.mcap")
-        worker = client.job()
-        client.process.kill()
-        observer.until(lambda: not client.process_exists(worker), "the end of the worker")
-    # A diagnosis that was kept.
-    (tmp_path / "results" / "diagnosis").mkdir()
-    shutil.copy(EXAMPLE, tmp_path / "results" / "diagnosis" / "gap.json")
-    record = {"format": "idim_iv_ros/last_gap/1", "stamp": 7 * 10**9, "bags": ["a.mcap"]}
-    record = json.dumps({**record, "folder": "diagnosis"})
-    (tmp_path / "results" / "last_gap.json").write_text(record)
-    client = identifier()
-    # Another estimator leaves the result that is published.
-    assert str(client.latched()) == str(first)
-    gap = client.latched("gap", GapReport)
-    assert (gap.header.stamp.sec, list(gap.bags), gap.verdict) == (7, ["a.mcap"], "structural")
-    report = client.latched("drift", DriftReport)
-    assert not report.drifting
-    assert [entry.estimator for entry in report.comparisons] == ["idim-iv", "idim-ls"]
-    history = client.call("get_history", GetHistory, estimator="idim-iv")
-    assert [entry.baseline for entry in history.identifications] == [True]
-    with client.closed_gate():
-        goal = client.goal("bag-1.mcap", "bag-2.mcap")
-        worker = client.job()
-        future = goal.get_result_async()
-        client.parameter("auto")  # answered after the question for the result has arrived
-        client.process.process.send_signal(signal.SIGINT)
-        answer = client.wait(future)
-    assert answer.status == GoalStatus.STATUS_ABORTED
-    assert answer.result.message == "the identifier was shut down"
-    assert client.process.process.wait(HANG) == 0
-    with pytest.raises(ProcessLookupError):
-        os.kill(worker, 0)
-    assert "Traceback" not in client.process.errors.read_text()
-
-
-def test_idim_iv_serve_is_the_identifier_and_flags_a_changed_parameter(
-    simulated_bags: Path, tmp_path: Path, stack, observer
-) -> None:
-    text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
-    worn = tmp_path / "worn.yaml"
-    worn.write_text(text.replace("Fc1: 1.5012", "Fc1: 1.8012"))
-    configuration = load_configuration(worn)
-    motion = random_motion(configuration, duration=10.0, rate=1000.0, seed=1)
-    simulate(configuration, tmp_path / "worn.mcap", motion)
-    (tmp_path / "first.mcap").write_bytes((simulated_bags / "bag-1.mcap").read_bytes())
-    command = [str(Path(sys.executable).parent / "idim-iv"), "serve", "--config", str(ARM2)]
-    folders = ["--bags", str(tmp_path), "--out", str(tmp_path / "out")]
-    process = Process([*command, *folders], tmp_path, "identifier")
-    stack.callback(process.end)
-    client = IdentifierClient(observer, process)
-    stack.callback(client.close)
-    for bag in ("first.mcap", "worn.mcap"):
-        assert client.identify(bag, estimator="idim-ls").success
-    assert len(list((tmp_path / "out").glob("*/result.json"))) == 2
-    observer.until(lambda: client.diagnostics["drift"][0] == WARN, "the drift")
-    _, sentence, values = client.diagnostics["drift"]
-    assert sentence.endswith("changed since first.mcap")
+def test_a_changed_parameter_is_flagged(served, worn: str) -> None:
+    assert served.identify("bag-1.mcap", estimator="idim-ls").success
+    assert served.identify(worn, estimator="idim-ls").success
+    served.observer.until(lambda: served.diagnostics["drift"][0] == WARN, "the drift")
+    _, _, values = served.diagnostics["drift"]
     statistics = {key: float(value) for key, value in values.items() if key.endswith(" (σ)")}
     limit = statistics.pop("limit (σ)")
-    flagged = {key for key, value in statistics.items() if abs(value) > limit}
-    assert flagged == {"Fc1 (σ)"}
-    assert process.finish() == 0
+    assert {key for key, value in statistics.items() if abs(value) > limit} == {"Fc1 (σ)"}
 
 
 def test_limits_of_a_job_are_one_line(served) -> None:
-    with served.parameters(memory_limit=100_000_000):
-        answer = served.identify("bag-1.mcap", "bag-2.mcap")
-        assert not answer.success
-        assert answer.message.startswith("not enough memory"), answer.message
-    with served.parameters(max_bag_size=1000):
-        answer = served.identify("bag-1.mcap")
-        assert not answer.success
-        assert "max_bag_size" in answer.message
-
-
-def test_full_disk_is_one_line_and_the_node_goes_on(identifier, small_disk: Path) -> None:
-    client = identifier(output_directory=small_disk / "results")
-    ballast = small_disk / "ballast"
-    ballast.write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
-    answer = client.identify("bag-1.mcap", estimator="idim-ls")
-    assert not answer.success
-    assert "No space left on device" in answer.message
-    assert "\n" not in answer.message
-    assert client.failure().endswith(answer.message)
-    ballast.unlink()
-    assert client.identify("bag-1.mcap", estimator="idim-ls").success
-    assert "Traceback" not in client.process.errors.read_text()
-
-
-def kept_process(client: IdentifierClient) -> int:
-    """Process id of the worker that is kept: the only child of the node."""
-    node = client.process.process.pid
-    (child,) = Path(f"/proc/{node}/task/{node}/children").read_text().split()
-    return int(child)
+    for words, limit in (
+        ("not enough memory", {"memory_limit": 100_000_000}),
+        ("max_bag_size", {"max_bag_size": 1000}),
+    ):
+        with served.parameters(**limit):
+            answer = served.identify(*BOTH)
+            assert not answer.success
+            assert words in answer.message
 
 
 def test_next_job_works_after_its_process_or_the_kept_one_was_killed(served) -> None:
     for kept in (False, True):
         with served.closed_gate():
-            waiting = served.ask("bag-1.mcap", "bag-2.mcap")
+            waiting = served.ask(*BOTH)
             job = served.job()
             os.kill(kept_process(served) if kept else job, signal.SIGKILL)
             answer = served.wait(waiting)
             assert (answer.success, answer.message) == (False, "the worker was ended by SIGKILL")
             served.observer.until(lambda: not served.process_exists(job), "its end")  # noqa: B023
     assert served.identify("bag-1.mcap", estimator="idim-ls").success
-
-
-def test_jobs_follow_each_other_without_a_start(served) -> None:
-    kept = kept_process(served)
-    for _ in range(2):
-        assert served.identify("bag-1.mcap", estimator="idim-ls").success
-        assert kept_process(served) == kept
+    process = kept_process(served)
+    assert served.identify("bag-1.mcap", estimator="idim-ls").success
+    assert kept_process(served) == process
 
 
 def test_job_of_a_client_that_is_gone_is_cancelled_and_until_then_it_hears_of_it(served) -> None:
     feedback: list = []
     with served.closed_gate():
-        served.goal("bag-1.mcap", "bag-2.mcap", feedback=feedback)
+        served.goal(*BOTH, feedback=feedback)
         worker = served.job()
         heard = len(feedback)
         served.observer.until(lambda: len(feedback) >= heard + 2, "signs of life")
@@ -276,3 +205,167 @@ def test_job_of_a_client_that_is_gone_is_cancelled_and_until_then_it_hears_of_it
         finally:
             served.connect()
     assert "who asked is gone" in served.process.errors.read_text()
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ({"bags": []}, "at least one bag"),
+        ({"bags": ["../bag-1.mcap"]}, "'..' is not allowed"),
+        ({"bags": ["/etc/passwd"]}, "leads out of bag_directory"),
+        ({"bags": ["broken.mcap"]}, "broken.mcap"),
+        ({"bags": ["bag.truth.json"]}, "not a bag"),
+        ({"configuration": "../config/arm2.yaml"}, "'..' is not allowed"),
+        ({"configuration": "/etc/hostname"}, "leads out of the folder of the configuration"),
+        ({"configuration": "arm2.urdf"}, "arm2.urdf"),
+        ({"estimator": "best"}, "neither idim-iv nor idim-ls"),
+        ({"timeout": -1.0}, "is no time"),
+        ({"timeout": float("nan")}, "is no time"),
+        ({"without": ["phlogiston"]}, "'phlogiston' is no effect"),
+        ({"without": ["backlash"] * 101}, "101 effects; at most 100"),
+    ],
+)
+def test_bad_request_is_one_line(served, simulated_bags: Path, request_, words: str) -> None:
+    (simulated_bags / "broken.mcap").write_bytes(b"\x89MCAP0\r\n" + bytes(1000))
+    request = {"bags": ["bag-1.mcap"], **request_}
+    if "without" in request:
+        answer = served.call("diagnose", Diagnose, **request)
+    else:
+        answer = served.identify(*request.pop("bags"), **request)
+    assert not answer.success
+    assert words in answer.message
+    assert "\n" not in answer.message
+    assert "Traceback" not in served.process.errors.read_text()
+
+
+def test_refused_goal_is_aborted_with_the_reason(served) -> None:
+    answer = served.wait(served.goal("../bag-1.mcap").get_result_async())
+    assert (answer.status, answer.result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert "'..' is not allowed" in answer.result.message
+
+
+def test_announced_bag_is_identified(served, simulated_bags: Path) -> None:
+    served.identify("bag-1.mcap")
+    publisher = served.node.create_publisher(BagClosed, "/announced", 10)
+    served.observer.until(lambda: publisher.get_subscription_count() == 1, "the identifier")
+    with served.parameters(auto=True):
+        publisher.publish(BagClosed(bag="/etc/passwd", complete=True))
+        served.observer.until(lambda: "/etc/passwd" in served.failure(), "the refusal")
+        publisher.publish(BagClosed(bag=str(simulated_bags / "bag-2.mcap"), complete=True))
+        served.observer.until(
+            lambda: list(served.latched().parameters.bags) == ["bag-2.mcap"], "the result"
+        )
+    served.node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("when_busy", "perhaps", "neither wait nor refuse"),
+        ("job_timeout", 0.0, "range"),
+        ("queue_limit", 0, "range"),
+        ("drift_significance", 2.0, "range"),
+        ("output_directory", "/tmp", "read-only"),
+        ("configuration", "/nonexistent.yaml", "cannot read the configuration"),
+    ],
+)
+def test_wrong_values_are_refused(served, name: str, value: object, words: str) -> None:
+    answer = served.set(**{name: value})
+    assert not answer.successful
+    assert words in answer.reason
+
+
+def test_configuration_is_read_anew_when_it_is_set(served, tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")
+    path.write_text(text)
+    with served.parameters(configuration=str(path)):
+        path.write_text(text + "nonsense: 1\n")
+        refused = served.set(configuration=str(path))
+        assert not refused.successful
+        assert refused.reason == f"configuration: {path}: unknown key nonsense"
+        path.write_text(text.replace("joint_states: joint_states", "joint_states: joint states"))
+        assert "'joint states' is no topic of ROS" in served.set(configuration=str(path)).reason
+        path.write_text(text + "identification:\n  friction: [viscous, coulomb]\n")
+        assert served.set(configuration=str(path)).successful
+        result = served.identify("bag-1.mcap", estimator="idim-ls").result
+    names = [parameter.name for parameter in result.parameters.estimates]
+    assert "Fc1" in names
+    assert "off1" not in names
+
+
+def test_diagnosis_is_answered_with_the_report_and_published_latched(served) -> None:
+    answer = served.call("diagnose", Diagnose, bags=list(BOTH), without=["backlash"])
+    assert answer.success, answer.message
+    report = answer.result
+    assert (tuple(report.bags), list(report.without)) == (BOTH, ["backlash"])
+    document = json.loads((results(served) / report.files[0]).read_text())
+    assert (report.verdict, report.summary) == (document["verdict"], document["summary"])
+    assert [joint.joint for joint in report.joints] == document["joints"]
+    assert str(served.latched("gap", GapReport)) == str(report)
+
+
+def test_diagnosis_by_action_gives_feedback_and_can_be_cancelled(served, stack) -> None:
+    action = ActionClient(served.node, DiagnoseAction, f"/{served.name}/diagnose_bags")
+    stack.callback(action.destroy)
+    served.observer.until(action.server_is_ready, "the action")
+    served.observer.be_heard(f"/{served.name}")
+    stages: list[str] = []
+    request = DiagnoseAction.Goal(bags=["bag-1.mcap"])
+    with served.closed_gate("reading"):
+        goal = served.wait(
+            action.send_goal_async(request, lambda heard: stages.append(heard.feedback.stage))
+        )
+        served.job()
+        served.observer.until(lambda: "reading" in stages, "its word")
+        assert served.wait(goal.cancel_goal_async()).goals_canceling
+        assert served.wait(goal.get_result_async()).status == GoalStatus.STATUS_CANCELED
+
+
+def test_results_survive_a_kill_and_an_interrupted_node_answers(
+    served, simulated_bags: Path, observer: Observer, stack: ExitStack
+) -> None:
+    """The last of the file: it ends the node that they share."""
+    first = served.identify("bag-1.mcap").result
+    other = served.identify("bag-2.mcap", estimator="idim-ls").result
+    assert other.parameters.estimator == "idim-ls"
+    assert served.call("set_baseline", SetBaseline, folder="").success
+    refused = served.call("set_baseline", SetBaseline, folder="nowhere").message
+    assert "no identification in nowhere" in refused
+    before = served.call("get_history", GetHistory, estimator="").identifications
+    with served.closed_gate():
+        served.goal(*BOTH)
+        worker = served.job()
+        served.process.kill()
+        observer.until(lambda: not served.process_exists(worker), "the end of the worker")
+    # A diagnosis that was kept.
+    (results(served) / "diagnosis").mkdir()
+    example = Path(__file__).with_name("gap.json")
+    shutil.copy(example, results(served) / "diagnosis" / "gap.json")
+    kept = {"stamp": 7 * 10**9, "bags": ["a.mcap"], "folder": "diagnosis"}
+    record = json.dumps({"format": "idim_iv_ros/last_gap/1", **kept})
+    (results(served) / "last_gap.json").write_text(record)
+    folder = served.process.errors.parent
+    client = start_identifier(stack, folder, observer, bag_directory=simulated_bags)
+    # Another estimator leaves the result that is published.
+    assert str(client.latched()) == str(first)
+    gap = client.latched("gap", GapReport)
+    assert (gap.header.stamp.sec, list(gap.bags), gap.verdict) == (7, ["a.mcap"], "structural")
+    compared = client.latched("drift", DriftReport).comparisons
+    assert {entry.estimator for entry in compared} == {"idim-iv", "idim-ls"}
+    assert client.call("get_history", GetHistory, estimator="").identifications == before
+    of_one = client.call("get_history", GetHistory, estimator="idim-iv").identifications
+    assert [list(entry.bags) for entry in of_one if entry.baseline] == [["bag-1.mcap"]]
+    assert {entry.estimator for entry in of_one} == {"idim-iv"}
+    with client.closed_gate():
+        future = client.goal(*BOTH).get_result_async()
+        worker = client.job()
+        client.parameter("auto")  # answered after the question for the result has arrived
+        client.process.process.send_signal(signal.SIGINT)
+        answer = client.wait(future)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.message == "the identifier was shut down"
+    assert client.process.process.wait(HANG) == 0
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    assert "Traceback" not in client.process.errors.read_text()

@@ -1,46 +1,21 @@
 """Jobs one after the other, with a worker that does what the test says and a clock that it sets."""
 
+import os
 import signal
-from collections.abc import Callable
+import threading
 from pathlib import Path
 
 import pytest
 
+from idim_iv_ros import load_configuration
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
-
-
-class ToldWorker:
-    """In the place of the process: it begins a job, and the test says how it goes on."""
-
-    def __init__(self, heard: Callable[["ToldWorker", dict], None]) -> None:
-        self._heard = heard
-        self.requests: list[dict] = []
-        self.process_id: int | None = None
-        self.ready, self.killed = True, False
-
-    def begin(self, request: dict) -> None:
-        self.requests.append(request)
-        self.process_id = 99
-
-    def say(self, **event: object) -> None:
-        self._heard(self, event)
-
-    def end(self, **answer: object) -> None:
-        """Answer, and end the process of the job."""
-        self.say(**answer)
-        self.process_id = None
-        self.say(ended=0)
-
-    def kill(self) -> None:
-        self.process_id = None
-        self.say(ended=-signal.SIGKILL)
-
-    def close(self) -> None:
-        """Nothing is left to be ended."""
+from tests.ros.conftest import ARM2
+from tests.ros.processes import HANG
+from tests.ros.told_worker import ToldWorker
 
 
 class Bench:
@@ -209,6 +184,40 @@ def test_a_process_that_cannot_be_started_is_said(bench: Bench, monkeypatch) -> 
     monkeypatch.setattr(bench.queue, "_start_worker", start)
     bench.submit("a")
     assert bench.poll()[-1] == ("a", False, "cannot be begun: Cannot allocate memory")
+
+
+def test_a_full_disk_is_one_line_and_the_next_job_is_done(
+    small_disk: Path, simulated_bags: Path
+) -> None:
+    """With the process itself in the place of a worker that is told."""
+    settings = IdentifierSettings(output_directory=str(small_disk / "results"))
+    woken, over = threading.Event(), list[Job]()
+    queue = JobQueue(lambda: settings, woken.set, over.append)
+    configuration, bag = load_configuration(ARM2), simulated_bags / "bag-1.mcap"
+
+    def done() -> Job:
+        listener = JobListener(ended=lambda success, message: None)
+        queue.submit(
+            Job(
+                *("identification", (bag,), ("bag-1.mcap",), configuration, HANG, listener),
+                estimator="idim-ls",
+            )
+        )
+        while not over:
+            assert woken.wait(HANG)
+            woken.clear()
+            queue.poll()
+        return over.pop()
+
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
+    failed = done()
+    assert not failed.success
+    assert "No space left on device" in failed.message
+    assert "\n" not in failed.message
+    ballast.unlink()
+    assert done().success
+    queue.close()
 
 
 def test_all_are_answered_when_the_node_ends(bench: Bench) -> None:

@@ -4,25 +4,68 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.executors import SingleThreadedExecutor
 
+from idim_iv_interfaces.srv import Identify
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
-from tests.ros.conftest import ARM2, start_identifier
-from tests.ros.identifier_client import IdentifierClient
+from idim_iv_ros.nodes.identifier.node import Identifier
+from tests.ros.conftest import ARM2
+from tests.ros.told_worker import ToldWorker
+
+TURNS = 10_000
 
 
-def change(client: IdentifierClient, label: str) -> bool:
-    return client.call("change_state", ChangeState, transition=Transition(label=label)).success
+class Managed:
+    """An identifier in this process, and a client of its services that spins it."""
 
+    def __init__(self, workers: list[ToldWorker]) -> None:
+        def start_worker(heard: Callable) -> ToldWorker:
+            workers.append(ToldWorker(heard))
+            return workers[-1]
 
-def state(client: IdentifierClient) -> str:
-    return client.call("get_state", GetState).current_state.label
+        self.identifier = Identifier((), start_worker)
+        self.client = rclpy.create_node("client")
+        self.executor = SingleThreadedExecutor()
+        for node in (self.identifier.node, self.client):
+            self.executor.add_node(node)
+        self.said: dict[str, str] = {}
+        self.client.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
 
+    def _diagnosed(self, message: DiagnosticArray) -> None:
+        self.said.update({status.name: status.message for status in message.status})
 
-def log(client: IdentifierClient) -> str:
-    return client.process.errors.read_text()
+    def until(self, condition: Callable[[], object]) -> None:
+        for _ in range(TURNS):
+            if condition():
+                return
+            self.executor.spin_once(timeout_sec=0.01)
+        raise AssertionError(self.said)
+
+    def ask(self, kind: type, name: str, **fields: object) -> rclpy.Future:
+        client = self.client.create_client(kind, f"/identifier/{name}")
+        self.until(client.service_is_ready)
+        return client.call_async(kind.Request(**fields))
+
+    def call(self, kind: type, name: str, **fields: object):
+        future = self.ask(kind, name, **fields)
+        self.until(future.done)
+        return future.result()
+
+    def change(self, label: str, number: int = 0) -> bool:
+        transition = Transition(label=label, id=number)
+        return self.call(ChangeState, "change_state", transition=transition).success
+
+    @property
+    def state(self) -> str:
+        return self.call(GetState, "get_state").current_state.label
+
+    def refusal(self) -> str:
+        return self.call(Identify, "identify", bags=["bag.mcap"]).message
 
 
 @pytest.fixture
@@ -32,56 +75,63 @@ def arm(robot_file: Callable[[str], Path]) -> Path:
 
 
 def test_requests_are_accepted_between_activation_and_deactivation(
-    stack, tmp_path: Path, observer, simulated_bags: Path, arm: Path
+    own_context, tmp_path: Path, arm: Path, capfd
 ) -> None:
-    client = start_identifier(
-        stack, tmp_path, observer, configuration=arm, autostart=False, bag_directory=simulated_bags
+    (tmp_path / "bag.mcap").write_bytes(bytes(100))
+    own_context(
+        autostart="false",
+        configuration=arm,
+        bag_directory=tmp_path,
+        output_directory=tmp_path / "results",
+        status_period=0.2,
     )
-    name = f"/{client.name}"
-    assert state(client) == "unconfigured"
-    assert client.identify("bag-1.mcap").message == (
-        f"the identifier is unconfigured: call ros2 lifecycle set {name} configure, then "
-        f"ros2 lifecycle set {name} activate"
+    workers: list[ToldWorker] = []
+    managed = Managed(workers)
+
+    def log() -> str:
+        return capfd.readouterr().err
+
+    assert managed.state == "unconfigured"
+    assert managed.refusal() == (
+        "the identifier is unconfigured: call ros2 lifecycle set /identifier configure, then "
+        "ros2 lifecycle set /identifier activate"
     )
     # A file that cannot be read leaves it unconfigured, with the reason in the log.
-    assert not change(client, "configure")
-    assert state(client) == "unconfigured"
-    assert f"cannot configure: parameter configuration: {arm}: unknown key nonsense" in log(client)
+    assert not managed.change("configure")
+    assert managed.state == "unconfigured"
+    reason = f"cannot configure: parameter configuration: {arm}: unknown key nonsense"
+    assert reason in log()
     arm.write_text("robot:\n  joints: [a]\nsignals:\n  joint_states: joint states\n")
-    assert not change(client, "configure")
-    assert f"configuration: {arm}: signals: 'joint states' is no topic of ROS" in log(client)
+    assert not managed.change("configure")
+    assert f"configuration: {arm}: signals: 'joint states' is no topic of ROS" in log()
     # What this state does not have is answered too.
-    assert not client.call(
-        "change_state", ChangeState, transition=Transition(id=Transition.TRANSITION_ACTIVATE)
-    ).success
-    assert "transition 3" in log(client)
+    assert not managed.change("", Transition.TRANSITION_ACTIVATE)
+    assert "transition 3" in log()
     arm.write_text(ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/"))
-    assert change(client, "configure")
-    assert state(client) == "inactive"
-    refused = client.identify("bag-1.mcap").message
-    assert refused == f"the identifier is inactive: call ros2 lifecycle set {name} activate"
-    observer.until(lambda: client.diagnostics["identification"][1] == "inactive", "its state")
-    assert change(client, "activate")
-    assert f"ready: {arm}; identifies on request" in log(client)
-    with client.closed_gate():
-        waiting = [client.ask("bag-1.mcap"), client.ask("bag-2.mcap")]
-        client.job()
-        client.parameter("auto")  # answered after the second request has arrived
-        assert change(client, "deactivate")
-        messages = {client.wait(item).message for item in waiting}
-    assert messages == {"the identifier was deactivated"}
+    assert managed.change("configure")
+    assert managed.state == "inactive"
+    assert managed.refusal() == (
+        "the identifier is inactive: call ros2 lifecycle set /identifier activate"
+    )
+    managed.until(lambda: managed.said.get("/identifier: identification") == "inactive")
+    assert managed.change("activate")
+    assert f"ready: {arm}; identifies on request" in log()
+    asked = [managed.ask(Identify, "identify", bags=["bag.mcap"]) for _ in range(2)]
+    managed.until(lambda: workers[0].requests and managed.identifier._jobs.waiting)
+    assert managed.change("deactivate")
+    managed.until(lambda: all(future.done() for future in asked))
+    assert {future.result().message for future in asked} == {"the identifier was deactivated"}
     # The file is read anew when it is configured again.
     arm.write_text("nonsense: 2\n")
-    assert change(client, "activate") and change(client, "deactivate")
-    assert change(client, "cleanup")
-    assert not change(client, "configure")
-    assert state(client) == "unconfigured"
-    assert change(client, "shutdown")
-    assert client.identify("bag-1.mcap").message == (
-        "the identifier is finalized: start the node again"
-    )
-    assert client.process.finish() == 0
-    assert "Traceback" not in log(client)
+    assert managed.change("activate") and managed.change("deactivate")
+    assert managed.change("cleanup")
+    assert not managed.change("configure")
+    assert managed.state == "unconfigured"
+    assert managed.change("shutdown")
+    assert managed.refusal() == "the identifier is finalized: start the node again"
+    assert "Traceback" not in log()
+    managed.identifier.close()
+    managed.client.destroy_node()
 
 
 def test_a_folder_of_results_belongs_to_one_identifier(tmp_path: Path) -> None:

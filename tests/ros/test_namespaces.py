@@ -8,17 +8,20 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
+from idim_iv_interfaces.srv import Identify
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
 from idim_iv_ros.cli.main import main
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.model import read_urdf_file
+from idim_iv_ros.nodes.identifier.job import JobListener
+from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.simulators.recording import recorded_topics
 from idim_iv_ros.simulators.robot import simulated_robot
 from tests.ros.conftest import ARM2
-from tests.ros.identifier_client import IdentifierClient
 from tests.ros.processes import Observer, Process, Robot, only_bag, start_node
+from tests.ros.told_worker import ToldWorker
 
 SIDES = ("left", "right")
 
@@ -94,9 +97,7 @@ def test_two_recorders_record_each_its_own_robot(
     assert "/motion/reference" in str(refused.value)
 
 
-def test_an_identifier_takes_the_robot_of_its_namespace(
-    start, observer: Observer, stack: ExitStack, tmp_path: Path
-) -> None:
+def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: Path) -> None:
     configuration = load_configuration(ARM2)
     urdf = configuration.robot.urdf
     simulated = simulated_robot(configuration, read_urdf_file(urdf), urdf.name)
@@ -108,25 +109,22 @@ def test_an_identifier_takes_the_robot_of_its_namespace(
         ]
         for seed, side in enumerate(SIDES)
     }
-    (tmp_path / "bags").mkdir()
-    write_bag(tmp_path / "bags" / "both.mcap", [*topics["left"], *topics["right"]])
+    write_bag(tmp_path / "both.mcap", [*topics["left"], *topics["right"]])
     write_bag(tmp_path / "right.mcap", topics["right"])
     with pytest.raises(DataError, match="may be /left/joint_states or /right/joint_states"):
-        identify([tmp_path / "bags" / "both.mcap"], configuration, estimator="idim-ls")
+        identify([tmp_path / "both.mcap"], configuration, estimator="idim-ls")
     expected = identify([tmp_path / "right.mcap"], configuration, estimator="idim-ls")
-    process = start(
-        "identifier",
-        "right",
-        configuration=ARM2,
-        bag_directory=tmp_path / "bags",
-        output_directory=tmp_path / "results",
-        status_period=0.2,
-    )
-    client = IdentifierClient(observer, process)
-    stack.callback(client.close)
-    answer = client.identify("both.mcap", estimator="idim-ls")
-    assert answer.success, answer.message
-    values = {estimate.name: estimate.value for estimate in answer.result.parameters.estimates}
+    folders = {"bag_directory": tmp_path, "output_directory": tmp_path / "results"}
+    own_context("-r", "__ns:=/right", configuration=ARM2, **folders)
+    workers: list[ToldWorker] = []
+    identifier = Identifier((), lambda heard: workers.append(ToldWorker(heard)) or workers[-1])
+    identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))
+    identifier._jobs.poll()
+    (request,) = workers[0].requests
+    identifier.close()
+    own = configuration.with_own_topics(request["topics"])
+    result = identify([Path(bag) for bag in request["bags"]], own, estimator="idim-ls")
+    values = {parameter.name: parameter.value for parameter in result.parameters}
     assert values == pytest.approx(
         {parameter.name: parameter.value for parameter in expected.parameters}
     )

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-import rclpy
 from builtin_interfaces.msg import Time
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
@@ -61,22 +61,18 @@ class Told:
 
 
 @pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Told]]:
-    """Start recorders in a context of their own."""
-    made: list[Recorder] = []
-    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+def told(own_context, tmp_path: Path) -> Iterator[Callable[..., Told]]:
+    """Start a recorder in this process."""
+    with ExitStack() as stack:
 
-    def start(**parameters: str) -> Told:
-        values = {"bag_directory": str(tmp_path), "minimum_free_disk": "0", **parameters}
-        given = [text for item in values.items() for text in ("-p", ":=".join(item))]
-        rclpy.init(args=["recorder", "--ros-args", "-r", "__ns:=/told", *given])
-        made.append(Recorder())
-        return Told(made[0])
+        def start(**parameters: object) -> Told:
+            values = {"bag_directory": tmp_path, "minimum_free_disk": 0, **parameters}
+            own_context("-r", "__ns:=/told", **values)
+            recorder = Recorder()
+            stack.callback(recorder.close)
+            return Told(recorder)
 
-    yield start
-    for recorder in made:
-        recorder.close()
-    rclpy.try_shutdown()
+        yield start
 
 
 def logged(bag: Path) -> dict[str, list[int]]:
@@ -89,11 +85,11 @@ def logged(bag: Path) -> dict[str, list[int]]:
 
 def test_stop_log_and_announcement_say_what_a_bag_lacks(told, capfd) -> None:
     said = told(late_after="0.5")
-    said.recorder._start()
+    said.recorder.act("start")
     said.arrive(JOINTS, *range(1, 41))
     said.arrive(JOINTS, *range(43, 60), *range(62, 101), late=10**9)
     said.arrive(LATCHED, 1)
-    answer = said.recorder._stop()
+    answer = said.recorder.act("stop")
     (closed,) = said.closed
     assert (closed.messages, closed.lost, closed.late, closed.gaps) == (97, 4, 56, 0)
     assert closed.arrived == pytest.approx(0.96)
@@ -106,16 +102,16 @@ def test_stop_log_and_announcement_say_what_a_bag_lacks(told, capfd) -> None:
     ):
         assert words in answer
     assert answer in capfd.readouterr().err
-    said.recorder._start()
+    said.recorder.act("start")
     said.arrive(JOINTS, *range(101, 140), *range(200, 210))
-    assert "1 gaps (/told/joint_states)" in said.recorder._stop()
+    assert "1 gaps (/told/joint_states)" in said.recorder.act("stop")
     assert said.closed[1].gaps == 1
 
 
 def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
     said = told()
-    said.recorder._start()
-    answer = said.recorder._stop()
+    said.recorder.act("start")
+    answer = said.recorder.act("stop")
     assert ": 0 messages " in answer
     assert "nobody publishes /told/joint_states" in answer
     assert math.isnan(said.closed[0].arrived)
@@ -124,18 +120,18 @@ def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
 
 def test_a_whole_bag_is_none(told, capfd) -> None:
     said = told()
-    said.recorder._start()
+    said.recorder.act("start")
     said.arrive(JOINTS, *range(1, 51))
-    assert "100 % arrived" in said.recorder._stop()
+    assert "100 % arrived" in said.recorder.act("stop")
     assert "[WARN]" not in capfd.readouterr().err
 
 
 def test_of_a_million_with_one_lost_not_all_arrived(told) -> None:
     said = told()
-    said.recorder._start()
+    said.recorder.act("start")
     said.arrive(JOINTS, 1, 2, 4)
     said.recorder._topics.topics[0].monitor.received = 999_997
-    assert "99.99 % arrived" in said.recorder._stop()
+    assert "99.99 % arrived" in said.recorder.act("stop")
 
 
 def test_lost_messages_of_several_publishers_are_not_known() -> None:
@@ -149,21 +145,21 @@ def test_lost_messages_of_several_publishers_are_not_known() -> None:
 
 def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
     said = told(use_sim_time="true")
-    assert "/clock" in said.recorder._start()
+    assert "/clock" in said.recorder.act("start")
     said.arrive(LATCHED, 1)
     said.arrive(JOINTS, 1, 2, 3)
     status = said.status()
     assert status.state == RecorderStatus.WAITING_FOR_CLOCK
     assert "/clock" in status.fault
     assert not any(topic.recorded for topic in status.topics)
-    said.recorder._split()
+    said.recorder.act("split")
     said.clock(7)
     said.arrive(JOINTS, 4, 5)
     assert said.status().state == RecorderStatus.RECORDING
     assert said.status().fault == ""
     said.clock(8)
     said.arrive(JOINTS, 6)
-    said.recorder._stop()
+    said.recorder.act("stop")
     seven, eight = 7 * 10**9, 8 * 10**9
     times = logged(only_bag(tmp_path))
     assert times["/told/joint_states"] == [seven, seven, eight]
@@ -172,19 +168,19 @@ def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
 
 def test_a_recording_that_waits_can_be_stopped_and_begun_again(told, capfd) -> None:
     said = told(use_sim_time="true")
-    said.recorder._start()
+    said.recorder.act("start")
     said.arrive(LATCHED, 1)
     said.arrive(JOINTS, 1, 2, 3)
-    said.recorder._pause()
-    said.recorder._resume()
-    assert "/clock" in said.recorder._stop()
+    said.recorder.act("pause")
+    said.recorder.act("resume")
+    assert "/clock" in said.recorder.act("stop")
     assert "[WARN]" in capfd.readouterr().err
     assert said.closed[0].messages == 0
     assert said.status().state == RecorderStatus.IDLE
     assert said.status().fault == ""
-    said.recorder._start()
+    said.recorder.act("start")
     said.clock(9)
-    said.recorder._stop()
+    said.recorder.act("stop")
     assert said.closed[1].messages == 1
     assert logged(Path(said.closed[1].bag)) == {"/told/robot_description": [9 * 10**9]}
 
@@ -194,6 +190,6 @@ def test_a_snapshot_holds_nothing_from_before_the_clock(told) -> None:
     said.arrive(JOINTS, 1, 2)
     said.clock(3)
     said.arrive(JOINTS, 3)
-    said.recorder._snapshots.take()
+    said.recorder.act("snapshot")
     said.recorder._snapshots.close()
     assert logged(Path(said.closed[0].bag)) == {"/told/joint_states": [3 * 10**9]}

@@ -8,13 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros import load_configuration
@@ -23,20 +20,10 @@ from idim_iv_ros.recording import read_recordings
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient
 from tests.ros.launch_file import launched_nodes
-from tests.ros.processes import HANG, LATCHED, ROOT, Process, end_all, start_launched, start_node
+from tests.ros.processes import HANG, LATCHED, ROOT, end_all, start_launched, start_node
 from tests.ros.true_parameters import require_truth
 
 LONGEST_SILENCE = 2.0  # s
-
-
-@pytest.fixture
-def simulator(tmp_path: Path, stack):
-    def start(**parameters: object) -> Process:
-        process = start_node("robot_simulator", tmp_path, configuration=ARM2, **parameters)
-        stack.callback(process.end)
-        return process
-
-    return start
 
 
 @pytest.fixture
@@ -99,7 +86,24 @@ def reach_the_goal(demo, observer, bags: Path) -> list[float]:
 
 
 def test_one_goal_of_the_demo_identifies_the_true_parameters(demo, observer, tmp_path) -> None:
+    """The robot follows the trajectories of the collector; then it moves when it is asked to."""
     reach_the_goal(demo, observer, tmp_path / "bags")
+    name = "robot_simulator"
+    moving: list[bool] = []
+    places: list[list[float]] = []
+    subscribe = observer.node.create_subscription
+    subscriptions = [
+        subscribe(Bool, f"/{name}/moving", lambda heard: moving.append(heard.data), LATCHED),
+        subscribe(JointState, "/joint_reference", lambda heard: places.append(heard.position), 99),
+    ]
+    observer.until(lambda: moving[-1:] == [False], "rest")
+    assert observer.set_on(name, motion_duration=1.0)[0].successful
+    assert observer.call("move", name).success
+    observer.until(lambda: moving[-2:] == [True, False], "the motion")
+    assert np.ptp(places, axis=0).max() > 0.1
+    for subscription in subscriptions:
+        observer.node.destroy_subscription(subscription)
+    observer.forget(name)
 
 
 @pytest.mark.load
@@ -108,33 +112,31 @@ def test_a_goal_never_goes_without_a_word_for_long(demo, observer, tmp_path: Pat
     assert max(after - before for before, after in pairwise(heard_at)) < LONGEST_SILENCE
 
 
-def test_it_answers_before_it_is_ready(monkeypatch: pytest.MonkeyPatch, capfd) -> None:
+def test_it_answers_before_it_is_ready(own_context, monkeypatch: pytest.MonkeyPatch, capfd) -> None:
     ready = threading.Event()
-    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
     monkeypatch.setattr(simulator_node, "_PATIENCE", 0.0)
     monkeypatch.setattr(simulator_node.RobotSimulator, "_prepare", lambda node: ready.wait(HANG))
-    rclpy.init(args=["robot_simulator", "--ros-args", "-p", f"configuration:={ARM2}"])
+    own_context(configuration=ARM2)
     robot = simulator_node.RobotSimulator()
     try:
         refused = robot._move(Trigger.Request(), Trigger.Response())
         assert not refused.success
         assert "compiled" in refused.message
-        executor = SingleThreadedExecutor()
-        executor.add_node(robot.node)
         robot._report()
         assert "joint states follow" in capfd.readouterr().err
     finally:
         ready.set()
         robot.close()
-        rclpy.try_shutdown()
 
 
 @pytest.mark.load
 def test_first_move_begins_at_once_where_nothing_was_compiled(
-    simulator, observer, monkeypatch, tmp_path: Path
+    stack, observer, monkeypatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    process = simulator(motion_duration=2.0)
+    given = {"configuration": ARM2, "motion_duration": 2.0}
+    process = start_node("robot_simulator", tmp_path, **given)
+    stack.callback(process.end)
     places: list[float] = []
     heard = observer.node.create_subscription(
         JointState, "/joint_reference", lambda message: places.append(message.position[0]), 10
@@ -145,47 +147,3 @@ def test_first_move_begins_at_once_where_nothing_was_compiled(
     observer.until(lambda: abs(places[-1] - places[0]) > 1e-3, "the motion")
     assert time.perf_counter() - begin < 2.0
     observer.node.destroy_subscription(heard)
-
-
-def test_it_moves_when_asked_to_and_follows_a_joint_trajectory(simulator, observer) -> None:
-    name = simulator(motion_duration=1.0).name
-    references: list[list[float]] = []
-    positions: list[list[float]] = []
-    moving: list[bool] = []
-    subscribe = observer.node.create_subscription
-    subscriptions = [
-        subscribe(Bool, f"/{name}/moving", lambda message: moving.append(message.data), LATCHED),
-        subscribe(
-            JointState,
-            "/joint_reference",
-            lambda message: references.append(list(message.position)),
-            1000,
-        ),
-        subscribe(
-            JointState,
-            "/joint_states",
-            lambda message: positions.append(list(message.position)),
-            1000,
-        ),
-    ]
-    sender = observer.node.create_publisher(JointTrajectory, f"/{name}/joint_trajectory", 1)
-    observer.until(lambda: moving and sender.get_subscription_count() == 1, "the simulator")
-    assert observer.call("move", name).success
-    observer.until(lambda: moving[-2:] == [True, False], "the motion")
-    assert np.ptp(references, axis=0).max() > 0.1
-    references.clear()
-    points = []
-    for seconds, places in ((0, [0.2, 0.3]), (1, [0.5, 0.1])):
-        point = JointTrajectoryPoint(positions=places, velocities=[0.0, 0.0])
-        point.time_from_start.sec = seconds
-        points.append(point)
-    sender.publish(JointTrajectory(joint_names=["joint_1", "joint_2"], points=points))
-    end = [0.5, 0.1]
-    observer.until(lambda: references and np.allclose(references[-1], end, atol=1e-6), "the end")
-    observer.until(lambda: moving[-4:] == [True, False] * 2, "rest")
-    positions.clear()
-    observer.until(lambda: len(positions) > 500, "joint states")
-    assert np.abs(np.mean(positions, axis=0) - end).max() < 0.1
-    for subscription in subscriptions:
-        observer.node.destroy_subscription(subscription)
-    observer.node.destroy_publisher(sender)

@@ -61,9 +61,9 @@ def test_an_error_counts_once_until_it_is_over() -> None:
 
 
 def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
-    mortal_recorder, robot, observer, bags: Path
+    recorder, robot, observer, bags: Path
 ) -> None:
-    mortal_recorder(snapshot_duration=0.5, bag_prefix="arm")
+    recorder(snapshot_duration=0.5, bag_prefix="arm")
     robot.begin(count=500, description="<robot name='x'/>").run()
     observer.received(500)
     arrived = observer.status.header.stamp.sec + 1e-9 * observer.status.header.stamp.nanosec
@@ -90,9 +90,9 @@ def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
 
 
 def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
-    mortal_recorder, robot, observer, bags: Path
+    recorder, robot, observer, bags: Path
 ) -> None:
-    mortal_recorder(snapshot_duration=30.0, record=True)
+    recorder(snapshot_duration=30.0, record=True)
     robot.begin(count=2000, rate=1000.0, pace=True)
     robot.say("go")
     observer.until(lambda: observer.topic("/joint_states").received > 500, "500 messages")
@@ -109,9 +109,9 @@ def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
 
 
 def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_one(
-    mortal_recorder, robot, observer, bags: Path
+    recorder, robot, observer, bags: Path
 ) -> None:
-    mortal_recorder(snapshot_on_error=True)
+    recorder(snapshot_on_error=True)
     answer = observer.call("snapshot")
     assert not answer.success
     assert "snapshot_duration is 0" in answer.message

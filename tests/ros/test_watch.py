@@ -92,11 +92,11 @@ def test_the_page_and_all_it_needs_come_from_here(page: LivePage) -> None:
 
 
 def test_a_page_gets_the_last_states_and_then_those_that_are_new(page: LivePage) -> None:
-    page.publish(view().to_document())
+    page.publish(view().to_json())
     (first,) = states(page.url)
     assert first["joints"][0]["measured"] == -123.456
     assert first["joints"][1]["predicted"] is None
-    page.publish(LiveView("arm", 13.0, NAN, "no position for 2 s", ()).to_document())
+    page.publish(LiveView("arm", 13.0, NAN, "no position for 2 s", ()).to_json())
     (second,) = states(page.url, after=1)
     assert (second["stamp"], second["delay"]) == (13.0, None)
     assert states(page.url, after=2) == []

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+from rclpy.node import Node
 
 from idim_iv_interfaces.action import Collect
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Passes, passes_of, plan_passes
 from idim_iv_ros.excitation.passes import Kind
@@ -24,7 +24,6 @@ from idim_iv_ros.nodes.collector.following import (
     Course,
     Follower,
     Say,
-    wait_whatever_happens,
 )
 from idim_iv_ros.nodes.collector.neighbours import (
     Controller,
@@ -32,6 +31,7 @@ from idim_iv_ros.nodes.collector.neighbours import (
     RecorderNeighbour,
 )
 from idim_iv_ros.nodes.joint_topic import JointPositions
+from idim_iv_ros.nodes.parameters import read_configuration
 from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
@@ -41,13 +41,29 @@ _CHECK, _IDENTIFICATION = 5.0, 20.0  # s, about, for the share that is done
 _PLANNING = 0.1  # of the whole, whose duration is known only afterwards
 
 
+class HeardRobot:
+    """The robot of a configuration file, where it is, and where its controller asks it to be."""
+
+    def __init__(self, node: Node, file: str) -> None:
+        self.configuration = read_configuration(node, file)
+        joints, signals = self.configuration.robot.joints, self.configuration.signals
+        self.positions = JointPositions(node, signals.joint_states, joints)
+        self.references: JointPositions | None = None
+        if signals.reference is not None:
+            self.references = JointPositions(node, signals.reference, joints, reference=True)
+
+    def close(self) -> None:
+        """Hear no more of it."""
+        for topic in (self.positions, self.references):
+            if topic is not None:
+                topic.close()
+
+
 @dataclass(frozen=True)
 class Parts:
     """What a collection works with; `gone` says whether nobody waits for it any more."""
 
-    configuration: Configuration
-    positions: JointPositions
-    references: JointPositions | None
+    robot: HeardRobot
     controller: Controller
     recorder: RecorderNeighbour
     identifier: IdentifierNeighbour
@@ -56,22 +72,16 @@ class Parts:
 
 
 class Collection:
-    """Collects data for one goal, once.
+    """Collects data for one goal, once; `say` as of `Course`.
 
-    Parameters
-    ----------
-    goal : Collect.Goal
-        With numbers in place of the zeros that stand for the node's parameters.
-    parts : Parts
-    say : callable
-        As of `Course`.
+    The goal has numbers in place of the zeros that stand for the node's parameters.
     """
 
     def __init__(self, goal: Collect.Goal, parts: Parts, say: Say) -> None:
         self._goal, self._parts = goal, parts
         settings = parts.settings
         self._course = Course(goal.timeout, lambda: settings().allow_motion, parts.gone, say)
-        self._robot = Follower(parts.positions, parts.controller, settings, self._course)
+        self._robot = Follower(parts.robot.positions, parts.controller, settings, self._course)
         self.result = Collect.Result()
 
     def cancel(self, why: str) -> None:
@@ -113,14 +123,14 @@ class Collection:
 
     def _find(self, wanted: list[Callable[[], str]]) -> None:
         """Wait a little for those who take part, and for a robot that stands still."""
-        parts = self._parts
+        positions, settings = self._parts.robot.positions, self._parts.settings
         until = time.monotonic() + _DISCOVERY
 
         def problem() -> str:
             problems = [missing() for missing in wanted]
-            if parts.positions.age() > parts.settings().stale_after:
-                why = f" ({parts.positions.problem})" if parts.positions.problem else ""
-                problems.append(f"no joint states of all joints on {parts.positions.topic}{why}")
+            if positions.age() > settings().stale_after:
+                why = f" ({positions.problem})" if positions.problem else ""
+                problems.append(f"no joint states of all joints on {positions.topic}{why}")
             return next(filter(None, problems), "")
 
         while problem():
@@ -137,7 +147,7 @@ class Collection:
         settings, goal = self._parts.settings(), self._goal
         model, limits, motion = self._course.compute(
             lambda look: plan_passes(
-                self._parts.configuration,
+                self._parts.robot.configuration,
                 kind=cast(Kind, settings.motion),
                 duration=goal.duration,
                 speed_scale=goal.speed_scale,
@@ -163,7 +173,7 @@ class Collection:
         The two differ by what the weight of the arm pulls it down: a motion that began at the other
         would begin with a step.
         """
-        settings, references = self._parts.settings(), self._parts.references
+        settings, references = self._parts.settings(), self._parts.robot.references
         here = self._robot.position()
         if references is None or references.last is None or references.age() > 1.0:
             return here
@@ -171,7 +181,7 @@ class Collection:
         return asked if np.abs(asked - here).max() < settings.tracking_error else here
 
     def _record(self, passes: Passes) -> Path:
-        self._parts.recorder.start(self._course.wait)
+        self._parts.recorder.start(self._course.tick)
         try:
             self._course.trouble = self._parts.recorder.trouble
             self._course.pause(_REST)
@@ -186,14 +196,14 @@ class Collection:
         return self._close_bag()
 
     def _close_bag(self, *, aborted: bool = False) -> Path:
-        bag = self._parts.recorder.stop(wait_whatever_happens, aborted=aborted)
+        bag = self._parts.recorder.stop(aborted=aborted)
         self.result.bag = bag.name
         return bag
 
     def _check(self, bag: Path) -> CheckReport:
         self._course.begin("checking")
         report = self._course.compute(
-            lambda look: check([bag], self._parts.configuration, look), _CHECK
+            lambda look: check([bag], self._parts.robot.configuration, look), _CHECK
         )
         self.result.usable = report.usable
         self.result.findings = [
@@ -210,7 +220,7 @@ class Collection:
 
         try:
             answer = self._parts.identifier.identify(
-                bag, self._goal.estimator, say, self._course.wait
+                bag, self._goal.estimator, say, self._course.tick
             )
             if not answer.success:
                 raise DataError(answer.message)

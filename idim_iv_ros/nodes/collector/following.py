@@ -8,13 +8,12 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.excitation import Passes, Trajectory, stop
-from idim_iv_ros.nodes.collector.neighbours import Controller
+from idim_iv_ros.nodes.collector.neighbours import LOOK, Controller
 from idim_iv_ros.nodes.entry import Result, in_thread
 from idim_iv_ros.nodes.joint_topic import JointPositions, Place
 from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
-LOOK = 0.02  # s between two looks at the robot
 STANDING = 0.2  # s in which a robot at rest moves less than
 STILL = 0.01  # rad (m)
 
@@ -34,22 +33,12 @@ class Course:
 
     `timeout` counts from now, s; `allowed` says whether the robot may be moved, `gone` whether
     nobody waits for the goal any more; `say` takes stage, share done, largest tracking error so far
-    in the stage and its joint.
-
-    Attributes
-    ----------
-    done, whole : float
-        Expected duration of what is done, and of all, s.
-    trouble : callable
-        Says what else ends the course; empty if all is well.
+    in the stage and its joint. `done` and `whole` are the expected durations of what is done and of
+    all, s; `trouble` says what else ends the course (empty: nothing).
     """
 
     def __init__(
-        self,
-        timeout: float,
-        allowed: Callable[[], bool],
-        gone: Callable[[], bool],
-        say: Say,
+        self, timeout: float, allowed: Callable[[], bool], gone: Callable[[], bool], say: Say
     ) -> None:
         self._timeout, self._deadline = timeout, time.monotonic() + timeout
         self._allowed, self._gone, self._say = allowed, gone, say
@@ -92,13 +81,7 @@ class Course:
         self._speak(at_once=bool(stage))
 
     def tick(self) -> None:
-        """Let a little time pass.
-
-        Raises
-        ------
-        DataError
-            Nothing more is to be done, and why.
-        """
+        """Let a little time pass; a DataError says why nothing more is to be done."""
         time.sleep(LOOK)
         reason = self.reason_to_end()
         if reason:
@@ -110,16 +93,6 @@ class Course:
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.tick()
-
-    def wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
-        """Wait for a condition, `what` in words.
-
-        Raises
-        ------
-        UsageError
-            It took too long.
-        """
-        _wait(condition, seconds, what, self.tick)
 
     def compute(
         self, compute: Callable[[Callable[[str, float], None]], Result], expected: float
@@ -154,38 +127,13 @@ class Course:
             self._say(self._stage, min(self.done / self.whole, 1.0), self._worst, self._joint)
 
 
-def wait_whatever_happens(condition: Callable[[], bool], seconds: float, what: str) -> None:
-    """Wait as `Course.wait` for what has to be done in any case: a bag that is open is closed."""
-    _wait(condition, seconds, what, lambda: time.sleep(LOOK))
-
-
-def _wait(
-    condition: Callable[[], bool], seconds: float, what: str, tick: Callable[[], None]
-) -> None:
-    until = time.monotonic() + seconds
-    while not condition():
-        tick()
-        if time.monotonic() > until:
-            raise UsageError(f"{what} did not come within {seconds:g} s")
-
-
 class Supervision:
     """Compares where a robot is with where one trajectory should have it by now.
 
     The controller begins some time after it was asked, which nobody says: until the robot moves,
-    any delay up to a limit is possible; then it is the one that fits best, and the robot must keep
-    to it.
-
-    Parameters
-    ----------
-    motion : Trajectory
-        What the robot was asked for.
-    start : (n_joints,)
-        Where it was then, rad (m).
-    allowed : float
-        Distance from which on it does not follow, rad (m).
-    longest_delay : float
-        Time until the controller begins at the latest, s; `delay` is None before it has begun.
+    any delay up to the longest, s, is possible; then it is the one that fits best, and the robot
+    must keep to it (`delay` is None before). `start` (n_joints,) is where the robot was when it was
+    asked for the motion; from the distance `allowed` on it does not follow, rad (m).
     """
 
     def __init__(
@@ -267,13 +215,7 @@ class Follower:
         return self._positions.last.position
 
     def follow(self, stage: str, motion: Trajectory, passes: Passes) -> None:
-        """Have the robot go through a motion, and watch it.
-
-        Raises
-        ------
-        IdimError
-            The robot was stopped: one line says why.
-        """
+        """Have the robot go through a motion; an IdimError says why it was stopped."""
         self._course.begin(stage)
         settings = self._settings()
         watch = Supervision(motion, self.position(), settings.tracking_error, settings.start_delay)

@@ -17,6 +17,8 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.nodes.settings import ACTION, TOPIC
 
+LOOK = 0.02  # s between two looks at the robot
+
 _SECOND = 1_000_000_000
 _CODES = (
     "INVALID_GOAL",
@@ -30,8 +32,16 @@ _SILENT = 5.0  # s, or three periods of its status, after which the recorder is 
 _PERIODS = 3
 _WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
-# Returns when the first holds, at the latest after seconds; the last says what is waited for.
-Wait = Callable[[Callable[[], bool], float, str], None]
+Tick = Callable[[], None]  # lets a little time pass; may raise why nothing more is to be done
+
+
+def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: Tick) -> None:
+    """Let time pass until a condition; a UsageError says `what` did not come in time."""
+    until = time.monotonic() + seconds
+    while not condition():
+        tick()
+        if time.monotonic() > until:
+            raise UsageError(f"{what} did not come within {seconds:g} s")
 
 
 def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
@@ -56,10 +66,8 @@ class Controller:
     """A controller of ros2_control that follows trajectories.
 
     Its action ``follow_joint_trajectory`` is used where a server is there when `missing` is called,
-    else its topic ``joint_trajectory``, on which it does not answer.
-
-    `name` is resolved in the namespace of the node; with `interface` ``topic`` or ``action`` only
-    that one is used, with ``auto`` either.
+    else its topic ``joint_trajectory``, on which it does not answer. With `interface` ``topic`` or
+    ``action`` only that one is used, with ``auto`` either.
 
     Raises
     ------
@@ -181,13 +189,9 @@ class RecorderNeighbour:
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._start = node.create_client(Trigger, "recorder/start")
-        self._stop = node.create_client(Trigger, "recorder/stop")
-        self._abort = node.create_client(Trigger, "recorder/abort")
-        self._names = {
-            client: node.resolve_service_name(client.srv_name)
-            for client in (self._start, self._stop, self._abort)
-        }
+        services = {what: f"recorder/{what}" for what in ("start", "stop", "abort")}
+        self._clients = {what: node.create_client(Trigger, services[what]) for what in services}
+        self._names = {what: node.resolve_service_name(services[what]) for what in services}
         self._closed: list[str] = []
         self._status: RecorderStatus | None = None
         self._heard_at, self._period = 0.0, 0.0
@@ -197,9 +201,9 @@ class RecorderNeighbour:
 
     def missing(self) -> str:
         """Why it cannot be used now; empty if it can."""
-        for client, name in self._names.items():
+        for what, client in self._clients.items():
             if not client.service_is_ready():
-                return f"no {name}: start the recorder"
+                return f"no {self._names[what]}: start the recorder"
         status = self._status
         if status is None:
             return ""
@@ -207,7 +211,7 @@ class RecorderNeighbour:
             return silent
         if status.state in _WRITING:
             bag = Path(status.bag).name
-            return f"the recorder writes {bag} already: call {self._names[self._stop]}"
+            return f"the recorder writes {bag} already: call {self._names['stop']}"
         return ""
 
     def trouble(self) -> str:
@@ -237,39 +241,35 @@ class RecorderNeighbour:
         # What it said before it began may come later.
         self._records = self._records or message.state == RecorderStatus.RECORDING
 
-    def start(self, wait: Wait) -> None:
-        """Begin a bag.
-
-        Raises
-        ------
-        UsageError
-            The recorder refuses.
-        """
+    def start(self, tick: Tick) -> None:
+        """Begin a bag; a UsageError is why the recorder refuses."""
         self._closed.clear()
         self._records = False
-        self._ask(self._start, wait)
+        self._ask("start", tick)
 
-    def stop(self, wait: Wait, *, aborted: bool = False) -> Path:
-        """Close the bag, or give it up, and return its folder.
+    def stop(self, *, aborted: bool = False) -> Path:
+        """Close the bag in any case, or give it up, and return its folder.
 
-        Raises
-        ------
-        UsageError
-            The recorder refuses, or does not say which bag it was.
+        A UsageError is why the recorder refuses, or that it does not say which bag it was.
         """
-        self._ask(self._abort if aborted else self._stop, wait)
+        self._ask("abort" if aborted else "stop", _sleep)
         self._status = None  # that it records is no longer true
-        wait(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag")
+        wait_until(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag", _sleep)
         return Path(self._closed[-1])
 
     def _heard(self, message: Any) -> None:
         self._closed.append(message.bag)
 
-    def _ask(self, client: Any, wait: Wait) -> None:
-        future = client.call_async(Trigger.Request())
-        wait(future.done, _ANSWER, f"an answer of {self._names[client]}")
+    def _ask(self, what: str, tick: Tick) -> None:
+        client, name = self._clients[what], self._names[what]
+        future: Any = client.call_async(Trigger.Request())
+        wait_until(future.done, _ANSWER, f"an answer of {name}", tick)
         if not future.result().success:
-            raise UsageError(f"{self._names[client]}: {future.result().message}")
+            raise UsageError(f"{name}: {future.result().message}")
+
+
+def _sleep() -> None:
+    time.sleep(LOOK)
 
 
 class IdentifierNeighbour:
@@ -286,16 +286,12 @@ class IdentifierNeighbour:
         return f"no {self._name}: start the identifier, or leave identify out"
 
     def identify(
-        self, bag: Path, estimator: str, say: Callable[[str, float], None], wait: Wait
+        self, bag: Path, estimator: str, say: Callable[[str, float], None], tick: Tick
     ) -> Any:
         """Have a bag of the identifier's directory identified and return the result message.
 
-        `say` takes the stage and the share done; where `wait` raises, the goal is cancelled.
-
-        Raises
-        ------
-        UsageError
-            The identifier refuses.
+        `say` takes the stage and the share done; where `tick` raises, the goal is cancelled. A
+        UsageError is why the identifier refuses.
         """
 
         def heard(message: Any) -> None:
@@ -305,12 +301,13 @@ class IdentifierNeighbour:
             raise UsageError(missing)
         goal = Identify.Goal(bags=[str(bag)], estimator=estimator)
         sent = self._client.send_goal_async(goal, heard)
-        wait(sent.done, _ANSWER, f"an answer of {self._name}")
+        wait_until(sent.done, _ANSWER, f"an answer of {self._name}", tick)
         result = sent.result().get_result_async()
         try:
-            wait(lambda: result.done() or bool(self.missing()), float("inf"), "an end")
-            if not result.done():
-                raise UsageError("the identifier is gone")
+            while not result.done():
+                if self.missing():
+                    raise UsageError("the identifier is gone")
+                tick()
         except Exception:
             sent.result().cancel_goal_async()
             raise

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from functools import partial
 
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
 from idim_iv_interfaces.action import Collect
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.collector.collection import Collection, Parts
+from idim_iv_ros.nodes.collector.collection import Collection, HeardRobot, Parts
 from idim_iv_ros.nodes.collector.neighbours import (
     Controller,
     IdentifierNeighbour,
@@ -19,8 +19,7 @@ from idim_iv_ros.nodes.collector.neighbours import (
 from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
-from idim_iv_ros.nodes.joint_topic import JointPositions
-from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
+from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import CollectorSettings
 
 _TURNS = 10  # of the executor, in which the last result is sent
@@ -37,18 +36,16 @@ IT MOVES THE ROBOT, and knows nothing of people and obstacles: docs/ros.md, "Mov
 It needs the nodes recorder and identifier. Parameters: ros2 param describe /collector NAME."""
 
 
-class Collector:
-    """Parameters and the action around the collection that is under way."""
+class Collector(NodeProgram[CollectorSettings]):
+    """The action around the collection that is under way."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self.node = node = Node("collector")
-        self._settings = declare(node, CollectorSettings, arguments)
+        super().__init__(Node("collector"), CollectorSettings, arguments)
+        node = self.node
         self._controller = Controller(node, self._settings.controller, self._settings.interface)
         self._recorder = RecorderNeighbour(node)
         self._identifier = IdentifierNeighbour(node)
-        self._configuration: Configuration | None = None
-        self._positions: JointPositions | None = None
-        self._references: JointPositions | None = None
+        self._robot: HeardRobot | None = None
         self._load()
         self._goal: ServerGoalHandle | None = None
         self._collection: Collection | None = None
@@ -58,7 +55,7 @@ class Collector:
         )
         self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
-        follow_changes(node, lambda: self._settings, self._apply, self._refuse)
+        self._follow_changes()
         robot = self._settings.configuration or "no robot configured"
         may = "may" if self._settings.allow_motion else "must not"
         node.get_logger().info(
@@ -77,22 +74,15 @@ class Collector:
             for _ in range(_TURNS):
                 executor.spin_once(timeout_sec=0.0)
         self._actions.destroy()
-        self.node.destroy_node()
+        super().close()
 
     def _load(self) -> None:
         """Read the configuration, and hear its robot."""
-        for topic in (self._positions, self._references):
-            if topic is not None:
-                topic.close()
-        self._configuration = self._positions = self._references = None
-        if not self._settings.configuration:
-            return
-        configuration = read_configuration(self.node, self._settings.configuration)
-        joints, signals = configuration.robot.joints, configuration.signals
-        self._configuration = configuration
-        self._positions = JointPositions(self.node, signals.joint_states, joints)
-        if signals.reference is not None:
-            self._references = JointPositions(self.node, signals.reference, joints, reference=True)
+        before, self._robot = self._robot, None
+        if before is not None:
+            before.close()
+        if self._settings.configuration:
+            self._robot = HeardRobot(self.node, self._settings.configuration)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         try:
@@ -153,18 +143,16 @@ class Collector:
         )
 
     def _parts(self) -> Parts:
-        if self._configuration is None or self._positions is None:
+        if self._robot is None:
             raise UsageError("no robot is configured: set the parameter configuration")
-        robot = self._configuration.robot
+        robot = self._robot.configuration.robot
         if robot.motor_to_joint is not None or any(robot.position_offset or ()):
             raise UsageError(
                 "robot.motor_to_joint, robot.position_offset: the joint states are not the "
                 "positions that the controller is asked for; move such a robot yourself"
             )
         return Parts(
-            configuration=self._configuration,
-            positions=self._positions,
-            references=self._references,
+            robot=self._robot,
             controller=self._controller,
             recorder=self._recorder,
             identifier=self._identifier,
@@ -199,12 +187,9 @@ class Collector:
             return "configuration: a goal is under way; cancel it first"
         return ""
 
-    def _apply(self, settings: CollectorSettings, given: set[str]) -> None:
-        self._settings = settings
+    def _apply(self, given: set[str]) -> None:
         if "configuration" in given:
             self._load()
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("collector", Collector, ABOUT, arguments)
+run = partial(run_node, "collector", Collector, ABOUT)

@@ -13,7 +13,7 @@ from idim_iv_interfaces.msg import DriftComparison, DriftReport, ParameterDrift,
 from idim_iv_ros.documents import Document, Number
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import require_folder_place
-from idim_iv_ros.nodes.entry import diagnostic_status, time_message
+from idim_iv_ros.nodes.messages import diagnostic_status, message_of
 from idim_iv_ros.statistics.drift import Drift, drifts_of
 
 FILE = "history.json"
@@ -21,23 +21,10 @@ FILE = "history.json"
 
 @dataclass(frozen=True)
 class PastEstimates:
-    """One identification.
+    """One identification, with the fields of the message `PastIdentification`.
 
-    Attributes
-    ----------
-    stamp : int
-        When it ended, ns since 1970.
-    robot, estimator, effort_unit : str
-    bags : tuple of str
-        Relative to the bag directory.
-    folder : str
-        Of its files, relative to the output directory.
-    values : dict
-        Value and standard deviation of each parameter.
-    configuration : str
-        As the request named it; empty for the node's own.
-    baseline : bool
-        Whether later ones of its kind are compared with it.
+    `stamp` is when it ended, ns since 1970; `values` are value and standard deviation of each
+    parameter; later ones of its kind are compared with the one that is the `baseline`.
     """
 
     stamp: int
@@ -65,19 +52,8 @@ class PastEstimates:
 
     def to_message(self) -> PastIdentification:
         """Return the entry of the list that `~/get_history` answers with."""
-        return PastIdentification(
-            stamp=time_message(self.stamp),
-            robot=self.robot,
-            configuration=self.configuration,
-            estimator=self.estimator,
-            effort_unit=self.effort_unit,
-            bags=list(self.bags),
-            folder=self.folder,
-            baseline=self.baseline,
-            names=list(self.values),
-            values=[value for value, _ in self.values.values()],
-            stds=[std for _, std in self.values.values()],
-        )
+        values, stds = zip(*self.values.values(), strict=True) if self.values else ((), ())
+        return message_of(PastIdentification, self, names=self.values, values=values, stds=stds)
 
 
 @dataclass(frozen=True)
@@ -111,32 +87,29 @@ class Comparison:
 
     def to_message(self) -> DriftComparison:
         """Return the entry of what `~/drift` publishes."""
-        newest, baseline = self.newest, self.baseline
-        message = DriftComparison(
-            robot=newest.robot,
-            configuration=newest.configuration,
-            estimator=newest.estimator,
-            bags=list(newest.bags),
-            drifting=bool(self.drifting),
-            since=time_message((self.since or 0) if self.drifting else 0),
-        )
-        if baseline is not None:
-            message.baseline_bags = list(baseline.bags)
-            message.baseline_stamp = time_message(baseline.stamp)
-            message.limit = self.drifts[0].limit
-            message.parameters = [
-                ParameterDrift(
+        baseline = self.baseline
+        stds = {} if baseline is None else baseline.values
+        return message_of(
+            DriftComparison,
+            self.newest,
+            drifting=self.drifting,
+            since=self.since if self.drifting else 0,
+            baseline_bags=baseline and baseline.bags,
+            baseline_stamp=baseline and baseline.stamp,
+            limit=self.drifts[0].limit if self.drifts else 0.0,
+            parameters=[
+                message_of(
+                    ParameterDrift,
+                    drift,
                     name=drift.parameter,
                     before=drift.first,
-                    before_std=baseline.values[drift.parameter][1],
+                    before_std=stds[drift.parameter][1],
                     now=drift.value,
-                    now_std=newest.values[drift.parameter][1],
-                    statistic=drift.statistic,
-                    drifts=drift.drifts,
+                    now_std=self.newest.values[drift.parameter][1],
                 )
                 for drift in self.drifts
-            ]
-        return message
+            ],
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +123,8 @@ class _Saved(Document):
 class EstimateHistory:
     """Identifications in the order of time, in a file.
 
-    Each kind (robot, configuration, estimator, unit of the effort) is compared for itself: what an
-    operator asks for with another estimator does not end an alarm.
+    Those of one kind (robot, configuration, estimator, unit of the effort) are compared with each
+    other alone: what an operator asks for with another estimator does not end an alarm.
 
     Raises
     ------
@@ -171,20 +144,19 @@ class EstimateHistory:
     def add(self, entry: PastEstimates, length: int) -> None:
         """Keep an identification; an earlier one of the same bags gives way to it.
 
-        Of each kind `length` are kept at most; a baseline that was set stays.
+        Of its kind `length` are kept at most; a baseline that was set stays.
 
         Raises
         ------
         UsageError
             The file cannot be written.
         """
-        replaced = [other for other in self.entries if entry.repeats(other)]
-        if any(other.baseline for other in replaced):
+        if any(other.baseline and entry.repeats(other) for other in self.entries):
             entry = replace(entry, baseline=True)
         kept = [other for other in self.entries if not entry.repeats(other)]
         of_kind = [other for other in kept if other.kind == entry.kind]
-        oldest_first = [other for other in of_kind if not other.baseline]
-        surplus = oldest_first[: max(min(len(of_kind) + 1 - length, len(oldest_first)), 0)]
+        removable = [other for other in of_kind if not other.baseline]
+        surplus = removable[: max(len(of_kind) + 1 - length, 0)]
         self._keep([*(other for other in kept if other not in surplus), entry])
 
     def set_baseline(self, folder: str) -> PastEstimates:
@@ -220,20 +192,22 @@ class EstimateHistory:
     def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
         of_kind = [entry for entry in self.entries if entry.kind == newest.kind]
         comparable = [entry for entry in of_kind if entry.independent_of(newest)]
-        baseline = next((entry for entry in comparable if entry.baseline), None)
-        baseline = baseline or next(iter(comparable), None)
-        if newest.baseline or baseline is None:
+        chosen = [entry for entry in comparable if entry.baseline]
+        if newest.baseline or not comparable:
             return Comparison(newest)
-        drifts = drifts_of(baseline.values, newest.values, significance, baseline.bags)
+        baseline = (chosen or comparable)[0]
+
+        def drifts(entry: PastEstimates) -> tuple[Drift, ...]:
+            return tuple(drifts_of(baseline.values, entry.values, significance, baseline.bags))
+
         since = None
         for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
             if not baseline.independent_of(entry):
                 continue
-            earlier = drifts_of(baseline.values, entry.values, significance, baseline.bags)
-            if not any(drift.drifts for drift in earlier):
+            if not any(drift.drifts for drift in drifts(entry)):
                 break
             since = entry.stamp
-        return Comparison(newest, baseline, tuple(drifts), since)
+        return Comparison(newest, baseline, drifts(newest), since)
 
     def _keep(self, entries: Sequence[PastEstimates]) -> None:
         _Saved(identifications=tuple(entries)).write(self._path)
@@ -242,31 +216,29 @@ class EstimateHistory:
 
 def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
     """Return what `~/drift` publishes."""
-    report = DriftReport(
+    return message_of(
+        DriftReport,
+        None,
+        header=comparisons[-1].newest.stamp if comparisons else 0,
         drifting=any(comparison.drifting for comparison in comparisons),
         message=drift_sentence(comparisons),
         comparisons=[comparison.to_message() for comparison in comparisons],
     )
-    if comparisons:
-        report.header.stamp = time_message(comparisons[-1].newest.stamp)
-    return report
 
 
 def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticStatus:
     """Name the parameters that differ from their baseline by more than chance."""
-    drifting = any(comparison.drifting for comparison in comparisons)
-    level = DiagnosticStatus.WARN if drifting else DiagnosticStatus.OK
-    values: dict[str, object] = {}
+    # The kind that was identified last, unless another is the reason of the alarm.
     compared = [comparison for comparison in comparisons if comparison.drifts]
+    alarms = [comparison for comparison in compared if comparison.drifting]
+    values: dict[str, object] = {}
     if compared:
-        # The kind that was identified last, unless another is the reason of the alarm.
-        alarms = [comparison for comparison in compared if comparison.drifting]
         shown = (alarms or compared)[-1]
         values["bags"] = ", ".join(shown.newest.bags)
         values["limit (σ)"] = f"{shown.drifts[0].limit:.3f}"
-        values.update(
-            {f"{drift.parameter} (σ)": f"{drift.statistic:+.2f}" for drift in shown.drifts}
-        )
+        for drift in shown.drifts:
+            values[f"{drift.parameter} (σ)"] = f"{drift.statistic:+.2f}"
+    level = DiagnosticStatus.WARN if alarms else DiagnosticStatus.OK
     return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)
 
 
@@ -284,13 +256,13 @@ def drift_sentence(comparisons: Sequence[Comparison]) -> str:
             )
             which = f"{kind}: " if len(comparisons) > 1 else ""
             parts.append(f"{which}{changed}: changed since {comparison.compared_with}")
-    if parts:
-        return "; ".join(parts)
     compared = [comparison for comparison in comparisons if comparison.drifts]
-    if not compared:
+    if not parts and not compared:
         return "no earlier identification to compare with"
-    last, limit = compared[-1].compared_with, compared[-1].drifts[0].limit
-    return f"no parameter differs from {last} by more than {limit:.2f} σ"
+    return "; ".join(parts) or (
+        f"no parameter differs from {compared[-1].compared_with} by more than "
+        f"{compared[-1].drifts[0].limit:.2f} σ"
+    )
 
 
 class FolderLock:

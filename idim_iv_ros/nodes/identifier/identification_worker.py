@@ -24,25 +24,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.errors import IdimError, UsageError, one_line
-from idim_iv_ros.excitation import Trajectory
-from idim_iv_ros.identification.identify import identify, identify_recordings
+from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording import Recording, Signal
 from idim_iv_ros.report import write_gap_report, write_report
 from idim_iv_ros.report.page import report_html
-from idim_iv_ros.simulators.robot import simulated_robot
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.simulators.recording import simulate
 
 _FEEDBACK_PERIOD = 0.05  # s
 _NO_ROOM = "failed to map segment"  # of a library that is loaded when the memory is used up
 _NICE = 5  # recorder and controllers on the same machine come first
-_RATE, _SECONDS = 500.0, 6.0  # Hz, s
+_RATE, _SECONDS = 500.0, 5.0  # Hz, s
 _LINK = """
   <link name="link_{0}"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
     <inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -230,45 +226,27 @@ def _diagnose(request: Mapping[str, Any], configuration: Configuration, progress
 
 
 def rehearse() -> None:
-    """Identify two simulated joints and draw the report; nothing is read or written.
+    """Identify a bag of two simulated joints and draw the report, in a folder for a while.
 
     On a machine where the loops were never compiled they are compiled here.
     """
-    configuration = Configuration.model_validate(
-        {
-            "robot": {"joints": ["a", "b"]},
-            "controller": {"type": "pd", "kp": [300.0, 100.0], "kd": [20.0, 6.0], "period": 0.002},
-            "signals": {"joint_states": "/joint_states", "reference": "/reference"},
-            "simulated_robot": {"position_noise": [1e-5, 1e-5], "torque_noise": [0.05, 0.05]},
-            "processing": {"position_cutoff": 30.0},
-        }
-    )
-    report_html(identify_recordings(_recording(configuration), configuration))
-
-
-def _recording(configuration: Configuration) -> Recording:
-    time = np.arange(round(_SECONDS * _RATE) + 1) / _RATE
-    phases = 2.0 * np.pi * time[:, None] / _SECONDS * np.array([[4.0, 7.0]])
-    position = 0.4 * np.sin(phases) * np.sin(np.pi * time[:, None] / _SECONDS) ** 2
-    velocity = np.gradient(position, 1.0 / _RATE, axis=0)
-    motion = Trajectory(("a", "b"), _RATE, position, velocity, np.zeros_like(position))
-    record = simulated_robot(configuration, _URDF, "rehearsal").record(motion, seed=1)
-    nothing = np.zeros(record.position.shape, dtype=bool)
-
-    def signal(values: FloatArray) -> Signal:
-        return Signal(values, nothing, "simulated")
-
-    return Recording(
-        path=Path("rehearsal"),
-        joints=motion.joints,
-        rate=_RATE,
-        start=0.0,
-        position=signal(record.position),
-        effort=signal(record.effort),
-        velocity=None,
-        position_reference=signal(record.position_reference),
-        velocity_reference=None,
-        clocks=(),
-        notes=(),
-        robot_description=_URDF,
-    )
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "arm.urdf").write_text(_URDF)
+        configuration = Configuration.model_validate(
+            {
+                "robot": {"joints": ["a", "b"], "urdf": folder / "arm.urdf"},
+                "controller": {
+                    "type": "pd",
+                    "kp": [300.0, 100.0],
+                    "kd": [20.0, 6.0],
+                    "period": 1.0 / _RATE,
+                },
+                "signals": {"joint_states": "/joint_states", "reference": "/joint_reference"},
+                "simulated_robot": {"position_noise": [1e-5] * 2, "torque_noise": [0.05] * 2},
+                "processing": {"position_cutoff": 30.0},
+            }
+        )
+        motion = random_motion(configuration, duration=_SECONDS, rate=_RATE, seed=1)
+        simulate(configuration, folder / "bag.mcap", motion)
+        report_html(identify([folder / "bag.mcap"], configuration))

@@ -40,10 +40,8 @@ class Job:
     ----------
     bags : tuple of Path
         Absolute, inside the bag directory; `names` are relative to it.
-    timeout : float
-        s, from the start of the work.
-    answer_within : float or None
-        s, from the receipt of the request; None where nobody waits.
+    timeout, answer_within : float
+        s, from the start of the work, and from the receipt of the request.
     configuration_name : str
         As the request names it; empty for the node's own.
     estimator, without : str, tuple of str
@@ -62,7 +60,7 @@ class Job:
     configuration: Configuration
     timeout: float
     listener: JobListener
-    answer_within: float | None = None
+    answer_within: float = math.inf
     received: float = 0.0
     configuration_name: str = ""
     estimator: str = ""
@@ -125,7 +123,7 @@ def requested_job(
         configuration=_configuration(request.configuration, settings, configuration),
         timeout=settings.job_timeout,
         listener=listener,
-        answer_within=request.timeout or None,
+        answer_within=request.timeout or math.inf,
         configuration_name=request.configuration,
         estimator=estimator if task == "identification" else "",
         without=tuple(dict.fromkeys(without)),

@@ -62,11 +62,9 @@ class Worker:
     def begin(self, request: Mapping[str, object]) -> None:
         """Hand over a job; none other must be under way."""
         assert self._process.stdin is not None
-        try:
+        with contextlib.suppress(OSError):  # it has ended already, which the other thread hears
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
-        except OSError:
-            return  # it has ended already, which the other thread hears
 
     def kill(self) -> None:
         """End the job and what it started, now; the process stays if it could begin the job."""
@@ -109,24 +107,15 @@ class Worker:
         self._heard(self, {"gone": status})
 
 
+StartWorker = Callable[[Callable[[Worker, Event], None]], Worker]
+
+
 class JobQueue:
     """One job at a time; everything but `wake` happens in the thread of `poll`.
 
     The worker process is kept from job to job. It is replaced when it has ended, and where a job
-    had to be killed before the process could begin it.
-
-    Parameters
-    ----------
-    settings : callable
-        The parameters as they are now.
-    wake : callable
-        Called in any thread when `poll` has something to do.
-    ended : callable
-        Takes each job when all is over.
-    clock : callable
-        Monotonic time, s.
-    start_worker : callable
-        Makes a `Worker`.
+    had to be killed before the process could begin it. `wake` is called in any thread when `poll`
+    has something to do, `ended` takes a job when all is over; `clock` is monotonic, s.
     """
 
     def __init__(
@@ -135,7 +124,7 @@ class JobQueue:
         wake: Callable[[], None],
         ended: Callable[[Job], None],
         clock: Callable[[], float] = time.monotonic,
-        start_worker: Callable[[Callable[[Worker, Event], None]], Worker] | None = None,
+        start_worker: StartWorker | None = None,
     ) -> None:
         self._settings, self._wake, self._ended = settings, wake, ended
         self._clock, self._start_worker = clock, start_worker or Worker
@@ -152,21 +141,19 @@ class JobQueue:
         return len(self._waiting)
 
     @property
-    def _jobs(self) -> list[Job]:
-        return [*self._waiting, *([self.running] if self.running else [])]
-
-    @property
     def process_id(self) -> int | None:
         """Of the process that does the present job."""
         return None if self._worker is None else self._worker.process_id
 
+    @property
+    def _jobs(self) -> list[Job]:
+        return [*self._waiting, *([self.running] if self.running else [])]
+
     def warm(self) -> None:
         """Start the worker in the background, so that the first job finds it ready."""
         if self._worker is None:
-            try:
+            with contextlib.suppress(OSError):  # the next job says why
                 self._worker = self._start_worker(self._put)
-            except OSError:
-                return  # the next job says why
 
     def submit(self, job: Job) -> None:
         """Work on a job now or later.
@@ -230,17 +217,17 @@ class JobQueue:
 
     def _end_what_is_late(self, now: float) -> None:
         for place, job in enumerate(tuple(self._waiting)):
-            if job.answer_within is not None and now > job.received + job.answer_within:
+            if now > job.received + job.answer_within:
                 before = place + (self.running is not None)
                 jobs = "1 job was" if before == 1 else f"{before} jobs were"
                 self._abandon(job, f"not begun within {job.answer_within:g} s: {jobs} before it")
         running = self.running
         if running is None:
             return
-        if now > self._begun + running.timeout:
-            self._abandon(running, f"ended after {running.timeout:g} s without a result")
-        elif running.answer_within is not None and now > running.received + running.answer_within:
-            self._abandon(running, f"ended after {running.answer_within:g} s without a result")
+        limits = ((self._begun, running.timeout), (running.received, running.answer_within))
+        over = [limit for since, limit in limits if now > since + limit]
+        if over:
+            self._abandon(running, f"ended after {over[0]:g} s without a result")
 
     def _abandon(self, job: Job, why: str) -> None:
         if job is self.running and self._worker is not None:
@@ -253,17 +240,16 @@ class JobQueue:
             self._wake()
 
     def _begin(self, job: Job) -> None:
-        settings = self._settings()
-        source = job.configuration.source
+        settings, configuration = self._settings(), job.configuration
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)
             folder.mkdir(parents=True)
             request = {
                 "task": job.task,
                 "bags": [str(bag) for bag in job.bags],
-                "configuration": job.configuration.model_dump(mode="json", exclude_unset=True),
-                "source": None if source is None else str(source),
-                "topics": job.configuration.own_topics,
+                "configuration": configuration.model_dump(mode="json", exclude_unset=True),
+                "source": configuration.source and str(configuration.source),
+                "topics": configuration.own_topics,
                 "estimator": job.estimator,
                 "without": job.without,
                 "out": str(folder),
@@ -309,7 +295,9 @@ class JobQueue:
         """Finish the running job, whose process has ended."""
         job, self.running = self.running, None
         assert job is not None
-        job.message = job.message or _untimely(status)
+        how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
+        verb = "was ended" if status < 0 else "ended"
+        job.message = job.message or f"the worker {verb} {how}"
         self._finish(job)
 
     def _finish(self, job: Job) -> None:
@@ -317,9 +305,3 @@ class JobQueue:
             shutil.rmtree(job.folder, ignore_errors=True)
             job.folder = None
         self._over.append(job)
-
-
-def _untimely(status: int) -> str:
-    if status < 0:
-        return f"the worker was ended by {signal.Signals(-status).name}"
-    return f"the worker ended with status {status}"

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
@@ -14,18 +14,14 @@ from idim_iv_interfaces import action, srv
 from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
-from idim_iv_ros.nodes.entry import diagnostic_status, run_node, steady_timer
+from idim_iv_ros.nodes.entry import run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.job_queue import JobQueue, StartWorker
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
 from idim_iv_ros.nodes.identifier.request_server import RequestServer
-from idim_iv_ros.nodes.parameters import (
-    declare,
-    follow_changes,
-    read_configuration,
-    with_topics_of_node,
-)
+from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status
+from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration, with_topics_of_node
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
@@ -55,11 +51,9 @@ With -p auto:=true every bag that the recorder closes is identified. Topics: ~/e
 class ManagedNode(LifecycleNode):
     """A node in one of the states unconfigured, inactive, active and finalized.
 
-    A transition that fails leaves the state as it was, with the reason in the log; so does one that
-    is not possible in the present state, whose request rclpy would never answer.
-
-    `transitions` are what is done in ``configure``, ``activate``, ``deactivate``, ``cleanup`` and
-    ``shutdown``; an IdimError is why it cannot be done.
+    `transitions` are what is done in ``configure``, ``activate`` and so on; an IdimError is why it
+    cannot be done. A transition that fails leaves the state as it was, with the reason in the log;
+    so does one that this state does not have, whose request rclpy would never answer.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -84,13 +78,7 @@ class ManagedNode(LifecycleNode):
         change.callback = answer
 
     def start(self) -> None:
-        """Configure and activate.
-
-        Raises
-        ------
-        IdimError
-            Why that is not possible; the node is unconfigured.
-        """
+        """Configure and activate; an IdimError says why that is not possible."""
         self._starting = True
         try:
             for trigger in (self.trigger_configure, self.trigger_activate):
@@ -117,43 +105,35 @@ class ManagedNode(LifecycleNode):
         node.get_logger().error(text)
 
 
-class Identifier:
-    """Parameters, services, actions and topics around the queue of jobs."""
+class Identifier(NodeProgram[IdentifierSettings]):
+    """Services, actions and topics around the queue of jobs; `start_worker` as of `JobQueue`."""
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self._managed = ManagedNode(
-            "identifier",
-            {
-                "configure": self._configure,
-                "activate": self._activate,
-                "deactivate": self._deactivate,
-                "cleanup": self._cleanup,
-                "shutdown": self._shutdown,
-            },
-        )
-        node: Node = self._managed
-        self.node = node
-        self._settings = declare(node, IdentifierSettings, arguments)
+    def __init__(
+        self, arguments: Sequence[str] = (), start_worker: StartWorker | None = None
+    ) -> None:
+        transitions = {name: getattr(self, f"_{name}") for name in _AFTER}
+        self._managed = ManagedNode("identifier", transitions)
+        super().__init__(self._managed, IdentifierSettings, arguments)
+        node = self.node
         self._configuration: Configuration | None = None
         self._failure = ""
-        self._folder = FolderLock(Path(self._settings.output_directory))
-        self._publisher = ResultPublisher(
-            node,
-            Path(self._settings.output_directory),
-            lambda: self._settings.drift_significance,
-        )
-        self._gaps = GapPublisher(node, Path(self._settings.output_directory))
+        folder = Path(self._settings.output_directory)
+        self._folder = FolderLock(folder)
+        self._publisher = ResultPublisher(node, folder, lambda: self._settings)
+        self._gaps = GapPublisher(node, folder)
         self._guard = node.create_guard_condition(lambda: self._jobs.poll())
-        self._jobs = JobQueue(lambda: self._settings, self._guard.trigger, self._ended)
+        self._jobs = JobQueue(
+            lambda: self._settings, self._guard.trigger, self._ended, start_worker=start_worker
+        )
         self._servers = (
             self._server("identification", srv.Identify, action.Identify, self._publisher),
             self._server("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
         )
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = Diagnostics(node)
         node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
         steady_timer(node, _LOOK, self._jobs.poll)
         steady_timer(node, self._settings.status_period, self._report)
-        follow_changes(node, lambda: self._settings, self._apply)
+        self._follow_changes()
         if self._settings.autostart:
             self._managed.start()
         else:
@@ -226,7 +206,7 @@ class Identifier:
         time.sleep(_LOOK)  # the last answers lie in memory that ends with this process
         for server in self._servers:
             server.destroy()
-        self.node.destroy_node()
+        super().close()
 
     def _loaded(self) -> Configuration | None:
         path = self._settings.configuration
@@ -238,14 +218,14 @@ class Identifier:
         if not message.complete:
             why = f"{message.bag}: not complete, so not identified; to have it so, ask for it"
             self.node.get_logger().warning(why)
-        else:
+            return
 
-            def ended(success: bool, why: str) -> None:
-                if not success:  # nobody asked: the diagnostics are the only answer
-                    self._failure = f"{message.bag}: {why}"
+        def ended(success: bool, why: str) -> None:
+            if not success:  # nobody asked: the diagnostics are the only answer
+                self._failure = f"{message.bag}: {why}"
 
-            request = srv.Identify.Request(bags=[message.bag])
-            self._submit("identification", request, JobListener(ended))
+        request = srv.Identify.Request(bags=[message.bag])
+        self._submit("identification", request, JobListener(ended))
 
     def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
         """Queue a job; None if it was refused, and the listener has the reason."""
@@ -264,10 +244,7 @@ class Identifier:
     def _ended(self, job: Job) -> None:
         if job.success:
             try:
-                if job.task == "identification":
-                    self._publisher.add(job, self._settings)
-                else:
-                    self._gaps.add(job)
+                (self._publisher if job.task == "identification" else self._gaps).add(job)
                 self._failure = ""
                 self.node.get_logger().info(f"{', '.join(job.names)}: {job.message}")
             except IdimError as error:
@@ -282,10 +259,7 @@ class Identifier:
 
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
-        message = DiagnosticArray()
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        message.status = [self._work_diagnosis(name), *self._publisher.diagnoses(name)]
-        self._diagnostics.publish(message)
+        self._diagnostics.publish(self._work_diagnosis(name), *self._publisher.diagnoses(name))
 
     def _work_diagnosis(self, name: str) -> DiagnosticStatus:
         """What is done now; an error if the last job failed, and why."""
@@ -302,12 +276,9 @@ class Identifier:
         }
         return diagnostic_status(level, f"{name}: identification", name, sentence, values)
 
-    def _apply(self, settings: IdentifierSettings, given: set[str]) -> None:
-        self._settings = settings
+    def _apply(self, given: set[str]) -> None:
         if "configuration" in given and self._managed.state in (INACTIVE, ACTIVE):
             self._configuration = self._loaded()
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("identifier", Identifier, ABOUT, arguments)
+run = partial(run_node, "identifier", Identifier, ABOUT)

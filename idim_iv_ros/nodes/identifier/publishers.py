@@ -16,7 +16,7 @@ from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification import result as identification
-from idim_iv_ros.nodes.entry import LATCHED, diagnostic_status, time_message
+from idim_iv_ros.nodes.entry import LATCHED
 from idim_iv_ros.nodes.identifier.estimate_history import (
     Comparison,
     EstimateHistory,
@@ -26,6 +26,7 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
 )
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
 from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
+from idim_iv_ros.nodes.messages import diagnostic_status
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
 LAST_GAP = "last_gap.json"
@@ -46,29 +47,21 @@ class ResultPublisher:
     `last` is the result of the job that ended last.
     """
 
-    def __init__(self, node: Node, directory: Path, significance: Callable[[], float]) -> None:
-        self._node, self._directory, self._significance = node, directory, significance
-        self._read: EstimateHistory | None = None
-        self._comparisons: list[Comparison] = []
-        self._shown: IdentificationResult | None = None
-        self._entry: PastEstimates | None = None
+    def __init__(self, node: Node, directory: Path, settings: Callable[[], IdentifierSettings]):
+        self._node, self._directory, self._settings = node, directory, settings
         self.last: IdentificationResult | None = None
         self._estimates = node.create_publisher(ParameterEstimates, "~/estimates", LATCHED)
         self._results = node.create_publisher(IdentificationResult, "~/result", LATCHED)
         self._drifts = node.create_publisher(DriftReport, "~/drift", LATCHED)
+        self.forget()
         node.create_service(GetHistory, "~/get_history", self._get_history)
         node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
 
     def forget(self) -> None:
         """Have no history until it is read again."""
-        self._read = self._shown = self._entry = None
-        self._comparisons = []
-
-    @property
-    def _history(self) -> EstimateHistory:
-        if self._read is None:
-            raise UsageError("the identifier is unconfigured: no history was read")
-        return self._read
+        self._history: EstimateHistory | None = None
+        self._comparisons: list[Comparison] = []
+        self._shown: tuple[PastEstimates, IdentificationResult] | None = None
 
     def publish_last(self) -> None:
         """Read the history, and publish the newest result whose file can be read, and what drifts.
@@ -78,17 +71,20 @@ class ResultPublisher:
         DataError
             The history cannot be read.
         """
-        self._read = EstimateHistory(self._directory)
-        newest_first = self._read.entries[::-1]
-        for entry in sorted(newest_first, key=lambda entry: not _is_shown(entry)):
+        history = self._history = EstimateHistory(self._directory)
+        # Of those that are shown the newest, else the newest of all.
+        for entry in sorted(history.entries, key=_is_shown)[::-1]:
             try:
-                self._show(entry, self._message(entry))
-                break
+                path = self._directory / entry.folder / RESULT
+                result = identification.IdentificationResult.read(path)
             except IdimError as error:
                 self._node.get_logger().warning(str(error))
-        self._compare()
+                continue
+            self._show(entry, result_message(result, entry.stamp, entry.bags, entry.folder))
+            break
+        self._compare(history)
 
-    def add(self, job: Job, settings: IdentifierSettings) -> None:
+    def add(self, job: Job) -> None:
         """Publish and keep the result of a job that has ended.
 
         Raises
@@ -97,9 +93,10 @@ class ResultPublisher:
             Its result.json cannot be read, or the history cannot be written.
         """
         assert job.folder is not None
+        history = self._required_history()
         result = identification.IdentificationResult.read(job.folder / RESULT)
         entry = PastEstimates(
-            stamp=self._node.get_clock().now().nanoseconds or time.time_ns(),
+            stamp=_now(self._node),
             robot=result.robot,
             estimator=result.estimator,
             effort_unit=result.effort_unit,
@@ -110,11 +107,11 @@ class ResultPublisher:
             },
             configuration=job.configuration_name,
         )
-        self.last = result_message(result, time_message(entry.stamp), entry.bags, entry.folder)
-        if _is_shown(entry) or self._entry is None or not _is_shown(self._entry):
+        self.last = result_message(result, entry.stamp, entry.bags, entry.folder)
+        if _is_shown(entry) or self._shown is None or not _is_shown(self._shown[0]):
             self._show(entry, self.last)
-        self._history.add(entry, settings.history_length)
-        self._compare()
+        history.add(entry, self._settings().history_length)
+        self._compare(history)
         newest = self._comparisons[-1]
         if newest.drifting:
             names = ", ".join(drift.parameter for drift in newest.drifting)
@@ -122,21 +119,21 @@ class ResultPublisher:
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
         """The verdict on each joint and the drift; nothing before the first result."""
-        joints = [] if self._shown is None else _joint_diagnoses(name, self._shown)
+        joints = [] if self._shown is None else _joint_diagnoses(name, self._shown[1])
         return [*joints, drift_diagnosis(name, self._comparisons)] if self._comparisons else joints
 
-    def _compare(self) -> None:
-        self._comparisons = self._history.comparisons(self._significance())
+    def _required_history(self) -> EstimateHistory:
+        if self._history is None:
+            raise UsageError("the identifier is unconfigured: no history was read")
+        return self._history
+
+    def _compare(self, history: EstimateHistory) -> None:
+        self._comparisons = history.comparisons(self._settings().drift_significance)
         if self._comparisons:
             self._drifts.publish(drift_report(self._comparisons))
 
-    def _message(self, entry: PastEstimates) -> IdentificationResult:
-        path = self._directory / entry.folder / RESULT
-        result = identification.IdentificationResult.read(path)
-        return result_message(result, time_message(entry.stamp), entry.bags, entry.folder)
-
     def _show(self, entry: PastEstimates, message: IdentificationResult) -> None:
-        self._shown, self._entry = message, entry
+        self._shown = entry, message
         self._estimates.publish(message.parameters)
         self._results.publish(message)
 
@@ -145,7 +142,7 @@ class ResultPublisher:
     ) -> GetHistory.Response:
         response.identifications = [
             entry.to_message()
-            for entry in ([] if self._read is None else self._read.entries)
+            for entry in ([] if self._history is None else self._history.entries)
             if request.estimator in ("", entry.estimator)
         ]
         return response
@@ -154,15 +151,21 @@ class ResultPublisher:
         self, request: SetBaseline.Request, response: SetBaseline.Response
     ) -> SetBaseline.Response:
         try:
-            shown = "" if self._entry is None else self._entry.folder
-            entry = self._history.set_baseline(request.folder or shown)
-            self._compare()
+            history = self._required_history()
+            shown = "" if self._shown is None else self._shown[0].folder
+            entry = history.set_baseline(request.folder or shown)
+            self._compare(history)
             response.success = True
             response.message = f"later identifications are compared with {', '.join(entry.bags)}"
         except IdimError as error:
             response.success, response.message = False, str(error)
         self._node.get_logger().info(response.message)
         return response
+
+
+def _now(node: Node) -> int:
+    """Time of the node, ns; that of the system where simulated time has not begun."""
+    return node.get_clock().now().nanoseconds or time.time_ns()
 
 
 def _is_shown(entry: PastEstimates) -> bool:
@@ -230,12 +233,11 @@ class GapPublisher:
             Its gap.json cannot be read, or it cannot be kept.
         """
         assert job.folder is not None
-        stamp = self._node.get_clock().now().nanoseconds or time.time_ns()
-        self._publish(stamp, job.names, job.folder.name)
-        last = _LastGap(stamp=stamp, bags=job.names, folder=job.folder.name)
+        last = _LastGap(stamp=_now(self._node), bags=job.names, folder=job.folder.name)
+        self._publish(last.stamp, last.bags, last.folder)
         last.write(self._directory / LAST_GAP)
 
     def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
         result = GapResult.read(self._directory / folder / GAP)
-        self.last = gap_message(result, time_message(stamp), bags, folder)
+        self.last = gap_message(result, stamp, bags, folder)
         self._reports.publish(self.last)

@@ -72,11 +72,11 @@ def create_deferred_service(
     paced: PacedAnswers,
 ) -> None:
     """Make a service; `asked` takes each request and what gives its answer, once, at any time."""
+    # The callback returns the request itself, which arrives where else the answer is sent.
     service = node.create_service(kind, name, lambda request, _: request, qos_profile=BURST)
     send = service.send_response
 
     def hand_over(request: Any, header: Any) -> None:
-        """Take what the callback returns, which is the request itself, in place of an answer."""
         asked(request, lambda response: paced(lambda: send(response, header)))
 
     service.send_response = hand_over  # type: ignore[assignment]
@@ -87,10 +87,12 @@ class Clients:
 
     A server does not learn who asked: only when the last client is gone, nobody waits for an
     answer. One that is killed counts until its lease in the middleware ends, 20 s as a rule.
+    `jobs` are those that any of them asked for.
     """
 
     def __init__(self, node: Node, name: str) -> None:
         self._node, self._name = node, name
+        self.jobs: dict[object, Job] = {}
         self._seen, self._absences = False, 0
         self._looked = float("-inf")
 
@@ -159,9 +161,7 @@ class DeferredActionServer(ActionServer):
 
         self._results_paced(send)
 
-    def notify_execute(
-        self, goal_handle: ServerGoalHandle, execute_callback: Callable[..., Any] | None
-    ) -> None:
+    def notify_execute(self, *_: Any) -> None:
         """Do nothing: whoever called `execute` does the work."""
 
     def finish(self, goal: ServerGoalHandle, result: Any) -> None:
@@ -218,13 +218,9 @@ class RequestServer:
     ) -> None:
         self._node, self._service, self._action = node, service, action
         self._submit, self._cancel_job, self._result = submit, cancel, result
-        self._goals: dict[object, Job] = {}
-        self._requests: dict[object, Job] = {}
         goals = node.resolve_service_name(f"{name}_bags")
-        self._clients = (
-            (Clients(node, node.resolve_service_name(name)), self._requests),
-            (Clients(node, f"{goals}/_action/get_result"), self._goals),
-        )
+        self._requesters = Clients(node, node.resolve_service_name(name))
+        self._goal_senders = Clients(node, f"{goals}/_action/get_result")
         steady_timer(node, _LOOK, self._look)
         self._paced = PacedAnswers(node)
         create_deferred_service(node, service, name, self._asked, self._paced)
@@ -233,21 +229,22 @@ class RequestServer:
     @property
     def unanswered(self) -> int:
         """How many wait for an answer now."""
-        return len(self._requests) + self._paced.waiting + self._actions.unanswered
+        return len(self._requesters.jobs) + self._paced.waiting + self._actions.unanswered
 
     def destroy(self) -> None:
         """Take the action away; its goals are lost."""
         self._actions.destroy()
 
     def _asked(self, request: Any, answer: Callable[[Any], None]) -> None:
-        self._submit_for(self._requests, object(), request, self._service.Response(), answer)
+        response = self._service.Response()
+        self._submit_for(self._requesters, object(), request, response, answer)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         def progress(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
 
         self._submit_for(
-            self._goals,
+            self._goal_senders,
             bytes(goal.goal_id.uuid),
             goal.request,
             self._action.Result(),
@@ -258,17 +255,17 @@ class RequestServer:
 
     def _submit_for(
         self,
-        jobs: dict[object, Job],
+        clients: Clients,
         key: object,
         request: Any,
         response: Any,
         answer: Callable[[Any], None],
         **callbacks: Any,
     ) -> None:
-        """Submit a job, kept in `jobs` until it has ended; `answer` takes the response then."""
+        """Submit a job, whose clients wait until it has ended; `answer` takes the response then."""
 
         def ended(success: bool, message: str) -> None:
-            jobs.pop(key, None)
+            clients.jobs.pop(key, None)
             response.success, response.message = success, message
             if success:
                 response.result = self._result()
@@ -276,17 +273,17 @@ class RequestServer:
 
         job = self._submit(request, JobListener(ended, **callbacks))
         if job is not None:
-            jobs[key] = job
+            clients.jobs[key] = job
 
     def _cancel(self, goal: ServerGoalHandle) -> None:
-        job = self._goals.get(bytes(goal.goal_id.uuid))
+        job = self._goal_senders.jobs.get(bytes(goal.goal_id.uuid))
         if job is not None:
             self._cancel_job(job)
 
     def _look(self) -> None:
         """Cancel what nobody waits for any more."""
-        for clients, waiting in self._clients:
-            jobs = list(waiting.values())
+        for clients in (self._requesters, self._goal_senders):
+            jobs = list(clients.jobs.values())
             if jobs and clients.gone():
                 names = "; ".join(", ".join(job.names) for job in jobs)
                 self._node.get_logger().warning(f"{names}: who asked is gone")

@@ -3,28 +3,24 @@
 import math
 import time
 from collections.abc import Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from idim_iv_interfaces import msg
-from idim_iv_ros.nodes.entry import (
-    LATCHED,
-    diagnostic_status,
-    run_node,
-    steady_timer,
-    time_message,
-)
+from idim_iv_ros.nodes.entry import LATCHED, run_node, steady_timer
 from idim_iv_ros.nodes.joint_topic import JointTopic
-from idim_iv_ros.nodes.parameters import declare, follow_changes, read_configuration
+from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status, message_of
+from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration
 from idim_iv_ros.nodes.predictor.model_source import ModelSource
 from idim_iv_ros.nodes.settings import PredictorSettings
-from idim_iv_ros.prediction import IdentifiedModel, LivePrediction, Prediction
+from idim_iv_ros.prediction import LivePrediction, Prediction
 from idim_iv_ros.prediction.rows import LIMIT, SHARE, JointLevel, joint_levels
 from idim_iv_ros.signal_source import field_of, topic_of
 
@@ -47,12 +43,12 @@ is the parameter output_directory. Topics: ~/prediction, ~/residual_markers, /di
 Parameters: ros2 param describe /predictor NAME."""
 
 
-class Predictor:
-    """Parameters and topics around a `LivePrediction`."""
+class Predictor(NodeProgram[PredictorSettings]):
+    """Topics around a `LivePrediction`."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self.node = node = Node("predictor")
-        self._settings = declare(node, PredictorSettings, arguments)
+        super().__init__(Node("predictor"), PredictorSettings, arguments)
+        node = self.node
         self._configuration = read_configuration(node, self._settings.configuration)
         import_module("scipy.signal")  # the first samples would wait a second for it
         self._joints = self._configuration.robot.joints
@@ -64,7 +60,7 @@ class Predictor:
         self._cpu = time.process_time(), time.monotonic()
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = Diagnostics(node)
         node.create_subscription(
             msg.IdentificationResult, "identifier/result", self._announced, LATCHED
         )
@@ -75,7 +71,7 @@ class Predictor:
         steady_timer(node, _LOOK, self._look)
         steady_timer(node, _MARKERS, self._mark)
         steady_timer(node, self._settings.status_period, self._report)
-        follow_changes(node, lambda: self._settings, self._apply)
+        self._follow_changes()
         names = ", ".join(topic.name for topic in self._topics)
         node.get_logger().info(f"ready: {self._settings.configuration} from {names}")
         self._look()
@@ -84,7 +80,7 @@ class Predictor:
         """Unsubscribe."""
         for topic in self._topics:
             topic.close()
-        self.node.destroy_node()
+        super().close()
 
     def _joint_topics(self) -> tuple[JointTopic, ...]:
         """The topic of positions and efforts, or one of each."""
@@ -127,22 +123,30 @@ class Predictor:
 
     def _predict(self) -> None:
         taken = {name: value for topic in self._topics for name, value in topic.take().items()}
-        now = int(self.node.get_clock().now().nanoseconds)
         if self._live is None:
             self._newest = self._nothing(self._source.reason)
         else:
+            now = self._now()
             self._live.add(taken["position"], taken["effort"], now)
             self._newest = self._live.newest(now)
             problem = next((topic.problem for topic in self._topics if topic.problem), "")
             if self._newest.reason and problem:
                 self._newest = self._nothing(problem)
-        now = int(self.node.get_clock().now().nanoseconds)
-        identified = self._source.identified
-        robot = self._configuration.robot.name or ""
-        times = self._source.stamp, now
-        self._predictions.publish(
-            prediction_message(self._newest, identified, robot, self._joints, times)
+        newest, identified = self._newest, self._source.identified
+        message = message_of(
+            msg.Prediction,
+            newest,
+            header=newest.stamp,
+            robot=self._configuration.robot.name if identified is None else identified.robot,
+            valid=not newest.reason,
+            identified=0 if identified is None else self._source.stamp,
+            name=self._joints,
+            noise_floor=[None] * len(self._joints)
+            if identified is None
+            else identified.noise_floor,
+            delay=(self._now() - newest.stamp) * 1e-9 if newest.stamp else None,
         )
+        self._predictions.publish(message)
 
     def _nothing(self, reason: str) -> Prediction:
         absent = np.full(len(self._joints), np.nan)
@@ -159,64 +163,28 @@ class Predictor:
         live, identified = self._live, self._source.identified
         cpu, began = self._cpu
         self._cpu = time.process_time(), time.monotonic()
+        rate, lag, late = (None, None, 0) if live is None else (live.rate, live.lag, live.late)
         values: dict[str, object] = {
             "result": "none" if identified is None else identified.path,
-            "rate of the samples (Hz)": "unknown"
-            if live is None or live.rate is None
-            else f"{live.rate:.4g}",
-            "filters wait for (s)": "unknown"
-            if live is None or live.lag is None
-            else f"{live.lag:.3f}",
-            "samples out of order": 0 if live is None else live.late,
+            "rate of the samples (Hz)": "unknown" if rate is None else f"{rate:.4g}",
+            "filters wait for (s)": "unknown" if lag is None else f"{lag:.3f}",
+            "samples out of order": late,
             "damaged messages": sum(topic.damaged for topic in self._topics),
             "processor (share of one core)": f"{(self._cpu[0] - cpu) / (self._cpu[1] - began):.3f}",
         }
-        message = DiagnosticArray()
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        message.status = [prediction_diagnosis(name, self._newest.reason, values)]
-        if live is not None and live.rate is not None and identified is not None:
+        reason = self._newest.reason
+        level = DiagnosticStatus.WARN if reason else DiagnosticStatus.OK
+        statuses = [
+            diagnostic_status(level, f"{name}: prediction", name, reason or "predicting", values)
+        ]
+        if live is not None and rate is not None and identified is not None:
             accepted = self._settings.false_warnings
-            levels = joint_levels(identified, live.rows, live.rate, accepted)
-            message.status += [joint_diagnosis(name, level) for level in levels]
-        self._diagnostics.publish(message)
+            levels = joint_levels(identified, live.rows, rate, accepted)
+            statuses += [joint_diagnosis(name, level) for level in levels]
+        self._diagnostics.publish(*statuses)
 
-    def _apply(self, settings: PredictorSettings, given: set[str]) -> None:
-        self._settings = settings
+    def _apply(self, given: set[str]) -> None:
         self._look()
-
-
-def prediction_message(
-    prediction: Prediction,
-    identified: IdentifiedModel | None,
-    robot: str,
-    joints: Sequence[str],
-    times: tuple[int, int],
-) -> msg.Prediction:
-    """Return a prediction as a message; `times` are when it was identified, and now, ns."""
-    ended, now = times
-    message = msg.Prediction(
-        robot=robot if identified is None else identified.robot,
-        valid=not prediction.reason,
-        reason=prediction.reason,
-        identified=time_message(0 if identified is None else ended),
-        name=list(joints),
-        measured=prediction.measured.tolist(),
-        predicted=prediction.predicted.tolist(),
-        residual=prediction.residual.tolist(),
-        noise_floor=[float("nan")] * len(joints)
-        if identified is None
-        else identified.noise_floor.tolist(),
-        noise_share=prediction.noise_share.tolist(),
-        delay=(now - prediction.stamp) * 1e-9 if prediction.stamp else float("nan"),
-    )
-    message.header.stamp = time_message(prediction.stamp)
-    return message
-
-
-def prediction_diagnosis(name: str, reason: str, values: dict[str, object]) -> DiagnosticStatus:
-    """Whether anything is predicted, and else why not."""
-    level = DiagnosticStatus.WARN if reason else DiagnosticStatus.OK
-    return diagnostic_status(level, f"{name}: prediction", name, reason or "predicting", values)
 
 
 def joint_diagnosis(name: str, level: JointLevel) -> DiagnosticStatus:
@@ -239,14 +207,11 @@ def colour_of(share: float) -> tuple[float, float, float]:
     """Red, green, blue of a share of the noise floor: green at 1, amber at 2, red from 4 on."""
     if not math.isfinite(share):
         return _GREY
-    place = min(max(math.log2(max(share, 1e-9)), 0.0), 2.0)
-    first = min(int(place), 1)
-    part = place - first
+    place = math.log2(max(share, 1e-9))
     red, green, blue = (
-        low + part * (high - low)
-        for low, high in zip(_COLOURS[first], _COLOURS[first + 1], strict=True)
+        np.interp(place, range(3), column) for column in zip(*_COLOURS, strict=True)
     )
-    return red, green, blue
+    return float(red), float(green), float(blue)
 
 
 def residual_markers(
@@ -276,6 +241,4 @@ def _marker(frame: str, namespace: str, number: int, kind: int) -> Marker:
     return marker
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("predictor", Predictor, ABOUT, arguments)
+run = partial(run_node, "predictor", Predictor, ABOUT)

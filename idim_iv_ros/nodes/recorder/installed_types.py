@@ -16,13 +16,7 @@ from idim_iv_ros.recording.writing.write import Definition
 
 @cache
 def python_type(message_type: str) -> type:
-    """Class of a message type.
-
-    Raises
-    ------
-    DataError
-        Its package is not installed; one line that says what to do.
-    """
+    """Class of a message type; a DataError says what to do where its package is not installed."""
     package, kind, name = message_type.split("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), name)  # type: ignore[no-any-return]
@@ -35,6 +29,16 @@ def python_type(message_type: str) -> type:
         ) from error
 
 
+def why_unreadable(message_type: str) -> str:
+    """Why messages of a type cannot be recorded; empty if they can."""
+    try:
+        python_type(message_type)
+        definition(message_type)
+    except DataError as error:
+        return str(error)
+    return ""
+
+
 def has_header(message_type: str) -> bool:
     """Whether messages of a type begin with a std_msgs/Header."""
     fields: dict[str, str] = python_type(message_type).get_fields_and_field_types()  # type: ignore[attr-defined]
@@ -45,12 +49,7 @@ def has_header(message_type: str) -> bool:
 def definition(message_type: str) -> Definition | None:
     """Definition of a type that rosbags does not know, from the .msg files of its package.
 
-    None where it needs none.
-
-    Raises
-    ------
-    DataError
-        The files are not there, or cannot be read.
+    None where it needs none; a DataError where the files are not there, or cannot be read.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
     if message_type in store.fielddefs:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -13,7 +14,8 @@ from std_srvs.srv import Trigger
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import in_thread, run_node, steady_timer
-from idim_iv_ros.nodes.parameters import declare, follow_changes
+from idim_iv_ros.nodes.messages import Diagnostics
+from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.recorder.report import (
     SILENT_CLOCK,
     RecentCounts,
@@ -42,12 +44,12 @@ Topics: ~/status ~/bag_closed /diagnostics.
 Parameters: ros2 param describe /recorder NAME."""
 
 
-class Recorder:
-    """Parameters, services and topics of the recorder around its two threads."""
+class Recorder(NodeProgram[RecorderSettings]):
+    """Services and topics of the recorder around its two threads."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self.node = node = Node("recorder")
-        self._settings = declare(node, RecorderSettings, arguments)
+        super().__init__(Node("recorder"), RecorderSettings, arguments)
+        node = self.node
         self._session = RecordingSession(self._settings, self._now, self._ended)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
@@ -55,18 +57,28 @@ class Recorder:
         self._intake.topics = self._topics.topics
         self._status = node.create_publisher(RecorderStatus, "~/status", 10)
         self._bags = node.create_publisher(BagClosed, "~/bag_closed", 10)
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = Diagnostics(node)
         self._counted: dict[str, int] = {}
         self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
         self._fault = self._sentence = ""
-        for name in ("start", "stop", "abort", "pause", "resume", "split"):
-            node.create_service(Trigger, f"~/{name}", self._service(getattr(self, f"_{name}")))
         self._snapshots = SnapshotService(node, self._writer, self._intake.drain, self._announce)
-        node.create_service(Trigger, "~/snapshot", self._service(self._snapshots.take))
+        self._actions: dict[str, Callable[[], str]] = {
+            "start": self._start,
+            "stop": self._stop,
+            "abort": lambda: (
+                f"{self._call(partial(self._session.stop, aborted=True)).folder}: given up"
+            ),
+            "pause": lambda: self._call(self._session.pause),
+            "resume": lambda: self._call(self._session.resume),
+            "split": lambda: f"closed {self._call(self._session.split)}",
+            "snapshot": self._snapshots.take,
+        }
+        for name in self._actions:
+            node.create_service(Trigger, f"~/{name}", partial(self._answer, name))
         steady_timer(node, _LOOK, self._look)
         steady_timer(node, self._settings.status_period, self._report)
-        follow_changes(node, lambda: self._settings, self._apply, self._refuse)
+        self._follow_changes()
         self._writer.start()
         self._intake.start()
         self._look()
@@ -74,22 +86,19 @@ class Recorder:
         folder = Path(self._settings.bag_directory).resolve()
         node.get_logger().info(f"ready: {watched}; bags go to {folder}")
         if self._settings.record:
-            node.get_logger().info(self._start())
+            node.get_logger().info(self.act("start"))
 
     def close(self) -> None:
         """Close the bag, if one is open."""
         self._intake.end()
         try:
             if self._session.bag is not None:
-                self._stop()
+                self.act("stop")
         finally:
             self._snapshots.close()
             self._writer.end()
             self._topics.close()
-            self.node.destroy_node()
-
-    def _now(self) -> int:
-        return int(self.node.get_clock().now().nanoseconds)
+            super().close()
 
     def _log_time(self) -> int | None:
         """Simulated time where it is used, as rosbag2 does; else the time of receipt."""
@@ -118,39 +127,25 @@ class Recorder:
             raise UsageError(self._session.fault)
         return self._sentence
 
-    def _abort(self) -> str:
-        closed = self._call(lambda: self._session.stop(aborted=True))
-        return f"{closed.folder}: given up"
+    def act(self, name: str) -> str:
+        """Do what the service of that name does, and say what was done."""
+        return self._actions[name]()
 
-    def _pause(self) -> str:
-        self._call(self._session.pause)
-        return "paused"
-
-    def _resume(self) -> str:
-        self._call(self._session.resume)
-        return "recording"
-
-    def _split(self) -> str:
-        return f"closed {self._call(self._session.split)}"
-
-    def _service(
-        self, action: Callable[[], str]
-    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
-                response.success, response.message = True, action()
-            except IdimError as error:
-                response.success, response.message = False, str(error)
-            except TimeoutError:
-                response.success, response.message = False, "the disk did not answer for 10 s"
-            log = self.node.get_logger()
-            if not response.success:
-                log.error(response.message)
-            elif action != self._stop:  # what a bag holds is logged however it is closed
-                log.info(response.message)
-            return response
-
-        return answer
+    def _answer(
+        self, name: str, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        try:
+            response.success, response.message = True, self.act(name)
+        except IdimError as error:
+            response.success, response.message = False, str(error)
+        except TimeoutError:
+            response.success, response.message = False, "the disk did not answer for 10 s"
+        log = self.node.get_logger()
+        if not response.success:
+            log.error(response.message)
+        elif name != "stop":  # what a bag holds is logged however it is closed
+            log.info(response.message)
+        return response
 
     def _look(self) -> None:
         self._topics.look()
@@ -168,21 +163,19 @@ class Recorder:
             rate = (new if new >= 0 else received) / seconds
             statuses.append(topic_status(topic, self._session, rate))
         failure = self._writer.failure or self._intake.failure
-        status = recorder_status(self._writer, statuses, failure)
-        status.header.stamp = self.node.get_clock().now().to_msg()
+        status = recorder_status(self._writer, statuses, failure, self._now())
         self._status.publish(status)
         diagnoses = [recorder_diagnosis(name, status, self._session.ring)]
         for topic, counted in zip(self._topics.topics, statuses, strict=True):
             recent = self._recent.setdefault(topic.name, RecentCounts()).since(counted, now)
             diagnoses.append(topic_diagnosis(name, topic, counted, recent))
-        self._diagnostics.publish(DiagnosticArray(header=status.header, status=diagnoses))
+        self._diagnostics.publish(*diagnoses)
         if status.fault != self._fault:
             self._fault = status.fault
             self.node.get_logger().error(status.fault or "the fault is over")
 
     def _announce(self, closed: ClosedBag, faulty: bool = False) -> BagClosed:
-        message = bag_closed(closed, faulty, self._topics.topics)
-        message.header.stamp = self.node.get_clock().now().to_msg()
+        message = bag_closed(closed, faulty, self._topics.topics, self._now())
         self._bags.publish(message)
         return message
 
@@ -200,8 +193,8 @@ class Recorder:
             return "configuration: a bag is open; call stop first"
         return ""
 
-    def _apply(self, settings: RecorderSettings, given: set[str]) -> None:
-        self._settings = self._session.settings = settings
+    def _apply(self, given: set[str]) -> None:
+        settings = self._session.settings = self._settings
         self._session.ring.keep(settings.snapshot_duration, settings.snapshot_memory)
         if "configuration" in given:
             self._topics.configure(settings)
@@ -305,6 +298,4 @@ class SnapshotService:
             log.error(f"{new[0]}: {error}")
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("recorder", Recorder, ABOUT, arguments)
+run = partial(run_node, "recorder", Recorder, ABOUT)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
-from idim_iv_ros.nodes.entry import diagnostic_status
+from idim_iv_ros.nodes.messages import diagnostic_status, message_of
 from idim_iv_ros.nodes.recorder.session import RecordingSession, SnapshotRing, State
 from idim_iv_ros.nodes.recorder.threads import WriterThread
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic
@@ -23,62 +23,64 @@ _COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
 def topic_status(topic: WatchedTopic, session: RecordingSession, rate: float) -> TopicStatus:
     """Counts of one topic; `rate` in Hz."""
-    monitor, content = topic.monitor, topic.monitor.content
-    return TopicStatus(
+    content = topic.monitor.content
+    return message_of(
+        TopicStatus,
+        topic.monitor,
         name=topic.name,
-        type=topic.channel.message_type if topic.channel else "",
+        type=topic.channel and topic.channel.message_type,
         publishers=topic.publishers,
         rate=rate,
-        received=monitor.received,
         recorded=session.recorded(topic.name),
-        lost=monitor.lost,
-        late=monitor.late,
-        gaps=monitor.gaps,
-        longest_gap=monitor.longest_gap,
         malformed=topic.too_large + (content.malformed if content else 0),
-        backward=monitor.backward,
-        bytes=monitor.bytes,
     )
 
 
 def recorder_status(
-    writer: WriterThread, topics: Sequence[TopicStatus], failure: str
+    writer: WriterThread, topics: Sequence[TopicStatus], failure: str, stamp: int
 ) -> RecorderStatus:
-    """Return the state of the recording, or why it fails; the header is left to the caller."""
+    """Return the state of the recording, or why it fails; `stamp` is the time now, ns."""
     session = writer.session
     bag, state = session.bag, session.state
     if state == State.RECORDING and session.waits:
         state = State.WAITING_FOR_CLOCK
-    return RecorderStatus(
+    return message_of(
+        RecorderStatus,
+        None,
+        header=stamp,
         state=int(state),
-        bag=str(bag.folder) if bag else "",
-        file=bag.file.path.name if bag else "",
-        splits=len(bag.closed) if bag else 0,
+        bag=bag and str(bag.folder),
+        file=bag and bag.file.path.name,
+        splits=bag and len(bag.closed),
         duration=session.duration,
-        bytes=bag.size if bag else 0,
+        bytes=bag and bag.size,
         free_disk=session.free_disk(),
-        waiting=bag.file.waiting if bag else 0,
+        waiting=bag and bag.file.waiting,
         dropped=session.dropped + writer.overrun,
         fault=session.fault or failure or (SILENT_CLOCK if bag and session.waits else ""),
-        topics=list(topics),
+        topics=topics,
     )
 
 
-def bag_closed(closed: ClosedBag, faulty: bool, topics: Sequence[WatchedTopic]) -> BagClosed:
-    """Return the announcement of a bag with what was counted on its topics."""
+def bag_closed(
+    closed: ClosedBag, faulty: bool, topics: Sequence[WatchedTopic], stamp: int
+) -> BagClosed:
+    """Return the announcement of a bag with what was counted on its topics by now, ns."""
     monitors = [topic.monitor for topic in topics]
     shares = [m.received / (m.received + m.lost) for m in monitors if m.counts_lost]
-    return BagClosed(
+    counts = ("lost", "late", "gaps")
+    return message_of(
+        BagClosed,
+        None,
+        header=stamp,
         bag=str(closed.folder),
         files=[file.name for file in closed.files],
         duration=closed.duration * 1e-9,
         messages=sum(file.messages for file in closed.files),
-        lost=sum(monitor.lost for monitor in monitors),
-        late=sum(monitor.late for monitor in monitors),
-        gaps=sum(monitor.gaps for monitor in monitors),
         arrived=min(shares, default=math.nan),
         bytes=sum(file.size for file in closed.files),
         complete=not faulty,
+        **{name: sum(getattr(monitor, name) for monitor in monitors) for name in counts},
     )
 
 
@@ -113,14 +115,9 @@ def recorder_diagnosis(
         level = DiagnosticStatus.ERROR
         sentence = f"{status.dropped} messages could not be kept: memory_limit was reached"
     values = {
-        "bag": status.bag,
-        "file": status.file,
-        "duration (s)": f"{status.duration:.1f}",
-        "bytes": status.bytes,
-        "free disk (B)": status.free_disk,
-        "waiting": status.waiting,
-        "dropped": status.dropped,
+        name: getattr(status, name) for name in ("bag", "file", "bytes", "waiting", "dropped")
     }
+    values |= {"duration (s)": f"{status.duration:.1f}", "free disk (B)": status.free_disk}
     if ring is not None and ring.duration:
         values["in memory (s)"], values["in memory (B)"] = f"{ring.span:.1f}", ring.size
     return diagnostic_status(level, f"{name}: recording", name, sentence, values)
@@ -159,18 +156,12 @@ def topic_diagnosis(
     if errors or warnings:
         level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
     sentence = "; ".join(errors + warnings) or f"{status.rate:.1f} Hz"
+    counts = ("publishers", "received", "recorded", "lost", "late", "gaps", "malformed", "bytes")
     values = {
         "rate (Hz)": f"{status.rate:.1f}",
-        "publishers": status.publishers,
-        "received": status.received,
-        "recorded": status.recorded,
-        "lost": status.lost,
-        "late": status.late,
-        "gaps": status.gaps,
+        **{name: getattr(status, name) for name in counts},
         "longest gap (s)": f"{status.longest_gap:.4f}",
-        "malformed": status.malformed,
         "backward stamps": status.backward,
-        "bytes": status.bytes,
     }
     return diagnostic_status(level, f"{name}: {topic.name}", topic.name, sentence, values)
 
@@ -206,8 +197,5 @@ def _warnings(topic: WatchedTopic, recent: TopicStatus) -> list[str]:
         "stamped before the one before": recent.backward,
     }
     warnings += [f"{count} messages {what}" for what, count in counts.items() if count]
-    if recent.gaps:
-        warnings.append(
-            f"{recent.gaps} gaps; the longest of the recording {recent.longest_gap:.3f} s"
-        )
-    return warnings
+    longest = f"the longest of the recording {recent.longest_gap:.3f} s"
+    return warnings + ([f"{recent.gaps} gaps; {longest}"] if recent.gaps else [])

@@ -33,19 +33,12 @@ class State(IntEnum):
 class SnapshotRing:
     """Messages of the last seconds. Not for several threads.
 
-    Attributes
-    ----------
-    duration : float
-        s of log time; 0: nothing is kept.
-    limit : int
-        Bytes of memory; with more the oldest messages go earlier.
-    size : int
-        Bytes of memory that are used, about.
+    They are those of `duration`, s of log time (0: nothing is kept), and fewer where they would
+    take more than `limit` bytes of memory; `size` are those used, about.
     """
 
     def __init__(self, duration: float, limit: int) -> None:
-        self.duration, self.limit = duration, limit
-        self.size = 0
+        self.duration, self.limit, self.size = duration, limit, 0
         # Oldest and newest log time, memory, messages.
         self._batches: deque[tuple[int, int, int, Sequence[Message]]] = deque()
         self._channels: dict[str, TopicChannel] = {}
@@ -89,13 +82,8 @@ class SnapshotRing:
 class RecordingSession:
     """One recorder's bags, one after the other. Not for several threads.
 
-    Parameters
-    ----------
-    settings : RecorderSettings
-    clock : callable
-        Log time now, ns; zero while it is not known. What arrives then is not recorded.
-    closed : callable
-        Takes every bag that was closed, and whether it ended by a fault or was given up.
+    `clock` is log time now, ns; what arrives while it is zero is not recorded. `closed` takes every
+    bag that was closed, and whether it ended by a fault or was given up.
 
     Attributes
     ----------
@@ -137,9 +125,8 @@ class RecordingSession:
 
     def recorded(self, topic: str) -> int:
         """Messages of a topic in the present bag, or in the last one."""
-        bag = self.bag
-        if bag is not None:
-            return bag.count(topic)
+        if self.bag is not None:
+            return self.bag.count(topic)
         return sum(file.counts.get(topic, 0) for file in self._last)
 
     def free_disk(self) -> int:
@@ -153,10 +140,7 @@ class RecordingSession:
     def start(self) -> Path:
         """Open a new bag and return its folder.
 
-        Raises
-        ------
-        UsageError
-            A recording is going on, or the bag cannot be made.
+        A UsageError says that a recording is going on, or that the bag cannot be made.
         """
         if self.bag is not None:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
@@ -180,13 +164,7 @@ class RecordingSession:
         return self.bag.folder
 
     def stop(self, *, aborted: bool = False) -> ClosedBag:
-        """Close the bag; of one that was given up the folder's name says so.
-
-        Raises
-        ------
-        UsageError
-            Nothing is being recorded.
-        """
+        """Close the bag; of one that was given up the folder's name says so."""
         bag = self._open_bag()
         try:
             closed = bag.close()
@@ -205,23 +183,22 @@ class RecordingSession:
         """Have no latched message of the robot that was recorded before."""
         self._latched.clear()
 
-    def pause(self) -> None:
-        """Leave out what arrives from now on."""
+    def pause(self) -> str:
+        """Leave out what arrives from now on, and say so."""
         self._open_bag()
         self.state = State.PAUSED
+        return "paused"
 
-    def resume(self) -> None:
-        """Record again."""
+    def resume(self) -> str:
+        """Record again, and say so."""
         self._open_bag()
         self.state = State.RECORDING
+        return "recording"
 
     def split(self) -> Path:
         """Go on in a new file and return the one that was closed.
 
-        Raises
-        ------
-        UsageError
-            Nothing is being recorded, or the new file cannot be made.
+        A UsageError says that nothing is being recorded, or that the new file cannot be made.
         """
         bag = self._open_bag()
         path = bag.file.path
@@ -258,18 +235,14 @@ class RecordingSession:
     def snapshot(self) -> tuple[Path, Callable[[], ClosedBag]]:
         """Return the folder of a bag of the last seconds, and what writes it in any thread.
 
-        Raises
-        ------
-        UsageError
-            Nothing is kept, or there is no space.
+        A UsageError says that nothing is kept, or that there is no space.
         """
         if not self.ring.duration:
             raise UsageError("no snapshot: snapshot_duration is 0; set it to the seconds to keep")
-        content = self.ring.content()
-        if not content[1]:
+        channels, messages = self.ring.content()
+        if not messages:
             raise UsageError("no snapshot: no message has arrived")
         self._require_space()
-        channels, messages = content
         latched, latched_channels = self._last_latched()
         present = {message[1] for message in messages}
         before = {name: message for name, message in latched.items() if name not in present}
@@ -333,12 +306,11 @@ class RecordingSession:
         assert self.bag is not None
         closed = self.bag.abandon()
         self.dropped += closed.lost
-        fault = (
+        self._end(closed, faulty=True)
+        self.fault = (
             f"{closed.folder}: {closed.lost} messages could not be written and memory_limit is "
             "reached; what is on disk is complete; free space, then call start"
         )
-        self._end(closed, faulty=True)
-        self.fault = fault
 
     def _end(self, closed: ClosedBag, faulty: bool, aborted: bool = False) -> None:
         self._last = closed.files

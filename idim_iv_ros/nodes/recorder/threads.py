@@ -42,11 +42,7 @@ class WriterThread(threading.Thread):
         self._ended = False
 
     def submit(
-        self,
-        channel: TopicChannel,
-        monitor: TopicMonitor,
-        taken: list[Taken],
-        log_time: int | None,
+        self, channel: TopicChannel, monitor: TopicMonitor, taken: list[Taken], log_time: int | None
     ) -> None:
         """Hand over messages of one topic; `log_time` in ns if not their time of receipt."""
         size = sum(len(message) for message, _ in taken)
@@ -119,13 +115,9 @@ class WriterThread(threading.Thread):
             if batches[0].log_time is not None:
                 log_times = [batch.log_time for batch in batches for _ in batch.taken]
             sequence = np.maximum(arrived.sequence, 0).tolist()
+            sent = arrived.sent.tolist()
             messages += zip(
-                log_times,
-                repeat(topic),
-                arrived.messages,
-                arrived.sent.tolist(),
-                sequence,
-                strict=False,
+                log_times, repeat(topic), arrived.messages, sent, sequence, strict=False
             )
         if messages:
             self.session.write([batches[-1].channel for batches in waiting.values()], messages)
@@ -151,10 +143,7 @@ class Intake(threading.Thread):
     """
 
     def __init__(
-        self,
-        writer: WriterThread,
-        largest: Callable[[], int],
-        log_time: Callable[[], int | None],
+        self, writer: WriterThread, largest: Callable[[], int], log_time: Callable[[], int | None]
     ) -> None:
         super().__init__(name="intake", daemon=True)
         self.topics: Sequence[WatchedTopic] = ()

@@ -27,23 +27,15 @@ class JointContent:
     """Watches the content of one topic with joint messages.
 
     `joints` should be in the messages (empty: any will do), with numbers in the fields `needed`:
-    ``position``, ``effort``.
-
-    Attributes
-    ----------
-    malformed : int
-        Messages that are not of the topic's type.
-    joint_sets : list of tuple of str
-        Sets of joint names, the latest last. Those without a common joint are parts of the robot
-        with messages of their own.
+    ``position``, ``effort``. `malformed` counts messages that are not of the topic's type;
+    `joint_sets` are sets of joint names, the latest last. Those without a common joint are parts of
+    the robot with messages of their own.
     """
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:
         self.malformed = 0
         self.joint_sets: list[tuple[str, ...]] = []
-        self._type = message_type
-        self._joints = tuple(joints)
-        self._needed = tuple(needed)
+        self._type, self._joints, self._needed = message_type, tuple(joints), tuple(needed)
         self._layouts: dict[tuple[int, bytes], CdrLayout] = {}
         self._ends: dict[int, int] = {}  # behind the names, of messages of each size
         self._missing: tuple[str, ...] = ()
@@ -109,9 +101,8 @@ class JointContent:
     def _met(self, layout: CdrLayout) -> None:
         names = tuple(sorted(layout.names))
         if self._type == JOINT_STATE:
-            self.joint_sets = [joint_set for joint_set in self.joint_sets if joint_set != names] + [
-                names
-            ]
+            self.joint_sets = [others for others in self.joint_sets if others != names]
+            self.joint_sets.append(names)
 
     def _numbers(self, message: bytes) -> None:
         layout = self._layouts.get(self._key(message))

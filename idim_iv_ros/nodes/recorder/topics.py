@@ -17,9 +17,13 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from idim_iv_ros.configuration import SignalsSection
-from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.parameters import read_configuration
-from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
+from idim_iv_ros.nodes.recorder.installed_types import (
+    definition,
+    has_header,
+    python_type,
+    why_unreadable,
+)
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.bags.definitions import FLOAT_ARRAY, JOINT_STATE, ROS2_CONTROL
@@ -79,7 +83,7 @@ class WatchedTopic:
     too_large : int
         Messages left out for their size.
     substitutes : sequence of WatchedTopic
-        Each does as well where nobody publishes this one.
+        Any of them does as well where nobody publishes this one.
     """
 
     def __init__(
@@ -106,6 +110,7 @@ class WatchedTopic:
         self._group = _NeverExecuted()
         self._lock = threading.Lock()
         self._subscription: Subscription | None = None
+        self._profile: QoSProfile | None = None
         self._type: object = None
         self._gids: frozenset[bytes] = frozenset()
         self._left: list[Taken] = []
@@ -139,11 +144,8 @@ class WatchedTopic:
                 return
             publishers = usable
         message_type = publishers[0].topic_type
-        try:
-            python_type(message_type)
-            definition(message_type)
-        except DataError as error:
-            self.problem = str(error)
+        self.problem = why_unreadable(message_type)
+        if self.problem:
             return
         usable = [other for other in publishers if other.topic_type == message_type]
         self.had_publishers = True
@@ -189,56 +191,44 @@ class WatchedTopic:
         """Subscribe reliable, and transient local, only where all publishers are (rosbag2)."""
         message_type = publishers[0].topic_type
         offered = tuple(_offered(publisher) for publisher in publishers)
-        channel = TopicChannel(self.name, message_type, offered, definition(message_type))
-        before, self.channel = self.channel, channel
+        before = self.channel and self.channel.message_type
+        self.channel = TopicChannel(self.name, message_type, offered, definition(message_type))
         kinds = {qos.reliability for qos in offered}, {qos.durability for qos in offered}
         self.note = (
             "its publishers offer different QoS: subscribed as the weakest of them"
             if max(map(len, kinds)) > 1
             else ""
         )
-        if before is not None and self._subscription is not None:
-            same = self._request(before) == self._request(channel)
-            if same and before.message_type == message_type:
-                return
-            self.note = self.note or "the QoS of its publisher changed: subscribed anew"
-        if before is None or before.message_type != message_type:
-            content = (
-                JointContent(message_type, self.joints, self.needed)
-                if message_type in (JOINT_STATE, FLOAT_ARRAY)
-                else None
-            )
-            self.monitor = TopicMonitor(content, has_header=has_header(message_type))
-            self.monitor.new_publishers(len(publishers))
-        self._replace(message_type, self._request(channel))
-
-    def _request(self, channel: TopicChannel) -> tuple[bool, bool]:
-        """Whether to subscribe reliable, and transient local."""
-        if self._best_effort:
-            return False, False
-        reliable = all(qos.reliability == "reliable" for qos in channel.offered)
-        return reliable, channel.latched
-
-    def _replace(self, message_type: str, request: tuple[bool, bool]) -> None:
-        reliable, transient_local = request
-        qos = QoSProfile(
+        reliable = not self._best_effort and kinds[0] == {"reliable"}
+        latched = not self._best_effort and self.channel.latched
+        durability, reliability = DurabilityPolicy, ReliabilityPolicy
+        profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
             depth=self._depth,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=(
-                DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
-            ),
+            reliability=reliability.RELIABLE if reliable else reliability.BEST_EFFORT,
+            durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
         )
-        type_ = python_type(message_type)
+        if self._subscription is not None:
+            if profile == self._profile and before == message_type:
+                return
+            self.note = self.note or "the QoS of its publisher changed: subscribed anew"
+        if before != message_type:
+            joints = message_type in (JOINT_STATE, FLOAT_ARRAY)
+            content = JointContent(message_type, self.joints, self.needed) if joints else None
+            self.monitor = TopicMonitor(content, has_header=has_header(message_type))
+            self.monitor.new_publishers(len(publishers))
+        self._replace(python_type(message_type), profile)
+
+    def _replace(self, kind: type, profile: QoSProfile) -> None:
+        """Go over to another subscription: what both got counts once."""
         with self._lock:
-            # What the old subscription still holds is taken over; what both got counts once.
             new = self._node.create_subscription(
-                type_, self.name, _never, qos, callback_group=self._group, raw=True
+                kind, self.name, _never, profile, callback_group=self._group, raw=True
             )
             old, self._subscription = self._subscription, new
             if old is not None:
                 self._drain(old, self._left)
-            self._type = type_
+            self._type, self._profile = kind, profile
         if old is not None:
             self._node.destroy_subscription(old)
 
@@ -261,9 +251,7 @@ def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
 
 
 class TopicSet:
-    """Topics that are watched.
-
-    `say` takes one line, once for each topic that cannot be recorded.
+    """Topics that are watched; `say` takes one line, once for a topic that cannot be recorded.
 
     Raises
     ------
@@ -345,14 +333,11 @@ class TopicSet:
                 continue
             if not self._expression.search(name) or not self._node.count_publishers(name):
                 continue
-            try:
-                python_type(types[0])
-                definition(types[0])
-            except DataError as error:
+            if problem := why_unreadable(types[0]):
                 self._refused.add(name)
-                self._say(f"{name}: {error}")
-                continue
-            matches.append(self._topic(name))
+                self._say(f"{name}: {problem}")
+            else:
+                matches.append(self._topic(name))
         return matches
 
     def _topic(self, name: str) -> WatchedTopic:
@@ -380,17 +365,17 @@ def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
         ("position", signals.reference),
         ("position", signals.link_states),
     )
-    needed: dict[str, list[str]] = {}
+    needed: dict[str, set[str]] = {}
     named: set[str] = set()
     for quantity, source in sources:
         if source is not None:
             name = topic_of(source)
-            needed[name] = sorted({*needed.get(name, ()), quantity})
+            # Without a configuration nobody knows what is needed.
+            needed.setdefault(name, set()).update([quantity] if settings.configuration else [])
             named |= {name} if field_of(source) else set()
-    if not settings.configuration:
-        needed[topic_of(signals.joint_states)] = []
     topics = []
-    for name, fields in needed.items():
+    for name, quantities in needed.items():
+        fields = sorted(quantities)
         types = joint_types(fields, named_field=name in named)
         resolved, depth = node.resolve_topic_name(name), settings.queue_depth
         topics.append(WatchedTopic(node, resolved, types, joints, fields, depth))

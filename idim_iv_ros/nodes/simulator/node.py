@@ -5,6 +5,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,9 @@ from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
-from idim_iv_ros.nodes.parameters import declare, follow_changes
+from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import SimulatorSettings
-from idim_iv_ros.nodes.simulator.playback import REST, MotionSimulation, Playback, commanded
+from idim_iv_ros.nodes.simulator.playback import MotionSimulation, Playback, commanded
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
 from idim_iv_ros.simulators.robot import simulated_robot
@@ -44,12 +45,12 @@ _COMPILING = "the simulation is compiled, once on a new machine: a minute or two
 _LEAD = 0.3  # s in which the change to another motion is simulated; longer if that is not enough
 
 
-class RobotSimulator:
-    """Parameters, topics and services around a thread that publishes and one that plans."""
+class RobotSimulator(NodeProgram[SimulatorSettings]):
+    """Topics and services around a thread that publishes and one that plans."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self.node = node = Node("robot_simulator")
-        self._settings = declare(node, SimulatorSettings, arguments)
+        super().__init__(Node("robot_simulator"), SimulatorSettings, arguments)
+        node = self.node
         self._simulation, text = _loaded(Path(self._settings.configuration))
         robot = self._simulation.robot
         limits = robot.robot.limits
@@ -66,7 +67,7 @@ class RobotSimulator:
         node.create_subscription(JointTrajectory, "~/joint_trajectory", self._command, 1)
         node.create_service(Trigger, "~/move", self._move)
         steady_timer(node, _LOOK, self._report)
-        follow_changes(node, lambda: self._settings, self._apply)
+        self._follow_changes()
         self._begun, self._said_compiling = time.monotonic(), False
         self._rest = in_thread(self._prepare, "preparing")
 
@@ -74,7 +75,7 @@ class RobotSimulator:
         """Stop publishing."""
         if self._playback is not None:
             self._playback.end()
-        self.node.destroy_node()
+        super().close()
 
     def _prepare(self) -> list[JointTopic]:
         """Simulate the robot at rest; what is compiled for it, and for ~/move, is compiled now."""
@@ -102,77 +103,47 @@ class RobotSimulator:
             topic.name: self.node.create_publisher(JointState, topic.name, _QUEUE)
             for topic in topics
         }
-        self._playback = Playback(
-            topics,
-            {name: publisher.publish for name, publisher in publishers.items()},
-            self._now,
-            REST,
-        )
+        publish = {name: publisher.publish for name, publisher in publishers.items()}
+        self._playback = Playback(topics, publish, self._now)
         self._playback.start()
         names = ", ".join(publisher.topic_name for publisher in publishers.values())
         move = f"{self.node.get_fully_qualified_name()}/move"
         log.info(f"ready after {seconds:.1f} s: publishes {names}; call {move} to move it")
         return True
 
-    def _now(self) -> int:
-        return int(self.node.get_clock().now().nanoseconds)
-
-    def _apply(self, settings: SimulatorSettings, given: set[str]) -> None:
-        self._settings = settings
-
     def _command(self, message: JointTrajectory) -> None:
-        def trajectory() -> Trajectory:
-            points = message.points
-            counts = {len(point.positions) for point in points} - {len(message.joint_names)}
-            if counts:
-                raise UsageError(
-                    f"joint_trajectory: {counts.pop()} positions for "
-                    f"{len(message.joint_names)} joints"
-                )
-            times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
-            smooth = all(len(point.velocities) == len(point.positions) for point in points)
-            return commanded(
-                message.joint_names,
-                np.array(times, dtype=float),
-                np.array([point.positions for point in points], dtype=float),
-                np.array([p.velocities for p in points], dtype=float) if smooth else None,
-                self._simulation.rate,
-            )
-
         playback = self._playback
         if playback is None:
             self.node.get_logger().error(f"joint_trajectory: {self._not_ready()}")
             return
-        self._plan_in_thread(lambda: self._replace(playback, trajectory()))
+
+        def replace() -> None:
+            self._replace(playback, _trajectory(message, self._simulation.rate))
+
+        self._plan_in_thread(replace)
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        def trajectory() -> Trajectory:
-            if self._settings.trajectory:
-                return read_trajectory(Path(self._settings.trajectory))
-            settings = self._settings
-            return self._random_motion(settings.motion_duration, settings.motion_seed)
+        playback, settings = self._playback, self._settings
 
-        refusal = self._plan(trajectory)
-        response.success = not refusal
-        response.message = refusal or "planning, then moving"
-        return response
-
-    def _plan(self, trajectory: Callable[[], Trajectory]) -> str:
-        """Plan in a thread; return why not, or nothing."""
-        playback = self._playback
-        if playback is None:
-            return self._not_ready()
-        if playback.moving or not self._planning.acquire(blocking=False):
-            return "busy: the robot is moving; wait until it rests"
-
-        def plan() -> None:
+        def play() -> None:
+            assert playback is not None
             try:
-                playback.play(self._from_rest(trajectory()))
+                if settings.trajectory:
+                    trajectory = read_trajectory(Path(settings.trajectory))
+                else:
+                    trajectory = self._random_motion(settings.motion_duration, settings.motion_seed)
+                playback.play(self._from_rest(trajectory))
             finally:
                 self._planning.release()
 
-        self._plan_in_thread(plan)
-        return ""
+        if playback is None:
+            response.message = self._not_ready()
+        elif playback.moving or not self._planning.acquire(blocking=False):
+            response.message = "busy: the robot is moving; wait until it rests"
+        else:
+            response.success, response.message = True, "planning, then moving"
+            self._plan_in_thread(play)
+        return response
 
     def _not_ready(self) -> str:
         return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
@@ -229,6 +200,23 @@ class RobotSimulator:
             self.node.get_logger().error(problem)
 
 
+def _trajectory(message: JointTrajectory, rate: float) -> Trajectory:
+    """Return what a message asks for, at a rate in Hz."""
+    points, joints = message.points, message.joint_names
+    counts = {len(point.positions) for point in points} - {len(joints)}
+    if counts:
+        raise UsageError(f"joint_trajectory: {counts.pop()} positions for {len(joints)} joints")
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
+    smooth = all(len(point.velocities) == len(point.positions) for point in points)
+    return commanded(
+        joints,
+        np.array(times, dtype=float),
+        np.array([point.positions for point in points], dtype=float),
+        np.array([p.velocities for p in points], dtype=float) if smooth else None,
+        rate,
+    )
+
+
 def _loaded(path: Path) -> tuple[MotionSimulation, str]:
     """Return the simulation of the robot in a configuration, and the text of its URDF."""
     configuration = load_configuration(path)
@@ -246,6 +234,4 @@ def _loaded(path: Path) -> tuple[MotionSimulation, str]:
     return MotionSimulation(configuration, robot, float(rate)), text
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the node until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("robot_simulator", RobotSimulator, ABOUT, arguments)
+run = partial(run_node, "robot_simulator", RobotSimulator, ABOUT)

@@ -3,7 +3,7 @@
 import struct
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,13 +40,8 @@ def commanded(
     """Return the uniform trajectory through the points of a JointTrajectory.
 
     `times` (n_points,) in s from the start; `positions` and `velocities` (n_points, n_joints) in
-    rad, rad/s; without velocities the points are joined by straight lines.
-
-    Raises
-    ------
-    UsageError
-        Fewer than two points, times that do not increase, numbers that are not finite, or a
-        motion of less than a sample or more than an hour.
+    rad, rad/s; without velocities the points are joined by straight lines. A UsageError says what
+    cannot be played.
     """
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
@@ -162,37 +157,17 @@ class MotionSimulation:
 def _without(topic: JointTopic, seconds: float) -> JointTopic:
     """Return a topic without its first seconds, with times from zero."""
     rows = topic.time >= seconds - 1e-9
-
-    def later(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else values[rows]
-
-    return replace(
-        topic,
-        time=topic.time[rows] - seconds,
-        position=later(topic.position),
-        velocity=later(topic.velocity),
-        effort=later(topic.effort),
-    )
+    values = {name: getattr(topic, name) for name in ("position", "velocity", "effort")}
+    later = {name: value[rows] for name, value in values.items() if value is not None}
+    return replace(topic, time=topic.time[rows] - seconds, **later)
 
 
 class Playback(threading.Thread):
     """Publishes motions one after the other; the end of the last is repeated while none waits.
 
-    Parameters
-    ----------
-    resting : sequence of JointTopic
-        The robot before its first motion.
-    publish : mapping
-        For each topic the function that takes a serialised message.
-    clock : callable
-        Time now, ns.
-    rest : float
-        Seconds at the end of every motion in which the robot rests.
-
-    Attributes
-    ----------
-    failure : str
-        Why messages could not be published; empty if they could.
+    `resting` is the robot before its first motion; in the last REST seconds of any motion it rests.
+    `publish` holds, for every topic, what takes a serialised message; `clock` is the time now, ns.
+    `failure` says why messages could not be published; empty if they could.
     """
 
     def __init__(
@@ -200,12 +175,11 @@ class Playback(threading.Thread):
         resting: Sequence[JointTopic],
         publish: Mapping[str, Callable[[bytes], None]],
         clock: Callable[[], int],
-        rest: float,
     ) -> None:
         super().__init__(name="playback", daemon=True)
-        self._first = self._motion = _Motion(resting)
+        self._motion = _Motion(resting)
         self.failure = ""
-        self._publish, self._clock, self._rest = publish, clock, rest
+        self._publish, self._clock = publish, clock
         self._next: _Motion | None = None
         self._switch: int | None = None
         self._sample = 0
@@ -229,7 +203,7 @@ class Playback(threading.Thread):
             time.sleep(0.001)  # until it is the present one
         with self._lock:
             sample = self._sample + max(1, round(seconds / self._motion.period))
-            rests = sample >= self._motion.at_rest(2.0 * self._rest)
+            rests = sample >= self._motion.at_rest(2.0 * REST)
             return sample if self._moving and not rests else None
 
     def replace(self, topics: Sequence[JointTopic], sample: int) -> bool:
@@ -256,13 +230,13 @@ class Playback(threading.Thread):
                     self._motion, self._next = self._next, None
                     first, self._moving = self._sample if goes_on else 0, True
                 else:
-                    first, self._moving = self._motion.at_rest(self._rest), False
+                    first, self._moving = self._motion.at_rest(REST), False
             begin = max(self._pass(self._motion, first, begin), time.monotonic() - _CATCH_UP)
 
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
         """Publish from sample `first` on; return when the next pass begins, s."""
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
-        resting = motion.at_rest(self._rest)
+        resting = motion.at_rest(REST)
         for sample in range(first, motion.samples):
             due = begin + (sample - first) * motion.period
             ahead = due - time.monotonic()
@@ -277,7 +251,8 @@ class Playback(threading.Thread):
             if waits and free:
                 return due
             try:
-                motion.publish(sample, first, base, self._publish)
+                for topic, message in motion.stamped(sample, first, base):
+                    self._publish[topic](message)
             except Exception as error:  # the next message may pass
                 self.failure = one_line(error)
         return begin + (motion.samples - first) * motion.period
@@ -300,16 +275,10 @@ class _Motion:
         """First sample of the last `seconds`, half of which the robot needs to settle."""
         return max(0, self.samples - round(0.5 * seconds / self.period))
 
-    def publish(
-        self,
-        sample: int,
-        first: int,
-        base: int,
-        publish: Mapping[str, Callable[[bytes], None]],
-    ) -> None:
-        """Publish one sample of every topic; `base` is the time of sample `first`, ns."""
+    def stamped(self, sample: int, first: int, base: int) -> Iterator[tuple[str, bytes]]:
+        """Topics and messages of one sample; `base` is the time of sample `first`, ns."""
         for (topic, messages), stamps in zip(self._messages, self._stamps, strict=True):
             stamp = base + stamps[sample] - stamps[first]
             message = bytearray(messages[sample].tobytes())
             _STAMP.pack_into(message, _PLACE, *divmod(stamp, 1_000_000_000))
-            publish[topic](bytes(message))
+            yield topic, bytes(message)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from pydantic import TypeAdapter
 from rclpy.node import Node
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -78,16 +79,9 @@ class LiveView:
     joints: tuple[JointView, ...]
     nodes: dict[str, str] = field(default_factory=dict)
 
-    def to_document(self) -> dict[str, object]:
-        """Return plain values for JSON; numbers that do not exist are None."""
-        joints = [
-            {
-                key: _finite(value) if isinstance(value, float) else value
-                for key, value in vars(joint).items()
-            }
-            for joint in self.joints
-        ]
-        return {**vars(self), "delay": _finite(self.delay), "joints": joints}
+    def to_json(self) -> bytes:
+        """Return it as JSON; numbers that do not exist are null."""
+        return TypeAdapter(LiveView).dump_json(self)
 
 
 def _parsed(text: str) -> float:
@@ -95,10 +89,6 @@ def _parsed(text: str) -> float:
         return float(text)
     except ValueError:  # "unknown", or nothing
         return math.nan
-
-
-def _finite(number: float) -> float | None:
-    return float(f"{number:.6g}") if math.isfinite(number) else None
 
 
 def live_table(view: LiveView) -> RenderableType:
@@ -150,32 +140,23 @@ def _text(number: float, form: str) -> str:
 
 def _bar(joint: JointView, style: str) -> Text:
     """Share of the noise floor as a bar with marks at 1 and at the limit."""
-    filled = 0
-    if math.isfinite(joint.level_share):
-        filled = min(round(_WIDTH * joint.level_share / _LARGEST), _WIDTH)
-    text = Text()
-    marks = {round(_WIDTH / _LARGEST): "┊"}
+
+    def place(share: float, last: int) -> int:
+        return min(round(_WIDTH * share / _LARGEST), last) if math.isfinite(share) else 0
+
+    filled = place(joint.level_share, _WIDTH)
+    cells = [("█", style)] * filled + [("·", "dim")] * (_WIDTH - filled)
+    cells[place(1.0, _WIDTH)] = ("┊", "dim")
     if math.isfinite(joint.limit):
-        marks[min(round(_WIDTH * joint.limit / _LARGEST), _WIDTH - 1)] = "│"
-    for place in range(_WIDTH):
-        if place in marks:
-            text.append(marks[place], style="dim" if marks[place] == "┊" else "bold")
-        else:
-            text.append("█" if place < filled else "·", style=style if place < filled else "dim")
-    return text
+        cells[place(joint.limit, _WIDTH - 1)] = ("│", "bold")
+    return Text.assemble(*cells)
 
 
 class Watcher:
     """Subscriptions to what the nodes of a robot say, in the namespace of this node.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command line of the node.
-    web : int or None
-        Port of the page; None: a table on the terminal.
-    predictor : callable or None
-        Makes a predictor that runs in this process.
+    `web` is the port of the page (None: a table on the terminal); `predictor` makes one that runs
+    in this process.
 
     Raises
     ------
@@ -226,7 +207,7 @@ class Watcher:
     def _predicted(self, message: Prediction) -> None:
         self._prediction, self._heard_at = message, time.monotonic()
         if self._page is not None:
-            self._page.publish(self._view().to_document())
+            self._page.publish(self._view().to_json())
 
     def _diagnosed(self, message: DiagnosticArray) -> None:
         namespace = self.node.get_namespace().rstrip("/")
@@ -274,15 +255,8 @@ class Watcher:
             )
         elif silent_for > _SILENT:
             reason = f"the predictor has been silent for {silent_for:.0f} s"
-        stamp = message.header.stamp
-        return LiveView(
-            robot=message.robot,
-            stamp=stamp.sec + 1e-9 * stamp.nanosec,
-            delay=message.delay,
-            reason=reason,
-            joints=tuple(joints),
-            nodes=nodes,
-        )
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        return LiveView(message.robot, stamp, message.delay, reason, tuple(joints), nodes)
 
     def _draw(self) -> None:
         executor = self.node.executor
@@ -298,7 +272,7 @@ class Watcher:
             self._console.print(live_table(self._view()))
         elif self._page is not None and silent_for > _SILENT and since_drawn > 1.0:
             self._printed = now
-            self._page.publish(self._view().to_document())
+            self._page.publish(self._view().to_json())
 
 
 def run(

@@ -1,6 +1,5 @@
 """The live view as a page that only this machine can open: files, and the newest states."""
 
-import json
 import threading
 from collections import deque
 from http import HTTPStatus
@@ -38,11 +37,11 @@ class LivePage:
         self.url = f"http://{ADDRESS}:{self._server.server_port}/"
         threading.Thread(target=self._server.serve_forever, name="page", daemon=True).start()
 
-    def publish(self, document: dict[str, object]) -> None:
-        """Show a state on all pages that are open."""
+    def publish(self, state: bytes) -> None:
+        """Show a state, JSON, on all pages that are open."""
         with self._server.lock:
             self._server.count += 1
-            self._server.states.append((self._server.count, document))
+            self._server.states.append((self._server.count, state))
 
     def close(self) -> None:
         """End the server."""
@@ -59,15 +58,13 @@ class _Server(ThreadingHTTPServer):
         super().__init__(address, handler)
         self.lock = threading.Lock()
         self.count = 0
-        self.states: deque[tuple[int, dict[str, object]]] = deque(maxlen=_HISTORY)
+        self.states: deque[tuple[int, bytes]] = deque(maxlen=_HISTORY)
 
-    def later(self, number: int) -> dict[str, object]:
-        """States after a number; all where that is the number of an earlier server."""
+    def later(self, number: int) -> bytes:
+        """States after a number as JSON; all where that is the number of an earlier server."""
         with self.lock:
-            states = [
-                state for place, state in self.states if place > number or number > self.count
-            ]
-            return {"newest": self.count, "states": states}
+            later = [state for place, state in self.states if not place <= number <= self.count]
+            return b'{"newest": %d, "states": [%s]}' % (self.count, b",".join(later))
 
     def handle_error(self, request: object, client_address: object) -> None:
         """Nothing: a page that is closed while it is sent is no error."""
@@ -87,8 +84,7 @@ class _Handler(BaseHTTPRequestHandler):
         address = urlsplit(self.path)
         after = parse_qs(address.query).get("after", ["0"])[0]
         if address.path == "/states" and after.isdecimal():
-            states = json.dumps(self.server.later(int(after)), allow_nan=False)
-            self._send(states.encode(), "application/json")
+            self._send(self.server.later(int(after)), "application/json")
         elif address.path == "/plotly.js":
             from plotly.offline import get_plotlyjs
 

@@ -1,0 +1,88 @@
+"""Messages: filled by the names of their fields, and the parts that all nodes write."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from idim_iv_interfaces import msg
+
+M = TypeVar("M")
+OtherNames = Mapping[type, Callable[[Any], dict[str, object]]]
+
+_PACKAGE = "idim_iv_interfaces/"
+_SAME_NAMES: OtherNames = MappingProxyType({})
+
+
+def message_of(
+    kind: type[M], part: object, other_names: OtherNames = _SAME_NAMES, /, **given: object
+) -> M:
+    """Fill a message from the attributes of `part` and from what is given instead of them.
+
+    Numbers that are None are NaN, words that are None are empty; without a part all are. Times,
+    also that of a header, are ns since 1970. `other_names` returns, for each type of message that
+    needs it, the fields that no attribute of their name fills.
+    """
+    forms: Mapping[str, str] = kind.get_fields_and_field_types()  # type: ignore[attr-defined]
+    if part is not None and kind in other_names:
+        given = {**other_names[kind](part), **given}
+
+    def value(form: str, given_value: Any) -> object:
+        """Convert to the type of a field: ``double``, ``sequence<string>`` and so on."""
+        if form.startswith("sequence<"):
+            inner = form.removeprefix("sequence<").removesuffix(">")
+            return [value(inner, item) for item in (() if given_value is None else given_value)]
+        if form.startswith(_PACKAGE):
+            inner_kind = getattr(msg, form.removeprefix(_PACKAGE))
+            if isinstance(given_value, inner_kind):
+                return given_value
+            return message_of(inner_kind, given_value, other_names)
+        if form == "std_msgs/Header":
+            return Header(stamp=time_message(given_value or 0))
+        if form == "builtin_interfaces/Time":
+            return time_message(given_value or 0)
+        if form == "double":
+            return float("nan") if given_value is None else float(given_value)
+        if form == "string":
+            return given_value or ""
+        return given_value or 0 if form.startswith("uint") else bool(given_value)
+
+    def content(name: str) -> Any:
+        absent = part is None or name == "header"
+        return given[name] if name in given else None if absent else getattr(part, name)
+
+    return kind(**{name: value(form, content(name)) for name, form in forms.items()})
+
+
+def time_message(stamp: int) -> Time:
+    """Return a time, ns since 1970, as a message."""
+    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def diagnostic_status(
+    level: bytes, name: str, hardware: str, sentence: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    """Return the entry; `values` are written as text."""
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(
+        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
+    )
+
+
+class Diagnostics:
+    """What a node says on /diagnostics."""
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    def publish(self, *statuses: DiagnosticStatus) -> None:
+        """Say it, with the present time as stamp."""
+        message = DiagnosticArray(status=list(statuses))
+        message.header.stamp = self._clock.now().to_msg()
+        self._publisher.publish(message)
