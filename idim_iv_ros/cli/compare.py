@@ -9,7 +9,8 @@ import typer
 
 from idim_iv_ros.cli import arguments as shared
 
-_FILE = "compare.html"
+_FILE, _CONFIGURATION = "compare.html", "robot.yaml"
+_SHOWN = 8  # rows at least, without --verbose
 
 
 def compare_command(
@@ -17,6 +18,13 @@ def compare_command(
     second: Annotated[Path, typer.Argument(help="Another one of the same robot.")],
     out: Annotated[
         Path | None, typer.Option("--out", help=f"Folder for {_FILE}, both side by side.")
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            help="The robot's YAML file, for the next command; left out, that of the second "
+            f"result is written beside {_FILE}."
+        ),
     ] = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -28,26 +36,34 @@ def compare_command(
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
     from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.cli.table import LONGEST, print_table
-    from idim_iv_ros.files import write_together
+    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.files import signed, write_together
     from idim_iv_ros.identification.compare import compare_results
     from idim_iv_ros.report import require_writable
-    from idim_iv_ros.report.compare import compare_html
+    from idim_iv_ros.report.compare import compare_html, compare_step
     from idim_iv_ros.report.numerals import measured, number
+    from idim_iv_ros.report.section import Files
+    from idim_iv_ros.report.sections.provenance import configuration_text
 
     output = Output(quiet=quiet, as_json=as_json)
     comparison = compare_results(first, second)
+    files = Files() if config is None else Files(str(config))
     if out is not None:
-        with require_writable(out, (_FILE,), force=force):
-            write_together({out / _FILE: compare_html(comparison)})
+        written = {}
+        if config is None:
+            files = Files(str(out / _CONFIGURATION))
+            written = {Path(files.config): signed(configuration_text(comparison.configuration))}
+        written[out / _FILE] = compare_html(comparison, files)
+        with require_writable(out, [path.name for path in written], force=force):
+            write_together(written)
     output.document(comparison.to_document())
     print_table(
         output.console,
         f"{comparison.robot}: base parameters, those that differ most first",
-        ("parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference"),
+        ("base parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference"),
         [
             (
-                pair.name,
+                pair.words,
                 " ".join(measured(pair.first, pair.first_std)),
                 " ".join(measured(pair.second, pair.second_std)),
                 pair.unit,
@@ -55,8 +71,10 @@ def compare_command(
             )
             for pair in comparison.pairs
         ],
-        most=None if verbose else LONGEST,
+        most=None if verbose else max(_SHOWN, sum(pair.differs for pair in comparison.pairs)),
     )
     output.console.print(comparison.sentence)
+    if out is not None or config is not None:
+        output.line(f"Next: {compare_step(comparison, files).code}")
     if out is not None:
         output.line(f"Report: {out / _FILE}")

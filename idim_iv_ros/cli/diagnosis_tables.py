@@ -14,7 +14,7 @@ from idim_iv_ros.diagnosis.result import (
     Indistinguishable,
 )
 from idim_iv_ros.effects.cause import surest
-from idim_iv_ros.report.advice import diagnosis_headline
+from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
     effect_at,
@@ -53,7 +53,7 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
     Not `whole`: what the first screen of the report says, one line a cause and a joint.
     """
     if result.contrast is not None:
-        _print_contrast(console, result, result.contrast)
+        _print_contrast(console, result, result.contrast, whole)
     tone, _, words = VERDICTS[result.verdict]
     words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(Text(f"Verdict: {words}.", style=f"bold {_STYLES[tone]}"))
@@ -61,8 +61,10 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
     for finding in result.findings if whole else ():
         console.print(Text(f"  {finding}"))
     _print_causes(console, result, whole)
-    if result.stages:
-        (_print_stages if whole else _print_gaps)(console, result)
+    if result.stages and whole:
+        _print_stages(console, result)
+    elif result.stages and result.contrast is None:
+        _print_gaps(console, result)
     if whole:
         _print_details(console, result)
     else:
@@ -130,11 +132,15 @@ def _print_details(console: Console, result: GapResult) -> None:
     print_marked(console, "Note", result.notes)
 
 
-def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
+def _print_contrast(
+    console: Console, result: GapResult, contrast: ContrastResult, whole: bool
+) -> None:
     """Print the answer, what changed with its numbers, and the torque left at each joint."""
     tone, _, words = contrast_badge(contrast)
     console.print(Text(f"Contrast: {words}.", style=f"bold {_STYLES[tone]}"))
-    console.print(Text(contrast.sentence))
+    console.print(
+        Text(contrast.sentence if whole else " ".join(contrast_headline(result, contrast)))
+    )
     rows = [
         (
             f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}",
@@ -150,13 +156,16 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
     ]
     if rows:
         print_table(console, "What changed, largest torque first", _CHANGES, rows)
+    if not (whole or contrast.differs):
+        return
     joints = []
     for joint in contrast.joints:
         torques = (joint.before, joint.after, joint.own, joint.unexplained)
         unit = torque_unit(result, joint.joint)
         joints.append((joint.joint, *(f"{torque:.3g} {unit}" for torque in torques)))
     print_table(console, "Torque left in the second set, rms", _LEFT, joints)
-    print_marked(console, "Note", contrast.notes)
+    if whole:
+        print_marked(console, "Note", contrast.notes)
 
 
 def _parameters(parameters: dict[str, EffectParameter], most: int = 4) -> str:

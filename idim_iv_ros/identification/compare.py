@@ -5,9 +5,11 @@ from dataclasses import asdict, dataclass
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model.parameters import words_of_name
 from idim_iv_ros.statistics.drift import in_deviations, largest_by_chance
 
 _LEVEL = 0.05  # probability that any parameter of two equal robots is called different
+_MOST_NAMES = 3  # in the sentence
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,8 @@ class ParameterPair:
     Attributes
     ----------
     name, unit, expression : str
+    words : str
+        What the parameter of its name is.
     first, first_std, second, second_std : float
     deviations : float
         Second less first, in standard deviations of the difference (`in_deviations`).
@@ -27,6 +31,7 @@ class ParameterPair:
     name: str
     unit: str
     expression: str
+    words: str
     first: float
     first_std: float
     second: float
@@ -51,6 +56,8 @@ class ParameterComparison:
         Standard deviations from which on a parameter differs.
     alone : tuple of str
         Parameters that only one of the results has.
+    configuration : dict
+        Of the second result.
     """
 
     names: tuple[str, str]
@@ -59,26 +66,33 @@ class ParameterComparison:
     pairs: tuple[ParameterPair, ...]
     limit: float
     alone: tuple[str, ...]
+    configuration: dict[str, object]
 
     @property
     def sentence(self) -> str:
         """The answer."""
-        differing = [pair.name for pair in self.pairs if pair.differs]
+        differing = [
+            f"{pair.words} ({abs(pair.deviations):.2g} σ)" for pair in self.pairs if pair.differs
+        ]
+        count, level = len(self.pairs), f"{100.0 * _LEVEL:g} %"
         if not differing:
             return (
-                f"No parameter differs beyond chance: all {len(self.pairs)} are within "
-                f"{self.limit:.2g} standard deviations."
+                f"No parameter differs beyond chance: all {count} are within {self.limit:.2g} "
+                f"standard deviations, which results of an unchanged robot exceed with a "
+                f"probability of {level}."
             )
-        more = f" and {len(differing) - 6} more" if len(differing) > 6 else ""
+        more = f" and {len(differing) - _MOST_NAMES} more" if len(differing) > _MOST_NAMES else ""
         verb = "differs" if len(differing) == 1 else "differ"
         return (
-            f"{len(differing)} of {len(self.pairs)} parameters {verb} by more than "
-            f"{self.limit:.2g} standard deviations: {', '.join(differing[:6])}{more}."
+            f"{len(differing)} of {count} parameters {verb}: {', '.join(differing[:_MOST_NAMES])}"
+            f"{more}. Results of an unchanged robot differ so with a probability of {level}."
         )
 
     def to_document(self) -> dict[str, object]:
         """Return plain values for JSON."""
-        return {**asdict(self), "sentence": self.sentence}
+        document = asdict(self)
+        del document["configuration"]
+        return {**document, "sentence": self.sentence}
 
 
 def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
@@ -110,6 +124,7 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
                 name=one.name,
                 unit=one.unit,
                 expression=one.expression,
+                words=words_of_name(one.name, results[0].joints),
                 first=one.value,
                 first_std=one.std,
                 second=two.value,
@@ -125,4 +140,5 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         pairs=tuple(sorted(pairs, key=lambda pair: -abs(pair.deviations))),
         limit=limit,
         alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),
+        configuration=results[1].configuration,
     )

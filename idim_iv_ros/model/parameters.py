@@ -21,6 +21,25 @@ POINT = ("M", "MX", "MY", "MZ")  # of a mass without size
 # Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
+_WORDS = {
+    "M": "link mass",
+    "Ia": "drive inertia",
+    "Fv": "viscous friction",
+    "Fc": "Coulomb friction",
+    "off": "torque offset",
+    "Fvm": "viscous friction of the coupling",
+    "Fcm": "Coulomb friction of the coupling",
+}
+
+
+def words_of_name(name: str, joints: Sequence[str]) -> str:
+    """Say what a parameter is: “Coulomb friction at joint_3” for ``Fc3``."""
+    parts = re.fullmatch(r"([A-Za-z]+)(\d+)", name)
+    if parts is None or not 1 <= int(parts[2]) <= len(joints):
+        return name
+    kind = parts[1]
+    moved = f"first moment {kind[1:].lower()}" if kind in POINT else f"inertia {kind.lower()}"
+    return f"{_WORDS.get(kind) or f'link {moved}'} at {joints[int(parts[2]) - 1]}"
 
 
 def unit_at(unit: str, joint_type: str, effort_unit: str = "N m") -> str:

@@ -1,23 +1,34 @@
 """The first screen in words: the verdict in two short sentences, and what to do next."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
+
+import numpy as np
 
 from idim_iv_ros.diagnosis.result import (
     Cause,
     ContrastCause,
     ContrastResult,
     GapResult,
+    JointGap,
     RecordingAgreement,
     Unexplained,
 )
-from idim_iv_ros.effects.registry import part_of
+from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
-from idim_iv_ros.report.gap_words import effect_at, effect_words, unnamed_error
-from idim_iv_ros.report.numerals import is_number, measured, percent
+from idim_iv_ros.report.gap_words import (
+    effect_at,
+    effect_words,
+    probability_words,
+    stage_words,
+    torque_unit,
+    unnamed_error,
+)
+from idim_iv_ros.report.numerals import INTERVAL, THIN, is_number, measured, number, percent
 from idim_iv_ros.report.section import Files, Report
 from idim_iv_ros.statistics.verdict import Verdict
 
@@ -57,8 +68,8 @@ def verdict_badge(verdict: str) -> tuple[str, str, str]:
     return (*_BADGES.get(verdict, ("open", "?")), verdict)
 
 
-def diagnosis_headline(result: GapResult) -> tuple[str, str]:
-    """Return how large the gap is and what causes it: two sentences, 30 words together."""
+def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
+    """Return how large the gap is, what causes it, and how certain that is: short sentences."""
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
@@ -73,14 +84,20 @@ def diagnosis_headline(result: GapResult) -> tuple[str, str]:
     if relative is not None and relative > 100.0:
         share = "more than all"
     size = f"The {model} misses {share} of the torque at {worst.joint}."
-    return size, _cause_words(result, worst.joint)
+    cause, certainty = _cause_words(result, worst.joint), _certainty(result, worst)
+    return (size, cause, certainty) if certainty else (size, cause)
 
 
 def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
     """Which recordings are of another robot, as it were, and by what."""
     first = apart[0]
     more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
-    by = effect_at(first.differences[0].effect, first.differences[0].joint)
+    difference = first.differences[0]
+    by = effect_at(difference.effect, difference.joint)
+    for name, parameter in surest(difference.parameters, 1).items():
+        number_words = parameter_words(difference.effect, name)
+        size = _value(parameter.value, parameter.std, parameter.unit)
+        by += f", {number_words}: {size}" + (" (95 %)" if parameter.std else "")
     return (
         f"The recordings disagree: {first.bag} differs by "
         f"{percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}{more}.",
@@ -111,6 +128,28 @@ def _cause_words(result: GapResult, worst: str | None) -> str:
     return "Its cause is inconclusive on this recording."
 
 
+def _certainty(result: GapResult, worst: JointGap) -> str:
+    """How certain the first cause is; without one, what is left of the gap on held-out data."""
+    if result.causes:
+        first = result.causes[0]
+        if first.probability is not None:
+            return f"That cause is {probability_words(first)} probable."
+        for name, parameter in surest(first.parameters, 1).items():
+            if parameter.std:
+                size = _value(parameter.value, parameter.std, parameter.unit)
+                return f"Its {parameter_words(first.effect, name)}: {size} (95 %)."
+        return ""
+    last = result.stages[-1] if result.stages else None
+    interval = None if last is None else last.torque_ci95.get(worst.joint)
+    if last is None or interval is None or not all(map(is_number, interval)):
+        return ""
+    unit = torque_unit(result, worst.joint)
+    left = f"{number(last.torque_rms[worst.joint])} {unit}"
+    low, high = map(number, interval)
+    noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
+    return f"Held out, the {stage_words(last.name)} leaves {left} ({low} to {high}, 95 %{noise})."
+
+
 def _corrected(result: GapResult, joint: str) -> str:
     """What all corrections together take of the gap at a joint, on held-out data."""
     if len(result.stages) < 2:
@@ -127,24 +166,43 @@ def _acts_at(cause: Cause, joint: str) -> bool:
     return cause.joint is None or joint in places
 
 
-def identification_headline(result: IdentificationResult) -> tuple[str, str]:
-    """Return whether to believe the parameters and how well they fit: 30 words together."""
+def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
+    """Return whether to believe the parameters, how well they fit, how well they are known."""
     colour = verdict_badge(result.verdict.verdict)[0]
     wrong = [
         residual.joint
         for residual in result.residuals
         if verdict_badge(residual.verdict)[0] == "bad"
     ]
+    level = percent(100.0 * result.instruments.alpha)
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
-        "bad": f"Do not rely on all parameters: the model is misspecified at {_listed(wrong)}.",
-        "open": "Whether the parameters may be believed is inconclusive: see each joint below.",
+        "bad": f"Do not rely on all parameters: the model is misspecified at {_listed(wrong)} "
+        f"(tested at {level}).",
+        "open": "Whether the parameters may be believed could not be tested"
+        + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
     }[colour]
     fit = result.fit
     error = percent(fit.relative_error_percent, 3)
     state = "" if result.converged else " The iteration has not converged."
-    return believed, f"The model misses {error} of the torque.{state}"
+    sizes = [
+        parameter.relative_std_percent
+        for parameter in result.parameters
+        if parameter.essential and is_number(parameter.relative_std_percent)
+    ]
+    known = ()
+    if sizes and colour != "bad":
+        half = percent(INTERVAL * float(np.median(sizes)))
+        known = (
+            f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %).",
+        )
+    return believed, f"The model misses {error} of the torque.{state}", *known
+
+
+def _has_reference(result: IdentificationResult) -> bool:
+    signals = result.configuration.get("signals")
+    return isinstance(signals, Mapping) and signals.get("reference") is not None
 
 
 def _listed(joints: Sequence[str], most: int = 3) -> str:
@@ -170,15 +228,17 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
     if not result.converged:
         words = f"Check the control law and the nominal model in {config}: no convergence."
         steps.append(Step(words, files.command("check", *bags)))
-    if any(IMPOSSIBLE in (p.remark, p.essential_remark) for p in result.parameters) or (
-        colour == "open"
-    ):
+    if colour == "open" and not _has_reference(result):
+        words = f"Record the references, too (signals.reference in {config}), and identify again:"
+        steps.append(Step(words, files.command("record", out="bags")))
+    shows_little = any(IMPOSSIBLE in (p.remark, p.essential_remark) for p in result.parameters)
+    if shows_little or colour == "open":
         steps.append(Step("Record a motion that shows all parameters:", motion))
     if colour in ("good", "fair"):
         values = files.command("export", files.here(RESULT), out="simulator")
         steps.append(Step("Put the new values into your simulator:", values))
         steps.append(Step("See what the nominal model lacks, and why:", diagnosis))
-    if len(steps) == 1:
+    if len(steps) == 1 and steps[0].code != motion:
         steps.append(Step("Record another motion and identify again:", motion))
     return steps[:_MOST_STEPS]
 
@@ -247,7 +307,7 @@ def _value(value: float, std: float | None, unit: str) -> str:
 def _recording_step(result: GapResult, files: Files) -> Step:
     """What to record: to separate causes, to see what this recording cannot show, or to verify."""
     motion = _motion(files)
-    again = files.command("diagnose", "NEW.mcap", out="after")
+    again = files.again("diagnose", out="after")
     separating = _separating_steps(result.causes, files)
     if separating:
         return separating[0]
@@ -259,6 +319,40 @@ def _recording_step(result: GapResult, files: Files) -> Step:
     if result.not_testable:
         return Step("Record a motion that shows the effects this one cannot show:", motion)
     return Step("Record again where the simulator matters to you, and compare:", again)
+
+
+def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
+    """Return what changed, by how much and how certain that is, or what may still hide."""
+    if contrast.causes:
+        first, more = contrast.causes[0], len(contrast.causes) - 1
+        name = effect_at(first.effect, first.joint)
+        others = f", with {more} more" if more else ""
+        words = [f"From the reference to the second set changed: {name}{others}."]
+        for number_name, parameter in surest(first.parameters, 1).items():
+            size = _value(parameter.value, parameter.std, parameter.unit)
+            torques = [
+                f"{percent(100.0 * torque.share_of_torque)} of the torque at {torque.joint}"
+                for torque in first.torques[:1]
+            ]
+            by = parameter_words(first.effect, number_name)
+            words.append(f"By {', '.join([f'{by} {size} (95 %)', *torques])}.")
+        rivals = [
+            f"{effect_at(rival.effect, rival.joint)} ({percent(100.0 * rival.weight)})"
+            for rival in first.indistinguishable_from[:1]
+        ]
+        return [*words, *(f"Or else: {rival}." for rival in rivals)]
+    widest = max(contrast.joints, key=lambda joint: joint.share_of_torque, default=None)
+    if contrast.differs and widest is not None:
+        share = percent(100.0 * widest.share_of_torque)
+        return [f"The sets differ by {share} of the torque at {widest.joint}, and nothing in the "
+                "catalogue explains it."]  # fmt: skip
+    left = max(contrast.joints, key=lambda joint: joint.after, default=None)
+    words = ["No difference: each part of the second set is predicted as well from all recordings "
+             "as from the rest of its own set."]  # fmt: skip
+    if left is not None:
+        size = f"{number(left.after)} {torque_unit(result, left.joint)}"
+        words.append(f"A change that makes {size} rms or more at {left.joint} would be seen.")
+    return words
 
 
 def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:

@@ -4,10 +4,10 @@ from idim_iv_ros.identification.compare import ParameterComparison, ParameterPai
 from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.numerals import INTERVAL, measured, number
 from idim_iv_ros.report.page import one_section, page_html
-from idim_iv_ros.report.section import UNPLACED
+from idim_iv_ros.report.section import UNPLACED, Files
 
 
-def compare_html(comparison: ParameterComparison) -> str:
+def compare_html(comparison: ParameterComparison, files: Files = UNPLACED) -> str:
     """Return the comparison as one self-contained HTML document."""
     differ = any(pair.differs for pair in comparison.pairs)
     section = one_section(
@@ -16,7 +16,7 @@ def compare_html(comparison: ParameterComparison) -> str:
         "Parameters",
         badge=("bad", "≠", "differences") if differ else ("good", "✓", "no difference"),
         sentence=comparison.sentence,
-        steps=[_step(comparison, differ)],
+        steps=[compare_step(comparison, files)],
         names=comparison.names,
         alone=", ".join(comparison.alone),
         rows=[_row(pair) for pair in comparison.pairs],
@@ -25,13 +25,13 @@ def compare_html(comparison: ParameterComparison) -> str:
     return page_html(comparison.robot, "two identifications", subtitle, [section])
 
 
-def _step(comparison: ParameterComparison, differ: bool) -> Step:
+def compare_step(comparison: ParameterComparison, files: Files) -> Step:
     """What to do with the recordings of both: find out what changed, or take them together."""
     first, second = comparison.bags
-    if differ:
-        line = UNPLACED.command("diagnose", *first, "--against", *second, out="changed")
+    if any(pair.differs for pair in comparison.pairs):
+        line = files.command("diagnose", *first, "--against", *second, out="changed")
         return Step("Find out which effect changed, and by how much:", line)
-    line = UNPLACED.command("identify", *first, *second, out="together")
+    line = files.command("identify", *first, *second, out="together")
     return Step("Identify from all recordings together, with smaller intervals:", line)
 
 

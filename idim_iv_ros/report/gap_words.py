@@ -198,7 +198,7 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
     """
     gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
     share = MISSING
-    if gap.shrinkage is not None and is_number(gap.shrinkage):
+    if gap.shrinkage is not None and is_number(gap.shrinkage) and gap.shrinkage > 0.0:
         share = percent(100.0 * min(gap.shrinkage, 1.0))
         if gap.ci95 is not None and is_number(gap.ci95[0]) and is_number(gap.ci95[1]):
             low, high = (round(100.0 * min(max(end, 0.0), 1.0)) for end in gap.ci95)
@@ -241,7 +241,8 @@ def wrong_numbers(result: GapResult) -> str:
     lines = [f"{plural(len(wrong), 'error')}: {'; '.join(listed)}"] if wrong else []
     rest = unnamed_error(result)
     if rest is not None:
-        share = percent(100.0 * rest.share_of_torque)
-        lines.append(f"{'Further values' if wrong else 'Values'} that no cause names make up to "
-                     f"{share} of the torque, at {rest.joint}")  # fmt: skip
+        part = rest.share_of_torque
+        share = "more than all" if part > 1.0 else f"up to {percent(100.0 * part)}"
+        lines.append(f"{'Further values' if wrong else 'Values'} that no cause names make {share} "
+                     f"of the torque, at {rest.joint}")  # fmt: skip
     return ". ".join(lines)

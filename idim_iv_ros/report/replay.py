@@ -149,11 +149,13 @@ def steps(result: ReplayResult, files: Files) -> list[Step]:
     bags = files.recordings(result.bags)
     if result.best.tracking is None:
         return [Step("Check the recordings and the control law:", files.command("check", *bags))]
+    effects = ("--effects", result.effects) if result.effects else ()
+    other = files.again("replay", "--model", result.model, *effects, out="verified")
     if badge(result)[0] != "good":
-        diagnosis = files.command("diagnose", *bags, out="why")
+        if result.held_out is False:
+            return [Step("Record another motion, which may show the difference better:", other)]
+        diagnosis = files.command("diagnose", *bags, out="why_replayed")
         return [Step("Find out what this simulator lacks on these recordings:", diagnosis)]
-    effects = ("--model", result.model, "--effects", result.effects)
-    other = files.command("replay", "NEW.mcap", *effects, out="verified")
     todo = [Step("Record another motion, and see whether the simulator is as close there:", other)]
     if result.held_out is not None and result.model == "urdf":  # a diagnosis was replayed
         line = files.command("export", result.effects, "--refit", out="simulator")

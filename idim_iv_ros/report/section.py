@@ -110,6 +110,11 @@ class Files:
         end = ("--out", out) if out else ()
         return f"idim-iv {shell_command(*words, '--config', self.config, *end)}"
 
+    def again(self, command: str, *options: str, out: str) -> str:
+        """Return the commands that record anew, and that use these recordings."""
+        words = shell_command(*options, "--config", self.config, "--out", out)
+        return f"{self.command('record', out='new')}\nidim-iv {command} new/* {words}"
+
 
 # Of a page that is made apart from the files of its result.
 UNPLACED = Files()

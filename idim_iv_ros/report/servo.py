@@ -98,9 +98,10 @@ def headline(result: ServoResult) -> str:
     share = 100.0 * worst.residual / max(worst.nominal, 1e-12)
     wrong = [check for check in result.gains if not check.agrees]
     text = (
-        f"{absolute} of {count} servos are known in N m; the simulated ones follow the measured "
-        f"motion within {1e3 * worst.residual:.2g} mrad rms, {share:.2g} % of what perfect "
-        f"tracking misses{f' (worst: {worst.joint})' if count > 1 else ''}."
+        f"{absolute} of {plural(count, 'servo')} known in N m{_stiffness_words(result)}. The "
+        f"simulated motion is within {1e3 * worst.residual:.2g} mrad rms of the measured one, "
+        f"{share:.2g} % of what perfect tracking misses"
+        f"{f' (worst: {worst.joint})' if count > 1 else ''}."
     )
     for check in wrong[:1]:
         more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
@@ -109,6 +110,24 @@ def headline(result: ServoResult) -> str:
             f"behaves as {check.low:.4g} to {check.high:.4g}{more}."
         )
     return text
+
+
+def _stiffness_words(result: ServoResult) -> str:
+    """The stiffness that is known least well, with its 95 % interval."""
+    widths = {
+        joint.joint: (number, (number.high - number.low) / number.value)
+        for joint in result.joints
+        if (number := joint.number("stiffness")) is not None and number.shown
+    }
+    if not widths:
+        return ""
+    joint = max(widths, key=lambda name: widths[name][1])
+    number = widths[joint][0]
+    least = f" at {joint}, the least certain" if len(widths) > 1 else ""
+    return (
+        f": stiffness {number.value:.3g} ({number.low:.3g} to {number.high:.3g}, 95 %) "
+        f"{number.unit}{least}"
+    )
 
 
 def badge(result: ServoResult) -> tuple[str, str, str]:

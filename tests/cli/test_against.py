@@ -6,6 +6,7 @@ import pytest
 
 from idim_iv_ros.cli.diagnose import separated_sets
 from idim_iv_ros.report import gap_report_html
+from idim_iv_ros.report.advice import contrast_headline
 from tests.cli.test_bad_input import refused
 from tests.report.sample_contrast import sample_contrast
 
@@ -37,7 +38,7 @@ def test_what_changed_is_printed_before_the_reference_by_itself(diagnose, capsys
     printed = " ".join(capsys.readouterr().out.split())
     result = sample_contrast()
     assert result.contrast is not None
-    sentence = " ".join(result.contrast.sentence.split())
+    sentence = " ".join(" ".join(contrast_headline(result, result.contrast)).split())
     assert printed.count(sentence) == 1
     assert printed.index("Contrast:") < printed.index("Verdict:")
     assert "payload" in printed and "mass\xa0=\xa00.81" in printed.replace(" ", "\xa0")

@@ -1,11 +1,13 @@
 """Two results side by side: what differs is called, chance is not, and files of others refused."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from idim_iv_ros.identification.compare import compare_results
 from idim_iv_ros.identification.result import IdentificationResult
@@ -49,7 +51,11 @@ def test_what_changed_is_called_and_comes_first(run, tmp_path: Path) -> None:
     assert [pair["name"] for pair in document["pairs"] if pair["differs"]] == [name]
     assert document["pairs"][0]["name"] == name
     page = (tmp_path / "out" / "compare.html").read_text()
-    assert all(f'<th scope="row">{pair["name"]}</th>' in page for pair in document["pairs"])
+    assert all(f"<small>{pair['name']}</small></th>" in page for pair in document["pairs"])
+    assert "XX1" not in document["sentence"]
+    written = tmp_path / "out" / "robot.yaml"
+    assert f"--config {written}" in re.sub("</?span>", "", page)
+    assert yaml.safe_load(written.read_text()) == sample_result(6).configuration
 
 
 @pytest.mark.parametrize("joints", [2, 5])

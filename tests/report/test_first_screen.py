@@ -52,7 +52,7 @@ def _words(sentences: tuple[str, str]) -> int:
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("given", [False, True])
-def test_the_verdict_of_a_diagnosis_is_two_short_sentences(case: Case, given: bool) -> None:
+def test_the_verdict_of_a_diagnosis_is_short(case: Case, given: bool) -> None:
     result = sample_gap(6, case, given=given)
     # The longest name of the catalogue.
     longest = [
@@ -60,14 +60,14 @@ def test_the_verdict_of_a_diagnosis_is_two_short_sentences(case: Case, given: bo
         for each in result.causes
     ]
     headline = diagnosis_headline(replace(result, causes=tuple(longest)))
-    assert _words(headline) <= 30
+    assert _words(headline) <= 42
     assert all(each.endswith(".") for each in headline)
 
 
 @pytest.mark.parametrize("case", KINDS)
 @pytest.mark.parametrize("joints", [1, 7])
-def test_the_verdict_of_an_identification_is_two_short_sentences(case, joints: int) -> None:
-    assert _words(identification_headline(sample_result(joints, case))) <= 30
+def test_the_verdict_of_an_identification_is_short(case, joints: int) -> None:
+    assert _words(identification_headline(sample_result(joints, case))) <= 40
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -75,7 +75,7 @@ def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: C
     steps = diagnosis_steps(Report(_arm6(case), Files("arm6.yaml")))
     assert 2 <= len(steps) <= 3
     assert all(step.words and step.code for step in steps)
-    assert re.match(r"idim-iv (excite|diagnose) .*--config arm6\.yaml", steps[-1].code)
+    assert re.match(r"idim-iv (excite|record) .*--config arm6\.yaml", steps[-1].code)
 
 
 @pytest.mark.parametrize("named", [False, True])
@@ -289,7 +289,7 @@ def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:
     where = replace(result.where, joints=joints)
     error = ParameterError("joint_5", 1.0, 1.0, 0.1, 0.99, 0.3)
     result = replace(result, where=where, causes=(cause,), parameter_errors=(error,))
-    first, second = diagnosis_headline(result)
+    first, second, *_ = diagnosis_headline(result)
     assert "joint_5" in first
     assert second.index("parameter values") < second.index("joint_1")
     assert "--remainder" in diagnosis_steps(Report(result))[0].code

@@ -58,6 +58,11 @@ const drawAll = () => {
   }
 };
 
+// A narrow screen shows the first joints.
+if (innerWidth < 560) {
+  document.querySelectorAll('details.wide-open').forEach(fold => { fold.open = false; });
+}
+
 const missing = words => {
   for (const place of document.querySelectorAll('.figure')) {
     place.textContent = `This figure cannot be drawn: ${words}`;

@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
-from idim_iv_ros.report.advice import FAMILIES, contrast_steps
+from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
 from idim_iv_ros.report.gap_words import (
     effect_at,
     effect_words,
@@ -316,6 +316,7 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
         return None
     return {
         "badge": contrast_badge(contrast),
+        "headline": contrast_headline(result, contrast),
         "answer": contrast.sentence,
         "steps": contrast_steps(contrast, report.files),
         "reference": ", ".join(contrast.reference),

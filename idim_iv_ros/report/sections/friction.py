@@ -16,7 +16,7 @@ from idim_iv_ros.report.figures import (
     layout,
     line,
 )
-from idim_iv_ros.report.gap_words import drawable, torque_unit, unit_in
+from idim_iv_ros.report.gap_words import drawable, torque_unit, unit_in, worth_seeing
 from idim_iv_ros.report.section import Report, Section
 from idim_iv_ros.types import FloatArray
 
@@ -33,13 +33,12 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     if drawn[0].given_friction is not None:
         legend.append(Mark("line", INK, "nominal model"))
     legend.append(Mark("line", BLUE, "extended model"))
-    return {
-        "legend": legend,
-        "plots": [
-            (series.joint, _figure(report.result, series, number))
-            for number, series in enumerate(drawn)
-        ],
-    }
+    first = worth_seeing(report.result)
+    plots = [
+        (series.joint, _figure(report.result, series, number), series.joint in first)
+        for number, series in enumerate(drawn)
+    ]
+    return {"legend": legend, "plots": sorted(plots, key=lambda plot: not plot[-1])}
 
 
 def _figure(result: GapResult, series: GapSeries, number: int) -> Figure:

@@ -38,12 +38,12 @@ def _context(report: Report[Any]) -> dict[str, Any]:
         "cite": not diagnosis,
         "software": dict(result.software),
         "spent": spent,
-        "configuration": _yaml(result.configuration),
+        "configuration": configuration_text(result.configuration),
         "extended": result.extended_parameters if diagnosis else {},
     }
 
 
-def _yaml(configuration: dict[str, object]) -> str:
+def configuration_text(configuration: dict[str, object]) -> str:
     """Return a configuration as it is written in the robot's file."""
     writer: Any = YAML(typ="safe", pure=True)
     writer.default_flow_style = None

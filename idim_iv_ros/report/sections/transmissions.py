@@ -118,4 +118,10 @@ def twist_figure(
     return Figure(f"transmission-{index}", _HEIGHT, words, data, layout(axes))
 
 
-TRANSMISSIONS = Section("Transmissions", "transmissions", "transmissions.html.j2", _context)
+TRANSMISSIONS = Section(
+    "Transmissions",
+    "transmissions",
+    "transmissions.html.j2",
+    _context,
+    "stiffness and play that encoders behind the gears show",
+)
