@@ -11,10 +11,14 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.named_columns import (
+    NamedColumns,
+    ledger_of_rows,
+    supported,
+)
 from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
@@ -24,22 +28,15 @@ from idim_iv_ros.diagnosis.refit.law_speed import (
     comparable_rows,
     limited,
 )
-from idim_iv_ros.effects.effect import Place
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.observation import segments_of
-from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-_SECOND: Scope = frozenset({1})  # what differs in the second set
-
-_BLOCKS = 20  # stretches of time by which a change of the law is judged
 TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 _ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
-_FREE = 100.0  # torque that a constant may have, times that of the commands
 _LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
 
 
@@ -123,18 +120,7 @@ class CommandRows:
         rest, likely = self.rest, self.likely.copy()
         if lag is not None:
             rest, likely[:TIMES] = rest - lag * self.errors[:, 0], 0.0
-        matrix = np.column_stack([self.errors, self.constants])
-        free = np.full(self.constants.shape[1], _FREE * self.size)
-        joint = JointRows(matrix, rest, np.arange(matrix.shape[1]), self.runs)
-        return Ledger(
-            joints=(joint,),
-            gap=(rest,),
-            sizes=np.array([self.size]),
-            link_errors=np.diag(np.concatenate([likely, free])),
-            drive_errors=np.zeros((matrix.shape[1], 0)),
-            blocks=(np.arange(len(rest)) * _BLOCKS // len(rest),),
-            nominal=False,
-        )
+        return ledger_of_rows(rest, self.size, self.errors, likely, self.constants, self.runs)
 
 
 def command_rows(
@@ -180,39 +166,6 @@ def command_rows(
         time=np.concatenate(times),
         second=np.zeros(len(table), dtype=bool),
     )
-
-
-class _Group(ParametricEffect):
-    """One group of the law."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name  # type: ignore[misc]
-
-
-class _Groups(Catalogue):
-    """Groups that vary, in all rows and, of two sets, in the second one alone.
-
-    They are free curves besides, so that the first noise is that of what all of them leave.
-    """
-
-    def __init__(self, rows: CommandRows) -> None:
-        made = []
-        for name, torque in rows.groups.items():
-            for scope in (None, _SECOND) if rows.second.any() else (None,):
-                inside = torque if scope is None else torque * rows.second
-                if np.std(inside) <= 1e-12:
-                    continue
-                lines = {0: inside[None].astype(np.float32)}
-                kinds = (Kind.NUMBER, Kind.CURVE) if scope is None else (Kind.NUMBER,)
-                made += [
-                    Candidate(kind, _Group(name), Place(0), (), (), lines, 1, scope)
-                    for kind in kinds
-                ]
-        self.candidates = tuple(made)
-
-    def why_impossible(self, *_: object) -> str:
-        """No change of a gain is."""
-        return ""
 
 
 @dataclass(frozen=True)
@@ -311,22 +264,7 @@ def law_change(rows: CommandRows) -> LawChange:
             if not calm.all():
                 rows = rows.only(calm)
                 break
-    selection = select(_Groups(rows), rows.ledger())
-    terms = _supported(selection.comparison, selection.terms)
+    selection = select(NamedColumns(rows.groups, rows.second), rows.ledger())
+    terms = supported(selection.comparison, selection.terms, settings.LAW_LEAST_SUPPORT)
     large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
     return LawChange(rows, selection.comparison, together(selection.comparison, large))
-
-
-def _supported(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
-    """Leave out, the weakest first, what adds too little to the evidence beside the others."""
-    terms = tuple(terms)
-    while terms:
-        others = [(*terms[:k], *terms[k + 1 :]) for k in range(len(terms))]
-        whole = comparison.objective(terms)
-        losses = [whole - comparison.objective(rest) for rest in others]
-        weakest = int(np.argmin(losses))
-        if losses[weakest] >= settings.LAW_LEAST_SUPPORT:
-            pairs = zip(terms, losses, strict=True)
-            return tuple(replace(term, evidence=loss) for term, loss in pairs)
-        terms = others[weakest]
-    return ()

@@ -230,8 +230,7 @@ def held_out(
     ends = extended.parameters + np.cumsum([0, *extended.widths])
     white = white_noise_models(extended.joints, fit.residuals)
     plain, whitened = (
-        _predicted(extended, noise_models, folds, ends)
-        for noise_models in (white, fit.noise_models)
+        predicted(extended, noise_models, folds, ends) for noise_models in (white, fit.noise_models)
     )
     scales = [noise.sigma for noise in white]
     stages = [
@@ -288,7 +287,7 @@ def folds_of(
     return folds, note
 
 
-def _predicted(
+def predicted(
     extended: Regression,
     noise_models: Sequence[AutoregressiveModel],
     folds: Sequence[IntArray],

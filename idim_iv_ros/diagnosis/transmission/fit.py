@@ -5,22 +5,30 @@ twist = load / K + (gap / 2) sign(load) + h sign(speed) + s · speed − (D / K�
 K is the stiffness, D the damping, s the time by which the link's channel is late: that is no
 elasticity, and always in the model. h is play that friction keeps on one side, or friction
 behind the gear. g is an error of an encoder that depends on the position. What is not always
-there is added one by one, the best first, as long as Schwarz's criterion asks for it with the
-margin of every other search here. Rows are whitened by an autoregressive model of the residual.
+there is chosen by the comparison that chooses causes. Rows are whitened by an autoregressive model
+of the residual.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.comparison.named_columns import (
+    FREE,
+    NamedColumns,
+    ledger_of_rows,
+    supported,
+)
+from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.refit.held_out import predicted
+from idim_iv_ros.diagnosis.result import Evidence
 from idim_iv_ros.diagnosis.transmission.twist import TwistRows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _OFFSET_STEPS = 3  # fits of the time offset, which enters to first order only
 _POSITION_TERMS = 4  # cosines of an encoder's error: slower than that of a gear
@@ -43,10 +51,8 @@ class TwistFit:
     terms : tuple of str
         Accepted beside the time offset and the constants.
     numbers : dict of term to (float, float)
-        Coefficient and its deviation, rad per unit of the column: of terms that are not accepted
-        beside those that are. Position has none.
-    gains : dict of term to float
-        Logarithm of the likelihood ratio of each, less Schwarz's penalty.
+        Coefficient and its deviation, rad per unit of the column, beside the accepted terms.
+        Position has none.
     regression, fit
         Of the accepted terms.
     """
@@ -57,7 +63,6 @@ class TwistFit:
     columns: dict[str, FloatArray]
     terms: tuple[str, ...]
     numbers: dict[str, tuple[float, float]]
-    gains: dict[str, float]
     regression: Regression
     fit: Fit
 
@@ -73,109 +78,66 @@ class TwistFit:
     @property
     def twist(self) -> FloatArray:
         """(r,) rad with both channels at the same instants, less constants and position."""
-        followed = [self.columns[t][:, 0] * self.numbers[t][0] for t in self.terms if t != POSITION]
+        followed = [self.columns[t][:, 0] * self.accepted(t) for t in self.terms if t != POSITION]
         return np.asarray(sum(followed, self.fit.residuals[0]))
 
 
 def fit_twist(rows: TwistRows) -> TwistFit:
     """Align the two channels and find what their difference follows."""
-    columns = _term_columns(rows)
-    offset = 0.0
-    for _ in range(_OFFSET_STEPS):
-        fit = _base(rows, offset).with_columns({0: columns[LOAD]}).fit()
-        offset += float(fit.values[0])
-    base = _base(rows, offset)
-    terms, gains = _selected(base, columns)
-    regression = _with_terms(base, [columns[term] for term in terms])
-    fit = regression.fit()
-    numbers = {}
-    for term in gains:
-        if term == POSITION:
-            continue
-        wider, before = fit, terms
-        if term in terms:
-            before = terms[: terms.index(term)]
-        else:
-            wider = regression.with_columns({0: columns[term]}).fit()
-        place = sum(columns[other].shape[1] for other in before)
-        variance = float(wider.coefficient_covariance[place, place])
-        numbers[term] = float(wider.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
-    return TwistFit(
-        rows=rows,
-        offset=offset + float(fit.values[0]),
-        offset_std=float(np.sqrt(max(fit.covariance[0, 0], 0.0))),
-        columns=columns,
-        terms=tuple(terms),
-        numbers=numbers,
-        gains=gains,
-        regression=regression,
-        fit=fit,
-    )
-
-
-def _term_columns(rows: TwistRows) -> dict[str, FloatArray]:
-    """Columns (r, k) of every term that need not be there."""
     columns = {LOAD: rows.load[:, None], DIRECTION: rows.direction[:, None]}
-    sides = [float(np.mean(rows.side * sign > 0.0)) for sign in (-1.0, 1.0)]
-    if min(sides) >= _LEAST_SIDE:
+    if min(np.mean(rows.side < 0.0), np.mean(rows.side > 0.0)) >= _LEAST_SIDE:
         columns[SIDE] = rows.side[:, None]
-    span = max(float(np.ptp(rows.position)), 1e-12)
-    turn = np.pi * (rows.position - rows.position.min()) / span
+    turn = rows.position - rows.position.min()
+    turn = np.pi * turn / max(float(turn.max()), 1e-12)
     columns[POSITION] = np.cos(turn[:, None] * np.arange(1, _POSITION_TERMS + 1))
     columns[RATE] = rows.load_rate[:, None]
-    return columns
+    offset = 0.0
+    for _ in range(_OFFSET_STEPS):
+        fit = _regression(rows, offset).with_columns({0: columns[LOAD]}).fit()
+        offset += float(fit.values[0])
+    terms = _chosen(rows, offset, columns)
+    regression = _regression(rows, offset)
+    for term in terms:
+        regression = regression.with_columns({0: columns[term]})
+    fit, numbers = regression.fit(), {}
+    for term in columns:
+        if term == POSITION or (term == RATE and LOAD not in terms):
+            continue
+        wider, place = fit, -1
+        if term in terms:
+            place = sum(regression.widths[: terms.index(term)])
+        else:
+            wider = regression.with_columns({0: columns[term]}).fit()
+        variance = float(wider.coefficient_covariance[place, place])
+        numbers[term] = float(wider.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
+    late, late_std = float(fit.values[0]), float(np.sqrt(max(fit.covariance[0, 0], 0.0)))
+    return TwistFit(rows, offset + late, late_std, columns, terms, numbers, regression, fit)
 
 
-def _base(rows: TwistRows, offset: float) -> Regression:
-    """Speed and a constant for each recording."""
-    constants = rows.recording[:, None] == np.unique(rows.recording)
-    matrix = np.column_stack([rows.speed, constants.astype(float)])
+def _regression(rows: TwistRows, offset: float) -> Regression:
+    """Regress the twist on the speed and a constant for each recording."""
+    matrix = np.column_stack([rows.speed, rows.constants])
     places = np.arange(matrix.shape[1])
     joint = JointRows(matrix, rows.twist(offset), places, rows.segments)
     return Regression((joint,), len(places))
 
 
-def _selected(
-    base: Regression, columns: Mapping[str, FloatArray]
-) -> tuple[list[str], dict[str, float]]:
-    """Terms that the likelihood asks for, and what each brings beside those."""
-    terms: list[str] = []
-    while True:
-        gains = _gains(base, columns, terms)
-        others = [term for term in gains if term not in terms]
-        best = max(others, key=lambda term: gains[term], default=None)
-        if best is None or gains[best] < settings.LEAST_SUPPORT:
-            break
-        terms.append(best)
-    # What came first may be explained by what came later.
-    for term in list(terms):
-        gains = _gains(base, columns, terms)
-        if term != RATE and gains[term] < settings.LEAST_SUPPORT:
-            terms.remove(term)
-    if LOAD not in terms and RATE in terms:
-        terms.remove(RATE)
-    return terms, _gains(base, columns, terms)
-
-
-def _gains(
-    base: Regression, columns: Mapping[str, FloatArray], terms: Sequence[str]
-) -> dict[str, float]:
-    """Of every term beside the other accepted ones, less Schwarz's penalty."""
-    gains = {}
-    for term, column in columns.items():
-        if term == RATE and LOAD not in terms:
-            continue
-        others = [columns[other] for other in terms if other != term]
-        regression = _with_terms(base, [*others, column])
-        penalty = 0.5 * column.shape[1] * np.log(len(column))
-        gains[term] = regression.gain_of_last(regression.fit()) - float(penalty)
-    return gains
-
-
-def _with_terms(base: Regression, blocks: Sequence[FloatArray]) -> Regression:
-    for block in blocks:
-        base = base.with_columns({0: block})
-    return base
+def _chosen(rows: TwistRows, offset: float, columns: dict[str, FloatArray]) -> tuple[str, ...]:
+    """Terms that the comparison asks for, in the order of the columns."""
+    twist = rows.twist(offset)
+    means = np.linalg.lstsq(rows.constants, twist)[0]
+    size = float(np.std(twist - rows.constants @ means)) or 1e-300
+    late = FREE * size / max(float(np.sqrt(np.mean(rows.speed**2))), 1e-300)
+    ledger = ledger_of_rows(
+        twist, size, rows.speed[:, None], np.array([late]), rows.constants, rows.segments
+    )
+    selection = select(NamedColumns(columns, acts_with={RATE: LOAD}), ledger)
+    odds = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
+    kept = supported(selection.comparison, selection.terms, odds)
+    names = {term.key[0] for term in kept}
+    if LOAD not in names:
+        names.discard(RATE)
+    return tuple(name for name in columns if name in names)
 
 
 def compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
@@ -235,36 +197,24 @@ def _agreement(fit: TwistFit) -> tuple[HypothesisTest, float]:
     return HypothesisTest(words, "all", statistic, df, None, p_value, alpha=0.01), statistic / df
 
 
-def held_out(fit: TwistFit, term: str) -> tuple[float | None, int, int]:
-    """Share of the whitened twist's energy that a term takes on blocks that were not fitted.
+def evidence_of(fit: TwistFit, term: str) -> Evidence:
+    """How a term predicts blocks that were not fitted.
 
     Blocks lie at the same places of every recording: its constant is fitted from the others.
-
-    Returns
-    -------
-    float or None
-        None where there are too few rows.
-    int, int
-        On how many blocks it helps, of how many.
     """
-    rows, regression, count = fit.rows, fit.regression, int(settings.FOLDS)
-    first = regression.parameters + sum(regression.widths[: fit.terms.index(term)])
-    joint = regression.extended[0]
-    table = np.column_stack([joint.matrix, joint.torque])
-    table = fit.fit.noise_models[0].whiten(table, rows.segments)
-    without = np.delete(table, first, axis=1)
-    block = np.zeros(len(table), dtype=np.int64)
+    rows, count = fit.rows, int(settings.FOLDS)
+    regression = Regression(fit.regression.joints, fit.regression.parameters)
+    for other in [*(other for other in fit.terms if other != term), term]:
+        regression = regression.with_columns({0: fit.columns[other]})
+    block = np.zeros(len(rows.load), dtype=np.int64)
     for number in np.unique(rows.recording):
         places = np.flatnonzero(rows.recording == number)
         block[places] = np.arange(len(places)) * count // len(places)
+    ends = np.array([regression.total - regression.widths[-1], regression.total])
     before, after = (
-        np.array([_predicted(some, block == k) for k in range(count)]) for some in (without, table)
+        np.maximum(np.bincount(block, residual**2, count), 1e-300)
+        for (residual,) in predicted(regression, fit.fit.noise_models, [block], ends)
     )
-    gain = float(1.0 - after.sum() / before.sum()) if before.sum() > 0.0 else None
-    return gain, int(np.sum(after < before)), count
-
-
-def _predicted(table: FloatArray, out: BoolArray) -> float:
-    """Energy of what a fit to the other rows of [X y] misses in those that are `out`."""
-    solution = np.linalg.lstsq(table[~out, :-1], table[~out, -1], rcond=None)[0]
-    return float(np.sum((table[out, -1] - table[out, :-1] @ solution) ** 2))
+    left = float(after.sum() / before.sum())
+    helped = int(np.sum(after < before))
+    return Evidence(-len(block) * float(np.log(left)), None, 1.0 - left, f"{helped} of {count}")

@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.likelihood import Columns, Regression
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
-    Evidence,
     Gap,
     Transmission,
     TransmissionSeries,
@@ -24,8 +23,8 @@ from idim_iv_ros.diagnosis.transmission.fit import (
     SIDE,
     TwistFit,
     compliance,
+    evidence_of,
     fit_twist,
-    held_out,
 )
 from idim_iv_ros.diagnosis.transmission.twist import (
     LINK_MOTION_STEPS,
@@ -68,13 +67,7 @@ class Measured:
 
 
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
-    """Measure every joint that has an encoder behind its gear.
-
-    Parameters
-    ----------
-    regression
-        Of the refit on the smooth motion.
-    """
+    """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
     joints = [joint for joint in range(len(data.joints)) if has_encoder(data, joint)]
     return tuple(_measured(data, regression, joint) for joint in joints)
 
@@ -104,9 +97,9 @@ def _with_link_motion(
     bending, rate = fit.accepted(LOAD), fit.accepted(RATE)
     damping = -rate / bending**2 if rate < 0.0 else None
     gap = 2.0 * max(fit.accepted(SIDE), 0.0)
-    columns = twist_torques(data, joint, 1.0 / bending, damping, gap)
-    elastic = without_torque(regression, columns).fit(regression.fit().noise_models)
-    return twist_rows(data, regression, joint, bending, elastic.values)
+    elastic = _without_twist(data, regression, joint, 1.0 / bending, damping, gap)
+    fitted = elastic.fit(regression.fit().noise_models)
+    return twist_rows(data, regression, joint, bending, fitted.values)
 
 
 def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
@@ -209,16 +202,21 @@ def _damping(fit: TwistFit, stiffness: EffectParameter, unit: str) -> EffectPara
     return EffectParameter(value, value * relative, unit) if clear else None
 
 
-def link_inertia(data: Baseline, joint: int) -> float:
+def _link_inertia(data: Baseline, joint: int) -> float:
     """Inertia of what is behind a joint, about it: median over the motion, kg m²."""
     inertia = np.concatenate([motion.inertia[:, joint, joint] for motion in data.motions])
     return max(float(np.median(inertia)), 1e-12)
 
 
-def twist_torques(
-    data: Baseline, joint: int, stiffness: float, damping: float | None, gap: float
-) -> Columns:
-    """Change of all torques against a rigid transmission, (r, 1) by joint.
+def _without_twist(
+    data: Baseline,
+    regression: Regression,
+    joint: int,
+    stiffness: float,
+    damping: float | None,
+    gap: float,
+) -> Regression:
+    """Take off what a transmission changes of the torques against a rigid one.
 
     Parameters
     ----------
@@ -228,23 +226,15 @@ def twist_torques(
         N m s/rad; None: light, where none was measured.
     """
     if damping is None:
-        critical = 2.0 * float(np.sqrt(stiffness * link_inertia(data, joint)))
+        critical = 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
         damping = _LIGHT_DAMPING * critical
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
-    pairs = list(zip(data.motions, parts, strict=True))
-    return {
-        other: data.counting(other, [motion.rows(part[other]) for motion, part in pairs])
-        for other in parts[0]
-    }
-
-
-def without_torque(regression: Regression, columns: Columns) -> Regression:
-    """Return the same rows with a known torque (r, 1) taken off."""
-    joints = tuple(
-        replace(rows, torque=rows.torque - columns[joint][:, 0]) if joint in columns else rows
-        for joint, rows in enumerate(regression.joints)
-    )
-    return Regression(joints, regression.parameters)
+    joints = list(regression.joints)
+    for other in parts[0]:
+        made = [motion.rows(part[other]) for motion, part in zip(data.motions, parts, strict=True)]
+        torque = joints[other].torque - data.counting(other, made)[:, 0]
+        joints[other] = replace(joints[other], torque=torque)
+    return Regression(tuple(joints), regression.parameters)
 
 
 def with_transmissions(
@@ -259,13 +249,6 @@ def with_transmissions(
     Where both name one, it is one cause, with the measured numbers and the torque gap of the other.
     What the encoder behind a gear excludes at 95 % is taken out, with a note.
 
-    Parameters
-    ----------
-    regression
-        Of the refit on the smooth motion.
-    without
-        Effects that are left out of the catalogue.
-
     Returns
     -------
     All causes, those of them that were measured, and notes on what is excluded.
@@ -278,12 +261,8 @@ def with_transmissions(
         if part and name_of(part) not in without:
             cause = _cause(data, regression, transmission, part)
             if suggested:
-                cause = replace(
-                    cause,
-                    torque_gap=suggested[0].torque_gap,
-                    joint_gaps=suggested[0].joint_gaps,
-                    simulation_gap=suggested[0].simulation_gap,
-                )
+                gaps = ("torque_gap", "joint_gaps", "simulation_gap")
+                cause = replace(cause, **{name: getattr(suggested[0], name) for name in gaps})
             kept = [cause, *(other for other in kept if other not in suggested)]
             shafts.append(cause)
             continue
@@ -305,7 +284,7 @@ def _part(data: Baseline, transmission: Measured) -> Part:
         if result.backlash.value > _WIDE * bending:
             return "play"
     # Of the link against a motor at rest, median over the motion.
-    resonance = np.sqrt(stiffness / link_inertia(data, transmission.joint)) / (2.0 * np.pi)
+    resonance = np.sqrt(stiffness / _link_inertia(data, transmission.joint)) / (2.0 * np.pi)
     return "" if resonance > _STIFF_RESONANCE else "shaft"
 
 
@@ -319,13 +298,15 @@ def _excluded(result: Transmission, cause: Cause) -> bool:
 
 
 def _cause(data: Baseline, regression: Regression, transmission: Measured, part: Part) -> Cause:
-    result, fit = transmission.result, transmission.fit
+    """Name a measured shaft or play, with the residual of the refit at the joint as its gap.
+
+    The transmission is not fitted to the torque; the base parameters are, without and with it.
+    """
+    result, fit, joint = transmission.result, transmission.fit, transmission.joint
     assert fit is not None
-    term = SIDE if part == "play" else LOAD
-    gain, helped, folds = held_out(fit, term)
     stiffness = result.stiffness
     if stiffness is None and result.stiffness_at_least is not None:
-        unit = data.unit_at(transmission.joint, "N m/rad")
+        unit = data.unit_at(joint, "N m/rad")
         stiffness = EffectParameter(result.stiffness_at_least, None, unit)
     named = {
         "gap": result.backlash if part == "play" else None,
@@ -333,35 +314,20 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         "damping": result.damping,
     }
     parameters = {name: number for name, number in named.items() if number is not None}
-    gap = _torque_gap(data, regression, transmission.joint, parameters)
+    before = after = regression.fit()
+    if stiffness is not None:
+        values = {name: number.value for name, number in parameters.items()}
+        damping, play = values.get("damping"), values.get("gap", 0.0)
+        elastic = _without_twist(data, regression, joint, stiffness.value, damping, play)
+        after = elastic.fit(before.noise_models, steps=0)
+    one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
     return Cause(
         effect=name_of(part),
         kind="structural",
         joint=result.joint,
         sentence=sentences.play(result) if part == "play" else sentences.shaft(result),
         parameters=parameters,
-        evidence=Evidence(
-            statistic=2.0 * (fit.gains[term] + 0.5 * float(np.log(len(fit.rows.load)))),
-            held_out_gain=gain,
-            folds_positive=f"{helped} of {folds}",
-        ),
-        torque_gap=gap,
-        joint_gaps=(data.joint_change(transmission.joint, gap.before, gap.after),),
+        evidence=evidence_of(fit, SIDE if part == "play" else LOAD),
+        torque_gap=Gap(one, two, None, 1.0 - two / one if one > 0.0 else None, None),
+        joint_gaps=(data.joint_change(joint, one, two),),
     )
-
-
-def _torque_gap(
-    data: Baseline, regression: Regression, joint: int, parameters: dict[str, EffectParameter]
-) -> Gap:
-    """Residual of the refit at the joint, without and with the measured transmission (rms).
-
-    The transmission is not fitted to the torque; the base parameters are, both times.
-    """
-    values = {name: parameter.value for name, parameter in parameters.items()}
-    before = after = regression.fit()
-    if "stiffness" in values:
-        damping, play = values.get("damping"), values.get("gap", 0.0)
-        columns = twist_torques(data, joint, values["stiffness"], damping, play)
-        after = without_torque(regression, columns).fit(before.noise_models, steps=0)
-    one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
-    return Gap(one, two, None, 1.0 - two / one if one > 0.0 else None, None)

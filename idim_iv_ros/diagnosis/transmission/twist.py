@@ -38,27 +38,19 @@ class TwistRows:
 
     Attributes
     ----------
-    joint : int
     channels : tuple of (Motion, (m,) bool)
         Recordings with positions before and behind the gear, and their decimated samples that
         count.
-    load : N m
+    load, load_rate : N m, N m/s
         Torque of the links, from the refit.
-    load_rate : N m/s
-    side : −1 to 1
-        Sign of the load.
-    speed : rad/s
-    direction : −1 to 1
-        Sign of the speed, and between while the joint sticks.
-    position : rad
+    side, direction : −1 to 1
+        Sign of the load and of the speed; between while the joint sticks.
     recording : int
         Which recording each row belongs to.
     segments : tuple of slice
         Rows that are contiguous in time.
-    load_columns : (r, b)
-        Change of the load with each base parameter of the links.
-    load_covariance : (b, b)
-        Of these parameters.
+    load_columns, load_covariance : (r, b), (b, b)
+        Change of the load with each base parameter of the links, and their covariance.
     resolution : float
         Step of the coarser encoder, rad; zero where none shows.
     chosen : (n,) bool or None
@@ -79,6 +71,11 @@ class TwistRows:
     load_covariance: FloatArray
     resolution: float
     chosen: BoolArray | None = None
+
+    @property
+    def constants(self) -> FloatArray:
+        """(r, recordings) one column for each recording."""
+        return np.asarray(self.recording[:, None] == np.unique(self.recording), dtype=float)
 
     def twist(self, offset: float) -> FloatArray:
         """Motor less link (r,) rad, with the link's channel read `offset` seconds later."""
@@ -127,8 +124,6 @@ def twist_rows(
 
     Parameters
     ----------
-    regression
-        Of the refit on the smooth motion.
     compliance
         Of the shaft, rad/(N m), as far as it is known: the link needs the torque of its own motion,
         which is the motor's less the twist.
