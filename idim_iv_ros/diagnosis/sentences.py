@@ -6,7 +6,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
+from idim_iv_ros.diagnosis.refit.command_rows import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,

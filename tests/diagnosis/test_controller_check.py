@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.controller.check import check_law, why_not_checked
-from idim_iv_ros.diagnosis.controller.law_change import command_rows
+from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed
+from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.diagnosis.test_verdict import cause

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.controller.check import check_law
+from idim_iv_ros.diagnosis.controller import check_law
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.signals import JointSignals

@@ -8,8 +8,8 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against import words
 from idim_iv_ros.diagnosis.against.sets import TwoSets
-from idim_iv_ros.diagnosis.controller.check import shown_law, why_not_checked
-from idim_iv_ros.diagnosis.controller.law_change import CommandRows, law_change
+from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
+from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result import ContrastCause, EffectParameter, Evidence, JointTorque
 from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
 from idim_iv_ros.simulation import ControlLaw
