@@ -339,7 +339,7 @@ def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Caus
         joint=None,
         parameters={"delay": delay},
         evidence=Evidence((delay.value / delay.std) ** 2),
-        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+        torque_gap=Gap.without_floor(one, two),
         sentence=sentences.commands_late(delay, shown.period),
     )
 
@@ -366,7 +366,7 @@ def _cause(
         sentence="",
         parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
         evidence=Evidence(statistic),
-        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+        torque_gap=Gap.without_floor(one, two),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))
 

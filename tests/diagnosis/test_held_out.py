@@ -100,7 +100,7 @@ def test_an_effect_that_is_not_there_gains_nothing() -> None:
     floor = NoiseFloor(None, "lower bound", "")
     found = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], [floor])
     assert abs(found.gain(0)[0]) < 0.01
-    gap = found.gap(0, 1, None)
+    gap = found.gap(0, 1, 0)
     assert gap.noise_floor is None
     assert gap.shrinkage is not None
     assert abs(gap.shrinkage) < 0.01

@@ -33,7 +33,6 @@ from idim_iv_ros.diagnosis.result import (
     JointTorque,
 )
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import FloatArray
 
@@ -45,7 +44,6 @@ def contrasted(
     against: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str] = (),
-    progress: Progress | None = None,
 ) -> ContrastResult:
     """Say what changed from the reference recordings to the others.
 

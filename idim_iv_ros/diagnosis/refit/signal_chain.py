@@ -92,13 +92,10 @@ class EffortShift:
             effect=name_of("delay"),
             kind="structural",
             joint=None,
-            other_joint=None,
             parameters={"delay": delay},
             evidence=Evidence((delay.value / self.std) ** 2),
-            indistinguishable_from=(),
-            torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+            torque_gap=Gap.without_floor(one, two),
             joint_gaps=tuple(sorted(changes, key=lambda change: -change.share_of_torque)),
-            simulation_gap=None,
             sentence=(
                 f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
                 f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "

@@ -74,9 +74,14 @@ class Gap:
 
     before: Number
     after: Number
-    noise_floor: float | None
-    shrinkage: float | None
-    ci95: tuple[Number, Number] | None
+    noise_floor: float | None = None
+    shrinkage: float | None = None
+    ci95: tuple[Number, Number] | None = None
+
+    @classmethod
+    def without_floor(cls, before: float, after: float) -> "Gap":
+        """Return one whose noise and interval are not known."""
+        return cls(before, after, shrinkage=1.0 - after / before if before > 0.0 else None)
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,6 @@ class SimulationGap(Gap):
     """A tracking error before and after; nothing says which part of it is noise."""
 
     noise_floor: Annotated[None, Field(exclude=True)] = None
-    shrinkage: float | None = None
-    ci95: tuple[Number, Number] | None = None
 
 
 @dataclass(frozen=True)

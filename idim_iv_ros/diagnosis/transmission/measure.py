@@ -328,6 +328,6 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         sentence=sentences.play(result) if part == "play" else sentences.shaft(result),
         parameters=parameters,
         evidence=evidence_of(fit, SIDE if part == "play" else LOAD),
-        torque_gap=Gap(one, two, None, 1.0 - two / one if one > 0.0 else None, None),
+        torque_gap=Gap.without_floor(one, two),
         joint_gaps=(data.joint_change(joint, one, two),),
     )
