@@ -1,6 +1,6 @@
 """What changed between two sets of recordings: the whole of `diagnose --against`."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -88,7 +88,7 @@ def contrast_of(
     numbers = number_changes(changes)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
     law, why_no_law = law_causes(sets, without)
-    delay = delay_causes(sets)
+    delay, shifts = delay_causes(sets), effort_shifts(sets)
     causes = [
         *_structural_causes(sets, changes),
         *(_parametric_cause(sets, changes, change, len(groups) > 1) for change in numbers),
@@ -106,7 +106,8 @@ def contrast_of(
     unexplained = [
         joint for joint, size in zip(joints, least, strict=True) if joint.unexplained >= size
     ]
-    if causes or unattributed or unexplained:
+    differs = bool(causes or unattributed or unexplained)
+    if differs:
         closest = [(term, times) for term, times in changes.doubtful.items() if times]
         sentence = words.changes(data, against, causes, unattributed, unexplained, closest)
     else:
@@ -116,7 +117,6 @@ def contrast_of(
             if joint.after**2 - level**2 >= size**2
         }
         sentence = words.no_difference(data, against, joints, noisier)
-    shifts = effort_shifts(sets)
     notes = [
         "" if delay else words.shift(shifts),
         *words.softened([refit.softened for refit in sets.refits], data.joints),
@@ -127,7 +127,7 @@ def contrast_of(
     return ContrastResult(
         reference=sets.bags(sets.first),
         against=against,
-        differs=bool(causes or unattributed or unexplained),
+        differs=differs,
         sentence=sentence,
         joints=tuple(joints),
         causes=tuple(causes),
@@ -174,40 +174,39 @@ def _torques(
 
 def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
+    data, made = sets.data, []
     places: dict[tuple[str, int | None, int | None], list[Term]] = {}
     for term in changes.accepted:
         if term.candidate.kind is Kind.EFFECT:
             places.setdefault(term.key[:3], []).append(term)
-    return [_structural_cause(sets, changes, terms) for _, terms in sorted(places.items())]
-
-
-def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) -> ContrastCause:
-    data, first = sets.data, terms[0]
-    numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
-    for term in terms:
-        fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
-        numbers[_side(sets, term)] = data.in_units_at(term.place.joint, fitted)
-    one, other = numbers["reference"], numbers["against"]
-    change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
-    if (one and other) or any(term.key[:3] == first.key[:3] for term in changes.common):
-        change = "changed"
-    second_joint = first.place.other
-    cause = ContrastCause(
-        effect=first.effect.name,
-        kind="structural",
-        joint=data.joints[first.place.joint],
-        other_joint=None if second_joint is None else data.joints[second_joint],
-        change=change,
-        bags=sets.bags(sets.second),
-        parameters=difference(other, one) if one and other else other or one,
-        reference=one,
-        against=other,
-        evidence=_evidence(changes, terms),
-        indistinguishable_from=rivals_of(data.joints, terms),
-        torques=_torques(sets, terms),
-        sentence="",
-    )
-    return replace(cause, sentence=words.structural(data, cause))
+    for place, terms in sorted(places.items()):
+        first = terms[0]
+        numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
+        for term in terms:
+            fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
+            numbers[_side(sets, term)] = data.in_units_at(term.place.joint, fitted)
+        one, other = numbers["reference"], numbers["against"]
+        change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
+        if (one and other) or any(term.key[:3] == place for term in changes.common):
+            change = "changed"
+        joints = [data.joints[joint] for joint in first.place.joints]
+        cause = ContrastCause(
+            effect=first.effect.name,
+            kind="structural",
+            joint=joints[0],
+            other_joint=joints[1] if len(joints) > 1 else None,
+            change=change,
+            bags=sets.bags(sets.second),
+            parameters=difference(other, one) if one and other else other or one,
+            reference=one,
+            against=other,
+            evidence=_evidence(changes, terms),
+            indistinguishable_from=rivals_of(data.joints, terms),
+            torques=_torques(sets, terms),
+            sentence="",
+        )
+        made.append(replace(cause, sentence=words.structural(data, cause)))
+    return made
 
 
 def _parametric_cause(
@@ -278,19 +277,19 @@ def _with_numbers_of_second(
     return made
 
 
-def _moved(sets: TwoSets, changes: Changes, term: Term) -> Mapping[int, FloatArray]:
+def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    candidate, shape = term.candidate, term.shape
+    candidate, shape, columns = term.candidate, term.shape, term.columns
     if candidate.scope is None:
         return {}
-    if _side(sets, term) == "against":
-        return {joint: rows @ term.coefficients for joint, rows in term.columns.items()}
-    if shape is None or isinstance(candidate.effect, ParametricEffect):
-        return {}
-    everywhere = changes.selection.comparison.catalogue.everywhere(candidate, shape)
+    sign = 1.0
+    if _side(sets, term) == "reference":
+        if shape is None or isinstance(candidate.effect, ParametricEffect):
+            return {}
+        columns, sign = changes.selection.comparison.catalogue.everywhere(candidate, shape), -1.0
     return {
-        joint: -(rows @ term.coefficients) * sets.inside[joint]
-        for joint, rows in everywhere.items()
+        joint: sign * (rows @ term.coefficients) * sets.inside[joint]
+        for joint, rows in columns.items()
     }
 
 
