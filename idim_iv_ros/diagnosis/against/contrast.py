@@ -1,6 +1,6 @@
 """What changed between two sets of recordings: the whole of `diagnose --against`."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -18,12 +18,13 @@ from idim_iv_ros.diagnosis.against.changes import (
     quarters,
     rms_of,
 )
-from idim_iv_ros.diagnosis.against.law import delay_causes, difference, effort_shifts, law_causes
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
 from idim_iv_ros.diagnosis.answer.causes import rivals_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
+from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
+from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
     ContrastResult,
@@ -33,7 +34,9 @@ from idim_iv_ros.diagnosis.result import (
     JointTorque,
 )
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
 from idim_iv_ros.recording import Recording
+from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 Side = Literal["reference", "against"]
@@ -81,14 +84,16 @@ def contrast_of(
     ----------
     disagreeing
         Recordings of the reference that differ from its others.
-    without
-        Effects that are left out of the catalogue.
     """
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
-    law, why_no_law = law_causes(sets, without)
-    delay, shifts = delay_causes(sets), effort_shifts(sets)
+    law, why_no_law = _law_causes(sets, without)
+    shifts = {
+        name: EffectParameter(refit.shift.shift, refit.shift.std, "s")
+        for name, refit in zip(("reference", "against"), sets.refits, strict=True)
+    }
+    delay = _delay_causes(sets, shifts)
     causes = [
         *_structural_causes(sets, changes),
         *(_parametric_cause(sets, changes, change, len(groups) > 1) for change in numbers),
@@ -197,7 +202,7 @@ def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
             other_joint=joints[1] if len(joints) > 1 else None,
             change=change,
             bags=sets.bags(sets.second),
-            parameters=difference(other, one) if one and other else other or one,
+            parameters=_difference(other, one) if one and other else other or one,
             reference=one,
             against=other,
             evidence=_evidence(changes, terms),
@@ -228,6 +233,103 @@ def _parametric_cause(
     )
     which = "" if joint is None else change.effect.which(joint)
     return replace(cause, sentence=words.parametric(data, cause, which, several=several))
+
+
+def _law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCause], str]:
+    """Compare the law that each set shows; and why not, where they cannot be compared.
+
+    The configured law is only the form: what both sets have otherwise than configured cancels.
+    """
+    if CONTROL_LAW.name in without:
+        return [], ""
+    for refit, name in zip(sets.refits, ("reference", "second set"), strict=True):
+        reason = why_not_checked(refit.data)
+        if reason:
+            return [], f"the control laws of the sets were not compared: {reason} ({name})"
+    one, other = (shown_law(refit.data) for refit in sets.refits)
+    causes = [
+        _law_cause(sets, one.law, joint, one.joints[joint][0].followed_by(other.joints[joint][0]))
+        for joint in sorted(set(one.joints) & set(other.joints))
+    ]
+    return [cause for cause in causes if cause is not None], ""
+
+
+def _law_cause(
+    sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows
+) -> ContrastCause | None:
+    """What one joint is controlled by otherwise in the second set; None where in nothing."""
+    change = law_change(rows)
+    differing = [term for term in change.terms if term.key[3] is not None]
+    if not differing:
+        return None
+    groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
+    torque = np.zeros(len(rows.rest))
+    for term in differing:
+        name, value = term.key[0], float(term.coefficients[0])
+        common, std = change.changes.get(name, (0.0, 0.0))
+        groups[0][name] = common, std
+        groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))
+        torque += value * rows.groups[name]
+    reference, against = (
+        sets.data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, group)) for group in groups
+    )
+    # What the change makes on the second set's motion.
+    rms = float(np.std(torque[rows.second]))
+    made = JointTorque(sets.data.joints[joint], rms, rms / float(sets.sizes[joint]))
+    cause = ContrastCause(
+        effect=CONTROL_LAW.name,
+        kind="structural",
+        joint=made.joint,
+        change="changed",
+        bags=sets.bags(sets.second),
+        parameters=_difference(against, reference),
+        reference=reference,
+        against=against,
+        evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
+        torques=(made,),
+        sentence="",
+    )
+    return replace(cause, sentence=words.law(cause))
+
+
+def _delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:
+    """A shift of the effort that changed by more than recording makes of it."""
+    reference, against = ({"delay": shifts[name]} for name in ("reference", "against"))
+    change = _difference(against, reference)
+    delay = change["delay"]
+    period = max(refit.shift.period for refit in sets.refits)
+    if delay.std is None or abs(delay.value) < max(
+        settings.CONTRAST_LEAST_DELAY * period, settings.CLEAR_DEVIATIONS * delay.std
+    ):
+        return []
+    cause = ContrastCause(
+        effect=name_of("delay"),
+        kind="structural",
+        joint=None,
+        change="changed",
+        bags=sets.bags(sets.second),
+        parameters=change,
+        reference=reference,
+        against=against,
+        evidence=Evidence((delay.value / delay.std) ** 2),
+        sentence=words.delay(delay),
+    )
+    return [cause]
+
+
+def _difference(
+    against: Mapping[str, EffectParameter], reference: Mapping[str, EffectParameter]
+) -> dict[str, EffectParameter]:
+    """Second set less reference, of the numbers that both have; no deviation unless both have."""
+    made = {}
+    for name, other in against.items():
+        if name not in reference:
+            continue
+        one, std = reference[name], None
+        if one.std is not None and other.std is not None:
+            std = float(np.hypot(one.std, other.std))
+        made[name] = EffectParameter(other.value - one.value, std, other.unit)
+    return made
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:

@@ -15,20 +15,18 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
     TransmissionSeries,
 )
-from idim_iv_ros.diagnosis.transmission.fit import (
+from idim_iv_ros.diagnosis.transmission.twist import (
     DIRECTION,
+    LINK_MOTION_STEPS,
     LOAD,
     POSITION,
     RATE,
     SIDE,
     TwistFit,
+    TwistRows,
     compliance,
     evidence_of,
     fit_twist,
-)
-from idim_iv_ros.diagnosis.transmission.twist import (
-    LINK_MOTION_STEPS,
-    TwistRows,
     has_encoder,
     twist_rows,
 )
