@@ -8,9 +8,11 @@ import numpy as np
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import predicted
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
+    Evidence,
     Gap,
     Transmission,
     TransmissionSeries,
@@ -25,9 +27,7 @@ from idim_iv_ros.diagnosis.transmission.twist import (
     TwistFit,
     TwistRows,
     compliance,
-    evidence_of,
     fit_twist,
-    has_encoder,
     twist_rows,
 )
 from idim_iv_ros.effects.cause import Part
@@ -66,8 +66,16 @@ class Measured:
 
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
     """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
-    joints = [joint for joint in range(len(data.joints)) if has_encoder(data, joint)]
+    joints = [joint for joint in range(len(data.joints)) if _has_encoder(data, joint)]
     return tuple(_measured(data, regression, joint) for joint in joints)
+
+
+def _has_encoder(data: Baseline, joint: int) -> bool:
+    """Whether every recording holds positions of the joint behind its gear."""
+    return all(
+        motion.signals.link_valid is not None and bool(motion.signals.link_valid[:, joint].any())
+        for motion in data.prepared.motions
+    )
 
 
 def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
@@ -325,7 +333,30 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         joint=result.joint,
         sentence=sentences.play(result) if part == "play" else sentences.shaft(result),
         parameters=parameters,
-        evidence=evidence_of(fit, SIDE if part == "play" else LOAD),
+        evidence=_evidence(fit, SIDE if part == "play" else LOAD),
         torque_gap=Gap.without_floor(one, two),
         joint_gaps=(data.joint_change(joint, one, two),),
     )
+
+
+def _evidence(fit: TwistFit, term: str) -> Evidence:
+    """How a term predicts blocks that were not fitted.
+
+    Blocks lie at the same places of every recording: its constant is fitted from the others.
+    """
+    rows, count = fit.rows, int(settings.FOLDS)
+    regression = Regression(fit.regression.joints, fit.regression.parameters)
+    for other in [*(other for other in fit.terms if other != term), term]:
+        regression = regression.with_columns({0: fit.columns[other]})
+    block = np.zeros(len(rows.load), dtype=np.int64)
+    for number in np.unique(rows.recording):
+        places = np.flatnonzero(rows.recording == number)
+        block[places] = np.arange(len(places)) * count // len(places)
+    ends = np.array([regression.total - regression.widths[-1], regression.total])
+    before, after = (
+        np.maximum(np.bincount(block, residual**2, count), 1e-300)
+        for (residual,) in predicted(regression, fit.fit.noise_models, [block], ends)
+    )
+    left = float(after.sum() / before.sum())
+    helped = int(np.sum(after < before))
+    return Evidence(-len(block) * float(np.log(left)), None, 1.0 - left, f"{helped} of {count}")

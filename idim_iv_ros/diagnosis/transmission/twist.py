@@ -30,8 +30,6 @@ from idim_iv_ros.diagnosis.comparison.named_columns import (
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
-from idim_iv_ros.diagnosis.refit.held_out import predicted
-from idim_iv_ros.diagnosis.result import Evidence
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
@@ -128,14 +126,6 @@ class TwistRows:
         rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ROWS}
         segments = segments_of([chosen[segment] for segment in self.segments])
         return replace(self, **rows, segments=segments, chosen=chosen)
-
-
-def has_encoder(data: Baseline, joint: int) -> bool:
-    """Whether every recording holds positions of the joint behind its gear."""
-    return all(
-        motion.signals.link_valid is not None and bool(motion.signals.link_valid[:, joint].any())
-        for motion in data.prepared.motions
-    )
 
 
 def twist_rows(
@@ -386,26 +376,3 @@ def _agreement(fit: TwistFit) -> tuple[HypothesisTest, float]:
     statistic = float(change @ np.linalg.pinv(covariance) @ change)
     p_value = float(scipy.stats.chi2.sf(statistic, df))
     return HypothesisTest(words, "all", statistic, df, None, p_value, alpha=0.01), statistic / df
-
-
-def evidence_of(fit: TwistFit, term: str) -> Evidence:
-    """How a term predicts blocks that were not fitted.
-
-    Blocks lie at the same places of every recording: its constant is fitted from the others.
-    """
-    rows, count = fit.rows, int(settings.FOLDS)
-    regression = Regression(fit.regression.joints, fit.regression.parameters)
-    for other in [*(other for other in fit.terms if other != term), term]:
-        regression = regression.with_columns({0: fit.columns[other]})
-    block = np.zeros(len(rows.load), dtype=np.int64)
-    for number in np.unique(rows.recording):
-        places = np.flatnonzero(rows.recording == number)
-        block[places] = np.arange(len(places)) * count // len(places)
-    ends = np.array([regression.total - regression.widths[-1], regression.total])
-    before, after = (
-        np.maximum(np.bincount(block, residual**2, count), 1e-300)
-        for (residual,) in predicted(regression, fit.fit.noise_models, [block], ends)
-    )
-    left = float(after.sum() / before.sum())
-    helped = int(np.sum(after < before))
-    return Evidence(-len(block) * float(np.log(left)), None, 1.0 - left, f"{helped} of {count}")
