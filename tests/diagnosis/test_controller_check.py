@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2
+from bags.simulated_arms import SimulatedArm
 from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
@@ -16,11 +16,6 @@ from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.diagnosis.test_verdict import cause
 from tests.estimation.test_simulated_arms import recorded
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
 
 
 def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:

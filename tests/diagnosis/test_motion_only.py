@@ -1,8 +1,6 @@
 """Testability, tracking and noise floor on a simulated two-joint arm."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +13,8 @@ from idim_iv_ros.diagnosis.identifiability import (
 )
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.result import Stage
+from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
-from idim_iv_ros.diagnosis.unexplained import unexplained_residual
 from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
@@ -110,29 +106,6 @@ def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     assert len(many) > len(few) + 5
     assert {(n.effect, n.joint) for n in few} <= {(n.effect, n.joint) for n in many}
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)
-
-
-def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
-    data: Baseline,
-) -> None:
-    torque = float(np.sqrt(np.mean(data.rows[0].torque ** 2)))
-
-    def stage(share: float) -> Stage:
-        return Stage("refit", {"joint_1": share * torque, "joint_2": 0.001}, {}, None, "")
-
-    floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
-    whole = SimpleNamespace(residuals=[torque * np.array([1.0, -1.0]), np.zeros(2)])
-    found: Any = SimpleNamespace(whole=whole, floors=floors)
-
-    def left(*stages: Stage) -> list[tuple[int, float, float, float]]:
-        return unexplained_residual(data, found, stages)
-
-    ((joint, _, share, _),) = left(stage(0.06), stage(0.05))
-    assert (joint, share) == (0, pytest.approx(0.05))
-    assert left(stage(0.5), stage(0.05)) == []
-    ((joint, _, share, _),) = left(stage(0.5), stage(0.15))
-    assert (joint, share) == (0, pytest.approx(0.15))
-    assert left(stage(0.025), stage(0.025)) == []  # may be noise
 
 
 def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:

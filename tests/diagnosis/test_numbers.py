@@ -19,14 +19,8 @@ from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
 from idim_iv_ros.effects.presliding import Presliding
-from tests.diagnosis.simulated_sessions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    return arm2_session(12.0)
 
 
 def causes_of(data: Baseline, regression: Regression) -> list[Cause]:

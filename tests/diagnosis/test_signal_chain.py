@@ -16,20 +16,9 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
-from tests.diagnosis.simulated_sessions import arm2_session
 from tests.estimation.test_simulated_arms import recorded
 
 PERIOD = 1e-3
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    return arm2_session(12.0)
 
 
 def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:

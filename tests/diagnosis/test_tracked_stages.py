@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.tracking import tracked_stages
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import Place
-from tests.diagnosis.simulated_sessions import arm2_session
 
 
 def judged(name: str, **numbers: float) -> Any:
@@ -18,8 +18,7 @@ def judged(name: str, **numbers: float) -> Any:
     return SimpleNamespace(term=SimpleNamespace(effect=effect, place=Place(0), shape=None))
 
 
-def test_effects_that_cannot_be_simulated_do_not_end_the_simulation() -> None:
-    data = arm2_session(12.0)
+def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(data: Baseline) -> None:
     fit = SimpleNamespace(values=data.estimate.linear.values, coefficients=np.zeros(2))
     effects = (judged("no such effect"), judged("spring", linear=40.0))
     found: Any = SimpleNamespace(

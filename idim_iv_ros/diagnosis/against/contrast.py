@@ -24,6 +24,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
+from idim_iv_ros.diagnosis.likelihood import Columns
 from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
@@ -381,10 +382,10 @@ def _with_numbers_of_second(
 
 def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    candidate, shape, columns = term.candidate, term.shape, term.columns
+    candidate, shape, sign = term.candidate, term.shape, 1.0
+    columns: Columns = term.columns
     if candidate.scope is None:
         return {}
-    sign = 1.0
     if _side(sets, term) == "reference":
         if shape is None or isinstance(candidate.effect, ParametricEffect):
             return {}

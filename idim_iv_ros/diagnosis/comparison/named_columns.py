@@ -50,12 +50,14 @@ class NamedColumns(Catalogue):
         second: BoolArray | None = None,
         acts_with: Mapping[str, str] | None = None,
     ) -> None:
-        scopes = (None,) if second is None or not second.any() else (None, SECOND)
+        inside: list[tuple[Scope | None, BoolArray | float]] = [(None, 1.0)]
+        if second is not None and second.any():
+            inside.append((SECOND, second))
         made = []
         for name, values in columns.items():
             effect = _Named(name, (acts_with or {}).get(name, ""))
-            for scope in scopes:
-                lines = np.atleast_2d(values.T) if scope is None else values[None] * second
+            for scope, rows in inside:
+                lines = np.atleast_2d(values.T) * rows
                 if np.std(lines, axis=1).max() <= 1e-12:
                     continue
                 for kind in (Kind.NUMBER, Kind.CURVE) if scope is None else (Kind.NUMBER,):
