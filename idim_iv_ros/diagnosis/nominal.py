@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic_core import from_json
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -40,9 +39,10 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
     """
     text = read_text(Path(path), "the nominal model", megabytes=_LARGEST_FILE)
     name = str(path)
-    document: GapResult | IdentificationResult
-    if _format(text) == GAP_FORMAT:
-        document = GapResult.from_json(text, name)
+    kind = GapResult if GAP_FORMAT in text else IdentificationResult
+    document: GapResult | IdentificationResult = kind.from_json(text, name)
+    left_out: tuple[str, ...] = ()
+    if isinstance(document, GapResult):
         left_out = tuple(
             f"{cause.effect.replace('_', ' ')} at {cause.joint or 'all joints'}"
             for cause in document.causes
@@ -50,7 +50,6 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
         )
         parameters = dict(document.extended_parameters)
     else:
-        document, left_out = IdentificationResult.from_json(text, name), ()
         parameters = {
             parameter.name: EffectParameter(parameter.value, parameter.std, parameter.unit)
             for parameter in document.parameters
@@ -64,14 +63,6 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
     _check_settings(name, document.configuration, configuration)
     nominal = NominalModel(name, document.robot, left_out, parameters)
     return IdentifiedModel(nominal, document.kinematics)
-
-
-def _format(text: str) -> object:
-    try:
-        content = from_json(text)
-    except ValueError:
-        return None  # the reader of documents says what is wrong
-    return content.get("format") if isinstance(content, dict) else None
 
 
 def _check_settings(name: str, settings: dict[str, Any], configuration: Configuration) -> None:

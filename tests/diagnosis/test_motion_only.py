@@ -52,11 +52,11 @@ def test_repeats_tell_the_noise_that_was_put_in(data: Baseline, regression: Regr
 
 def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
-    found, findings = where(data, regression, fit, noise_floors(data, regression, fit, ()))
-    assert sum(gap.share for gap in found.joints) == pytest.approx(1.0)
-    assert found.joints[0].rms > 3.0 * float(np.std(fit.residuals[0]))
+    gaps, findings = where(data, regression, fit, noise_floors(data, regression, fit, ()))
+    assert sum(gap.share for gap in gaps.joints) == pytest.approx(1.0)
+    assert gaps.joints[0].rms > 3.0 * float(np.std(fit.residuals[0]))
     assert findings
-    for regime in found.regimes:
+    for regime in gaps.regimes:
         assert regime.ci95 is not None
         assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
 
@@ -74,12 +74,13 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
     assert "efforts are in A" in current.why_no_given
     fit = regression.fit()
     numbers = [
-        {each.kind for each in Catalogue(one, regression).candidates} for one in (ampere, data)
+        {candidate.kind for candidate in Catalogue(one, regression).candidates}
+        for one in (ampere, data)
     ]
     assert [Kind.NUMBER in kinds for kinds in numbers] == [False, True]
-    found, _ = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
-    assert found.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
-    units = {regime.unit for regime in found.regimes if regime.axis == "load"}
+    gaps, _ = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
+    assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+    units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
     assert units <= {"A"}
 
 

@@ -77,13 +77,13 @@ def test_with_its_own_identified_model_a_robot_has_no_parameter_error(
 
 
 def test_effects_of_a_diagnosis_are_listed_as_left_out(bag: Path, tmp_path: Path) -> None:
-    found = diagnose([bag], CONFIGURATION, without=[effect.name for effect in STRUCTURAL])
+    diagnosis = diagnose([bag], CONFIGURATION, without=[effect.name for effect in STRUCTURAL])
     path = tmp_path / "gap.json"
-    found.write(path)
+    diagnosis.write(path)
     read = read_nominal_model(path, CONFIGURATION)
-    assert set(read.nominal.parameters) == set(found.extended_parameters)
+    assert set(read.nominal.parameters) == set(diagnosis.extended_parameters)
     assert read.nominal.left_out == ()
-    assert read.kinematics == found.kinematics
+    assert read.kinematics == diagnosis.kinematics
 
 
 Change = Callable[[dict[str, Any]], object]

@@ -42,12 +42,12 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
         friction.append(-float(state.qfrc_constraint[0]) / 1.5)
     v, a = (np.array(values)[:, None, None] for values in (speed, slope))
     soft = (1.0 - 0.9) / 0.9
-    found = _crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
+    computed = _crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
     turning = np.abs(np.array(speed)) < 0.05
     assert np.sum(np.abs(friction)[turning] < 0.9) > 200
-    assert np.max(np.abs(found - friction)) < 0.05
+    assert np.max(np.abs(computed - friction)) < 0.05
     ideal = np.sign(speed)
-    assert np.mean((found - friction)[turning] ** 2) < 1e-3 * np.mean(
+    assert np.mean((computed - friction)[turning] ** 2) < 1e-3 * np.mean(
         (ideal - friction)[turning] ** 2
     )
 
@@ -67,10 +67,10 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
         rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
     robot = replace(data, rows=tuple(rows))
-    found = soft_friction(robot, smooth_regression(robot))
+    friction = soft_friction(robot, smooth_regression(robot))
     if len(softer) == 1:
-        assert found is None
+        assert friction is None
         return
-    assert found is not None
-    np.testing.assert_allclose(found.leads, LEAD, atol=1.6e-3)
-    assert "joint_1, joint_2" in found.sentence(data.joints)
+    assert friction is not None
+    np.testing.assert_allclose(friction.leads, LEAD, atol=1.6e-3)
+    assert "joint_1, joint_2" in friction.sentence(data.joints)

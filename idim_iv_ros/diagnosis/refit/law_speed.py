@@ -81,9 +81,9 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
         return chosen
     # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
     late = score(chosen, feedforward=True)
-    beside = {speed: score(speed, feedforward=True) for speed in early}
-    best = min(beside, key=lambda speed: beside[speed])
-    return best if beside[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
+    others = {speed: score(speed, feedforward=True) for speed in early}
+    best = min(others, key=lambda speed: others[speed])
+    return best if others[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
 
 
 class _Joint:

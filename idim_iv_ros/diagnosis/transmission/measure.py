@@ -134,9 +134,9 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
     bending, std, test = compliance(fit)
     elastic = bending * rows.load
     clear = bending > settings.CLEAR_DEVIATIONS * std
-    above_step = float(np.ptp(elastic)) > rows.resolution
+    exceeds_step = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
-    if LOAD in fit.terms and clear and above_step:
+    if LOAD in fit.terms and clear and exceeds_step:
         stiffness = EffectParameter(1.0 / bending, std / bending**2, unit_at("N m/rad"))
         damping = _damping(fit, stiffness, unit_at("N m s/rad"))
     highest = bending + settings.NORMAL_95 * std
@@ -168,23 +168,23 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
         rows=len(rows.load),
         tests=(test,),
         unit=unit_at("rad"),
-        reason="" if stiffness else _undecided(fit, clear=clear, above_step=above_step),
+        reason="" if stiffness else _undecided(fit, clear=clear, exceeds_step=exceeds_step),
     )
 
 
-def _undecided(fit: TwistFit, *, clear: bool, above_step: bool) -> str:
+def _undecided(fit: TwistFit, *, clear: bool, exceeds_step: bool) -> str:
     """Why no stiffness is said.
 
     Parameters
     ----------
-    clear, above_step
+    clear, exceeds_step
         Whether the twist under the load differs from zero, and is larger than the encoders' step.
     """
     rows = fit.rows
     # Whether a twist of one step of the encoders would not have been significant.
     step = rows.resolution / max(float(np.ptp(rows.load)), 1e-300)
     hidden = step <= settings.CLEAR_DEVIATIONS * fit.numbers[LOAD][1]
-    if rows.resolution > 0.0 and (LOAD in fit.terms or hidden) and not above_step:
+    if rows.resolution > 0.0 and (LOAD in fit.terms or hidden) and not exceeds_step:
         return (
             f"the twist under the load stays below the encoders' step of {rows.resolution:.2g}: "
             "it cannot be determined"
