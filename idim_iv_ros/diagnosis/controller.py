@@ -274,6 +274,9 @@ class ShownLaw:
     speed : LawSpeed
     period : float
         Of the control, s.
+    resolution : float
+        Difference of two lags that a recording of this rate can show, s: half of its interval, at
+        which the law is evaluated, and the period of the control.
     joints : dict of int to (CommandRows, LawChange)
         All rows, and the smallest change that explains them, of joints that have enough.
     """
@@ -281,6 +284,7 @@ class ShownLaw:
     law: ControlLaw
     speed: LawSpeed
     period: float
+    resolution: float
     joints: dict[int, tuple[CommandRows, LawChange]]
 
 
@@ -298,7 +302,8 @@ def shown_law(data: Baseline) -> ShownLaw:
         if rows is not None:
             rows = _noisy(rows)
             joints[joint] = rows, law_change(rows)
-    return ShownLaw(law, speed, period, joints)
+    interval = 1.0 / min(motion.signals.rate for motion in motions)
+    return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)
 
 
 def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:
@@ -313,10 +318,10 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
         return usual, None
     lags, stds = np.array([change.lag for _, change in shown.joints.values()]).T
     common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)  # that of half of the joints
-    apart = settings.LAG_DIFFERENCE * max(shown.period, common)
+    apart = settings.LAG_DIFFERENCE * max(shown.resolution, common)
     same = np.abs(lags - common) <= apart
     if same.sum() < 2 or 2 * same.sum() <= len(lags):
-        return min(usual, common + settings.LAG_DIFFERENCE * shown.period), None
+        return min(usual, common + settings.LAG_DIFFERENCE * shown.resolution), None
     std = float(np.hypot(np.std(lags[same]), np.median(stds)))
     late = common - settings.CLEAR_DEVIATIONS * std > usual
     return common + apart, EffectParameter(common, std, "s") if late else None
