@@ -46,7 +46,7 @@ def test_a_ripple_of_the_gain_is_found_and_taken_out(data: Baseline) -> None:
     assert abs(ripple.size - SIZE) < 3.0 * ripple.std
     rippled = with_effort(data, effort / (1.0 + SIZE * waves(data)))
     left, there = (
-        np.std(changed.rows[0].torque - data.rows[0].torque) for changed in (restored, rippled)
+        np.std(each.rows[0].torque - data.rows[0].torque) for each in (restored, rippled)
     )
     assert left < 0.5 * there
     assert "joint_1" in ripple.sentence(data.joints)
