@@ -48,7 +48,11 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     """
     differentiating = np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist()
     rows = {joint: command_rows(motions, law, joint, LawSpeed(), 0.0) for joint in differentiating}
-    joints = [_Joint(motions, law, joint, some) for joint, some in rows.items() if some is not None]
+    joints = [
+        _JointCommands(motions, law, joint, some)
+        for joint, some in rows.items()
+        if some is not None
+    ]
     if not joints:
         return LawSpeed()
 
@@ -86,7 +90,7 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     return best if others[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
 
 
-class _Joint:
+class _JointCommands:
     """Commands of one joint beside its law, for any speed of it."""
 
     def __init__(
