@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.answer.causes import (
     verdict_of,
 )
 from idim_iv_ros.diagnosis.answer.explained import Explained, matters
-from idim_iv_ros.diagnosis.controller.check import check_law, why_not_checked
+from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
 from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit

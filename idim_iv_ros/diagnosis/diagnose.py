@@ -80,7 +80,7 @@ def diagnose(
             # Of the configuration with gravity, where it was missing and found.
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
-            contrast = contrasted(recordings, others, same, excluded, watch.progress)
+            contrast = contrasted(recordings, others, same, excluded)
             result = _with_contrast(result, contrast)
     result.timing.update(watch.timing)
     return result

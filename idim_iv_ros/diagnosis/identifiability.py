@@ -12,13 +12,14 @@ import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of, spread_shapes
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
 from idim_iv_ros.diagnosis.result import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
 _ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
 _TORQUE = "an effort that is the torque of this joint, in enough rows"
@@ -227,8 +228,10 @@ def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[Autore
 def _shaped(
     data: Baseline, effect: Effect, place: Place, covered: OperatingRange
 ) -> list[tuple[Shape, Columns]]:
-    """Shapes from all over the grid that are possible on the motion, with their columns."""
-    shapes = spread_shapes(effect, place, covered)
+    """A few shapes from all over the grid that are possible on the motion, with their columns."""
+    grid = effect.grid(place, covered)
+    places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
+    shapes = [grid[k] for k in np.unique(places)] if grid else []
     return [
         (shape, columns)
         for shape, columns in zip(shapes, rows_of(data, effect, place, shapes), strict=True)

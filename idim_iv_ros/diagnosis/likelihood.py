@@ -144,23 +144,6 @@ class Regression:
             ),
         )
 
-    def gain_of_last(self, fit: Fit) -> float:
-        """Logarithm of the likelihood ratio of the last block, with the noise of `fit` for both.
-
-        `fit` is of this regression. With noise models of its own the model without the block
-        would take slow structure for noise: an offset, or gravity, that is left out is
-        predictable from its past.
-        """
-        without = replace(self, added=self.added[:-1]).fit(fit.noise_models, steps=0)
-        gain = 0.0
-        pairs = zip(without.residuals, fit.residuals, strict=True)
-        for rows, noise, both in zip(self.joints, fit.noise_models, pairs, strict=True):
-            if not rows.left_out:
-                white = noise.standardized(np.column_stack(both), rows.segments)
-                energies = np.maximum(np.mean(white**2, axis=0), 1e-300)
-                gain += 0.5 * len(rows) * float(np.log(energies[0] / energies[1]))
-        return gain
-
     def _first_noise_models(self) -> tuple[AutoregressiveModel, ...]:
         """White noise, of the size that least squares leaves."""
         residuals = []

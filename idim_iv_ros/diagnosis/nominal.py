@@ -1,21 +1,18 @@
 """An identified model in the place of the URDF's values: `diagnose --nominal FILE`."""
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic_core import from_json
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, NominalModel
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP_FORMAT, FilePath, read_text
-from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.model import InverseModel, kinematics_digest
 from idim_iv_ros.types import FloatArray
 
 _LARGEST_FILE = 50.0  # MB
@@ -23,17 +20,10 @@ _LARGEST_FILE = 50.0  # MB
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A nominal model as its file holds it.
-
-    Attributes
-    ----------
-    nominal : NominalModel
-    expressions : dict of str to str
-        What each base parameter groups, which tells the geometry; empty where it is not known.
-    """
+    """A nominal model as its file holds it; `kinematics`: digest of its geometry, if it has one."""
 
     nominal: NominalModel
-    expressions: dict[str, str]
+    kinematics: str
 
 
 def read_nominal_model(path: FilePath, configuration: Configuration) -> IdentifiedModel:
@@ -49,23 +39,21 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
     """
     text = read_text(Path(path), "the nominal model", megabytes=_LARGEST_FILE)
     name = str(path)
-    document: GapResult | IdentificationResult
-    if _format(text) == GAP_FORMAT:
-        document = GapResult.from_json(text, name)
+    kind = GapResult if GAP_FORMAT in text else IdentificationResult
+    document: GapResult | IdentificationResult = kind.from_json(text, name)
+    left_out: tuple[str, ...] = ()
+    if isinstance(document, GapResult):
         left_out = tuple(
             f"{cause.effect.replace('_', ' ')} at {cause.joint or 'all joints'}"
             for cause in document.causes
             if cause.kind == "structural"
         )
         parameters = dict(document.extended_parameters)
-        expressions = _expressions(document.configuration)
     else:
-        document, left_out = IdentificationResult.from_json(text, name), ()
         parameters = {
             parameter.name: EffectParameter(parameter.value, parameter.std, parameter.unit)
             for parameter in document.parameters
         }
-        expressions = {parameter.name: parameter.expression for parameter in document.parameters}
     wanted = tuple(configuration.robot.joints)
     if tuple(document.joints) != wanted:
         raise UsageError(
@@ -73,28 +61,8 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
             f"configuration of {', '.join(wanted)}; give a result of this robot"
         )
     _check_settings(name, document.configuration, configuration)
-    return IdentifiedModel(NominalModel(name, document.robot, left_out, parameters), expressions)
-
-
-def _expressions(settings: dict[str, object]) -> dict[str, str]:
-    """Of the URDF that a diagnosis was made with; none where it is not there any more."""
-    try:
-        configuration = Configuration.model_validate_json(json.dumps(settings))
-        urdf = configuration.robot.urdf
-        if urdf is None:
-            return {}
-        base = build_inverse_model(configuration, read_urdf_file(urdf), urdf.name).base
-    except (UsageError, ValueError):
-        return {}
-    return dict(zip(base.names, base.expressions, strict=True))
-
-
-def _format(text: str) -> object:
-    try:
-        content = from_json(text)
-    except ValueError:
-        return None  # the reader of documents says what is wrong
-    return content.get("format") if isinstance(content, dict) else None
+    nominal = NominalModel(name, document.robot, left_out, parameters)
+    return IdentifiedModel(nominal, document.kinematics)
 
 
 def _check_settings(name: str, settings: dict[str, Any], configuration: Configuration) -> None:
@@ -122,7 +90,11 @@ def with_nominal(data: Baseline, identified: IdentifiedModel) -> Baseline:
         The file's base parameters are not those of this robot.
     """
     prepared, nominal = data.prepared, identified.nominal
-    _check_geometry(identified, prepared.model)
+    if identified.kinematics not in ("", kinematics_digest(prepared.model.robot)):
+        raise UsageError(
+            f"--nominal {nominal.file}: the geometry is another than that of this URDF; give a "
+            "result of this robot"
+        )
     values = _values(nominal, prepared.model)
     model = _with_given(prepared.model, values)
     configuration = prepared.configuration
@@ -132,28 +104,13 @@ def with_nominal(data: Baseline, identified: IdentifiedModel) -> Baseline:
     changed = replace(prepared, model=model, configuration=configuration)
     if changed.why_no_given:
         raise UsageError(f"--nominal {nominal.file}: {changed.why_no_given}")
-    return replace(data, prepared=replace(changed, reasons=_reasons(prepared, nominal)))
-
-
-def _reasons(prepared: PreparedRegression, nominal: NominalModel) -> tuple[str, ...]:
     said = f"the nominal model is that of {nominal.file}, not the URDF's and the configuration's"
     if nominal.left_out:
         said += (
             f"; of its effects ({', '.join(nominal.left_out)}) nothing is in the nominal model: "
             "they are found again where the recordings show them"
         )
-    return (*prepared.reasons, said)
-
-
-def _check_geometry(identified: IdentifiedModel, model: InverseModel) -> None:
-    """Refuse base parameters that group other standard parameters than those of this URDF."""
-    for name, expression in zip(model.base.names, model.base.expressions, strict=True):
-        theirs = identified.expressions.get(name, expression)
-        if theirs != expression:
-            raise UsageError(
-                f"--nominal {identified.nominal.file}: its {name} is {theirs}, and {expression} "
-                "with this URDF: the geometry is another; give a result of this robot"
-            )
+    return replace(data, prepared=replace(changed, reasons=(*prepared.reasons, said)))
 
 
 def _values(nominal: NominalModel, model: InverseModel) -> FloatArray:

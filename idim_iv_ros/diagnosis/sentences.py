@@ -6,7 +6,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_speed import LawEvent
+from idim_iv_ros.diagnosis.refit.command_rows import LawEvent
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -78,22 +78,17 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
     if not differing:
         return ""
     first = max(differing, key=lambda recording: recording.share_of_torque)
-    more = f" and {_count(len(differing) - 1, 'more recording')}" if len(differing) > 1 else ""
-    return (
-        f"one set of parameters does not hold for all recordings: {_difference(first)}{more}; all "
-        "other numbers are means"
-    )
-
-
-def _difference(recording: RecordingAgreement) -> str:
-    share = 100.0 * recording.share_of_torque
-    text = f"{recording.bag} differs by {share:.3g} % of the torque at {recording.joint}"
     causes = ", ".join(
         f"{spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
         f"({listed_numbers(one.effect, one.parameters, 1)})"
-        for one in recording.differences
+        for one in first.differences
     )
-    return f"{text} ({causes})"
+    more = f" and {_count(len(differing) - 1, 'more recording')}" if len(differing) > 1 else ""
+    return (
+        f"one set of parameters does not hold for all recordings: {first.bag} differs by "
+        f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} ({causes}){more}; "
+        "all other numbers are means"
+    )
 
 
 def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> str:

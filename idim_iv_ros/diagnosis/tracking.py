@@ -23,7 +23,6 @@ class Tracking:
 
     Attributes
     ----------
-    joints : tuple of str
     positions : one (n_samples, n_joints) array for each recording
         On its span, rad (m), through the filter of the measurement; empty where it failed.
     errors : the same
@@ -48,19 +47,18 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        energies = [self.block_energies([joint]) for joint in range(len(self.joints))]
+        energies = [self.block_energies(joint) for joint in range(len(self.joints))]
         return {
             name: float(np.sqrt(energy.sum() / seconds))
             for name, (energy, seconds) in zip(self.joints, energies, strict=True)
         }
 
-    def block_energies(self, joints: Sequence[int]) -> tuple[FloatArray, float]:
-        """Squared errors of the joints over time (b,) in blocks of time, and all seconds."""
+    def block_energies(self, joint: int) -> tuple[FloatArray, float]:
+        """Squared errors of a joint over time (b,) in blocks of time, and all seconds."""
         sums, seconds = [], 0.0
         for error, rate in zip(self.errors, self.rates, strict=True):
             (blocks,) = time_blocks([len(error)], rate)
-            squares = np.sum(error[:, list(joints)] ** 2, axis=1)
-            sums.append(block_sums(blocks, squares) / rate)
+            sums.append(block_sums(blocks, error[:, joint] ** 2) / rate)
             seconds += len(error) / rate
         return np.concatenate(sums), seconds
 
@@ -117,22 +115,18 @@ def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple
     )
 
 
-def simulation_gap(before: Tracking, after: Tracking, joint: int | None) -> SimulationGap | None:
-    """Tracking error before and after, at a joint or (root of the sum of squares) at all."""
+def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationGap | None:
+    """Tracking error before and after at a joint."""
     if before.note or after.note:
         return None
-    which = list(range(len(before.joints))) if joint is None else [joint]
-    sums, seconds = [], 1.0
-    for gap in (before, after):
-        energy, seconds = gap.block_energies(which)
-        sums.append(energy)
-    pair = np.column_stack(sums)
-    one, two = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
-    if one <= 0.0:
-        return SimulationGap(one, two)
+    (one, seconds), (two, _) = before.block_energies(joint), after.block_energies(joint)
+    pair = np.column_stack([one, two])
+    first, second = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
+    if first <= 0.0:
+        return SimulationGap(first, second)
     draws = resampled(pair)
     ratio = 1.0 - np.sqrt(draws[:, 1] / np.maximum(draws[:, 0], 1e-300))
-    return SimulationGap(one, two, None, 1.0 - two / one, interval(ratio))
+    return SimulationGap(first, second, None, 1.0 - second / first, interval(ratio))
 
 
 def tracking_series(

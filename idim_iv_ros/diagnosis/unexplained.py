@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis.answer.explained import Explained, matters
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_speed import events_in
+from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.statistics.residuals import excess_kurtosis

@@ -20,16 +20,6 @@ _LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
 _LEAST_ENERGY = 0.2  # of the gap, the same
 _NOMINAL_FINDINGS = 3  # at most, about the nominal model
 _REFIT_FINDINGS = 2  # at most, about the refit
-_UNITS = {
-    "speed": "rad/s",
-    "direction": "",
-    "position": "rad",
-    "load": "N m",
-    "time": "s",
-    "reversal": "rad",
-    "frequency": "Hz",
-}
-
 _PIECE = 1.0  # s, of a residual, of which a spectrum is taken
 _LEAST_PIECE = 16  # rows in it
 
@@ -97,15 +87,17 @@ class Axis:
 
     Attributes
     ----------
-    name : str
     values : (r,)
         At each row, or at each line of the spectra.
     edges : (k + 1,)
+    unit : str
+        Of both, of a joint that turns.
     """
 
     name: str
     values: FloatArray
     edges: FloatArray
+    unit: str = ""
 
 
 def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
@@ -119,12 +111,12 @@ def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
     speed, load = np.abs(motion.velocity), np.abs(motion.load)
     position, time, distance = motion.position, motion.time, motion.since_reversal
     return [
-        Axis("speed", speed, _logarithmic(speed, 6)),
+        Axis("speed", speed, _logarithmic(speed, 6), "rad/s"),
         Axis("direction", np.sign(motion.velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
-        Axis("position", position, np.linspace(position.min(), position.max(), 9)),
-        Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6))),
-        Axis("time", time, _in_recordings(time, starts, 6)),
-        Axis("reversal", distance, _logarithmic(distance, 6)),
+        Axis("position", position, np.linspace(position.min(), position.max(), 9), "rad"),
+        Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6)), "N m"),
+        Axis("time", time, _in_recordings(time, starts, 6), "s"),
+        Axis("reversal", distance, _logarithmic(distance, 6), "rad"),
     ]
 
 
@@ -197,41 +189,8 @@ def spectral_lines(
     step = row_rate / length
     edges = np.maximum((np.round(np.array(_BANDS) * lines) - 0.5) * step, 0.0)
     power = np.abs(np.fft.rfft(pieces * np.hanning(length), axis=1)[:, :lines]) ** 2
-    axis = Axis("frequency", np.tile(np.arange(lines) * step, len(pieces)), edges)
+    axis = Axis("frequency", np.tile(np.arange(lines) * step, len(pieces)), edges, "Hz")
     return [(axis, power.ravel(), np.repeat(np.arange(len(pieces)), lines))]
-
-
-def joint_gaps(
-    joints: Sequence[str],
-    torques: Sequence[FloatArray],
-    residuals: Sequence[FloatArray],
-    floors: Sequence[NoiseFloor],
-) -> tuple[JointGap, ...]:
-    """RMS, relative size and share of each joint; energies are divided by those of the torque.
-
-    Parameters
-    ----------
-    joints
-        Names.
-    torques, residuals
-        (r_j,) N m (N) of each joint.
-    floors
-    """
-    energy = [float(residual @ residual) for residual in residuals]
-    whole = [float(torque @ torque) for torque in torques]
-    relative = np.array([e / w if w > 0.0 else 0.0 for e, w in zip(energy, whole, strict=True)])
-    total = float(relative.sum())
-    return tuple(
-        JointGap(
-            joint=name,
-            rms=float(np.sqrt(energy[j] / max(len(residuals[j]), 1))),
-            relative_percent=100.0 * float(np.sqrt(relative[j])) if whole[j] > 0.0 else None,
-            share=float(relative[j] / total) if total > 0.0 else 0.0,
-            noise_floor=floors[j].sigma,
-            floor_origin=floors[j].origin,
-        )
-        for j, name in enumerate(joints)
-    )
 
 
 def lifts(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -326,7 +285,7 @@ def where(
     """
     nominal = nominal_residuals(data, regression)
     shown = refit.residuals if nominal is None else nominal
-    gaps = joint_gaps(data.joints, [rows.torque for rows in regression.joints], shown, floors)
+    gaps = _joint_gaps(data, regression, shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
     regimes, large = _regimes(data, regression, shown, axes, gaps, after_refit=False)
@@ -341,6 +300,30 @@ def where(
         }
         findings += [finding for finding in large if finding.regime.joint in used][:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
+
+
+def _joint_gaps(
+    data: Baseline,
+    regression: Regression,
+    residuals: Sequence[FloatArray],
+    floors: Sequence[NoiseFloor],
+) -> tuple[JointGap, ...]:
+    """RMS, relative size and share of each joint; energies are divided by those of the torque."""
+    energy = np.array([float(residual @ residual) for residual in residuals])
+    whole = np.array([float(rows.torque @ rows.torque) for rows in regression.joints])
+    relative = np.where(whole > 0.0, energy / np.maximum(whole, 1e-300), 0.0)
+    shares = relative / max(float(relative.sum()), 1e-300)
+    return tuple(
+        JointGap(
+            joint=name,
+            rms=float(np.sqrt(energy[j] / max(len(residuals[j]), 1))),
+            relative_percent=100.0 * float(np.sqrt(relative[j])) if whole[j] > 0.0 else None,
+            share=float(shares[j]),
+            noise_floor=floors[j].sigma,
+            floor_origin=floors[j].origin,
+        )
+        for j, name in enumerate(data.joints)
+    )
 
 
 def above_noise(residual: FloatArray, floor: NoiseFloor) -> bool:
@@ -372,7 +355,7 @@ def _regimes(
         parts = [(axis, residual**2, blocks[joint]) for axis in axes[joint]]
         for axis, energy, block in parts + spectral_lines(residual, runs, data.row_rate, edge):
             bins = split(axis, energy, block)
-            unlike = regimes_of(name, axis, bins, data.unit_at(joint, _UNITS[axis.name]))
+            unlike = regimes_of(name, axis, bins, data.unit_at(joint, axis.unit))
             regimes += unlike
             best = joined(unlike)
             # Most of what moves slowly is slow: no finding.

@@ -72,7 +72,7 @@ def run(
     values = (made.position, made.effort, made.position_reference, made.velocity_reference)
     missing = np.zeros(made.position[::every].shape, dtype=bool)
     position, effort, reference, speed = (
-        Signal(each[::every], missing, "simulated") for each in values
+        Signal(signal[::every], missing, "simulated") for signal in values
     )
     return Recording(
         path=Path(name),
@@ -101,25 +101,25 @@ def stiffer(more: float) -> DynamicParameters:
 
 
 def test_nothing_changed_is_no_difference_whatever_the_nominal_model_and_the_rate() -> None:
-    found = contrast([run("a", 1)], [run("b", 2, every=2)])
-    assert not found.differs
-    assert found.causes == () and found.unattributed == ()
-    assert found.sentence.startswith("No difference")
-    for joint in found.joints:
+    result = contrast([run("a", 1)], [run("b", 2, every=2)])
+    assert not result.differs
+    assert result.causes == () and result.unattributed == ()
+    assert result.sentence.startswith("No difference")
+    for joint in result.joints:
         assert joint.before == pytest.approx(joint.own, rel=0.05)
 
 
 def test_a_load_of_the_second_set_is_named_with_its_mass_and_nothing_else() -> None:
     """Stribeck friction that both sets have is no change."""
     heavy = run("b", 2, truth=loaded(0.8, 0.2, 0.05), effects=[STRIBECK])
-    found = contrast([run("a", 1, effects=[STRIBECK])], [heavy])
-    (cause,) = found.causes
+    result = contrast([run("a", 1, effects=[STRIBECK])], [heavy])
+    (cause,) = result.causes
     assert cause.effect == "payload"
     mass = cause.parameters["mass"]
     assert mass.std is not None and mass.std < 0.1
     assert abs(mass.value - 0.8) < 3.0 * mass.std
-    assert "stribeck at joint_1" in found.common
-    worst = max(found.joints, key=lambda each: each.share_of_torque)
+    assert "stribeck at joint_1" in result.common
+    worst = max(result.joints, key=lambda joint: joint.share_of_torque)
     assert worst.after < 0.2 * worst.before
 
 
@@ -128,16 +128,16 @@ def test_friction_that_one_set_has_is_named_with_the_set(appears: bool) -> None:
     sets = [run("a", 1)], [run("b", 2, effects=[STRIBECK])]
     if not appears:
         sets = [run("b", 2, effects=[STRIBECK])], [run("a", 1)]
-    found = contrast(*sets)
-    (cause,) = found.causes
+    result = contrast(*sets)
+    (cause,) = result.causes
     assert (cause.effect, cause.joint) == ("stribeck", "joint_1")
     assert cause.change == ("appeared" if appears else "vanished")
     assert bool(cause.against) == appears and bool(cause.reference) != appears
 
 
 def test_another_gain_is_a_change_of_the_law_and_of_nothing_else() -> None:
-    found = contrast([run("a", 1)], [run("b", 2, stiffness=0.8)])
-    (cause,) = found.causes
+    result = contrast([run("a", 1)], [run("b", 2, stiffness=0.8)])
+    (cause,) = result.causes
     assert (cause.effect, cause.joint) == ("controller_mismatch", "joint_1")
     assert set(cause.against) == {"kp"}
     configured = arm(1).law.kp[0]
@@ -150,22 +150,22 @@ def test_two_loads_mounted_differently_come_out_as_two() -> None:
         run("b1", 2, truth=loaded(0.8, 0.2, 0.05)),
         run("b2", 3, truth=loaded(1.6, 0.05, -0.1)),
     ]
-    found = contrast([run("a", 1)], second)
-    masses = {cause.bags: cause.parameters["mass"] for cause in found.causes}
-    assert {cause.effect for cause in found.causes} == {"payload"}
+    result = contrast([run("a", 1)], second)
+    masses = {cause.bags: cause.parameters["mass"] for cause in result.causes}
+    assert {cause.effect for cause in result.causes} == {"payload"}
     assert set(masses) == {("b1",), ("b2",)}
     for bags, mass in (("b1", 0.8), ("b2", 1.6)):
         estimate = masses[(bags,)]
         assert estimate.std is not None
         assert abs(estimate.value - mass) < 3.0 * estimate.std
-    assert any("do not agree" in note for note in found.notes)
+    assert any("do not agree" in note for note in result.notes)
 
 
 def test_friction_that_rose_in_all_recordings_of_a_set_is_one_change_of_the_set() -> None:
     """Also where each part of the time that is left out could be one recording."""
     second = [run("b1", 3, truth=stiffer(2.0)), run("b2", 4, truth=stiffer(2.0))]
-    found = contrast([run("a1", 1), run("a2", 2)], second)
-    (cause,) = found.causes
+    result = contrast([run("a1", 1), run("a2", 2)], second)
+    (cause,) = result.causes
     assert (cause.effect, cause.joint) == ("friction_level", "joint_1")
     assert cause.bags == ("b1", "b2")
     assert cause.evidence.chosen_in_folds == "4 of 4"
@@ -180,12 +180,12 @@ def test_a_change_that_is_not_confirmed_is_still_a_difference() -> None:
     scopes = [sets.first, sets.second]
     changes = changes_between(sets.data, sets.regression, scopes, [sets.second], LEFT_OUT)
     doubtful = replace(changes, accepted={}, doubtful={**changes.accepted, **changes.doubtful})
-    found = contrast_of(sets, doubtful, [], LEFT_OUT)
-    assert found.differs and found.causes == ()
-    joint = found.joints[0]
+    result = contrast_of(sets, doubtful, [], LEFT_OUT)
+    assert result.differs and result.causes == ()
+    joint = result.joints[0]
     assert joint.before == joint.after > 2.0 * joint.own
     assert joint.unexplained == pytest.approx(2.0, rel=0.1)
-    assert "Closest comes friction level at joint_1" in found.sentence
+    assert "Closest comes friction level at joint_1" in result.sentence
 
 
 def test_more_noise_is_no_difference_and_is_said() -> None:
@@ -194,6 +194,6 @@ def test_more_noise_is_no_difference_and_is_said() -> None:
     size = 0.04 * np.sqrt(np.mean(noisy.effort.values**2, axis=0))
     values = noisy.effort.values + size * random.standard_normal(noisy.effort.values.shape)
     noisy = replace(noisy, effort=replace(noisy.effort, values=values))
-    found = contrast([run("a", 1)], [noisy])
-    assert not found.differs
-    assert "more is left of b than of the reference" in found.sentence
+    result = contrast([run("a", 1)], [noisy])
+    assert not result.differs
+    assert "more is left of b than of the reference" in result.sentence

@@ -32,7 +32,7 @@ def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> 
     plain = smooth_regression(data)
     truth = 1.1 * data.prepared.model.given
     joints = []
-    for joint, each in enumerate(plain.joints):
+    for joint, rows in enumerate(plain.joints):
         extra = data.counting(
             joint,
             [
@@ -42,18 +42,22 @@ def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> 
                 for number, motion in enumerate(data.motions)
             ],
         )
-        noise = NOISE[joint] * random.standard_normal(len(each.torque))
-        joints.append(replace(each, torque=each.matrix @ truth[each.columns] + extra + noise))
+        noise = NOISE[joint] * random.standard_normal(len(rows.torque))
+        joints.append(replace(rows, torque=rows.matrix @ truth[rows.columns] + extra + noise))
     return Regression(tuple(joints), plain.parameters)
 
 
-def judged(
+def differing(
     data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]
 ) -> dict[int, RecordingAgreement]:
     """Recordings that differ, by their number."""
-    found = agreement(data, world(data, seed, change))
-    assert [each.bag for each in found] == [part.bag for part in data.prepared.session.parts]
-    return {number: each for number, each in enumerate(found) if not each.agrees}
+    agreements = agreement(data, world(data, seed, change))
+    assert [recording.bag for recording in agreements] == [
+        part.bag for part in data.prepared.session.parts
+    ]
+    return {
+        number: recording for number, recording in enumerate(agreements) if not recording.agrees
+    }
 
 
 def loaded(data: Baseline, number: int, mass: float) -> list[np.ndarray]:
@@ -61,7 +65,7 @@ def loaded(data: Baseline, number: int, mass: float) -> list[np.ndarray]:
 
 
 def test_recordings_of_one_robot_agree_whatever_the_nominal_model(data: Baseline) -> None:
-    assert all(judged(data, seed, {}) == {} for seed in range(5))
+    assert all(differing(data, seed, {}) == {} for seed in range(5))
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
@@ -70,9 +74,9 @@ def test_the_recording_with_another_load_is_named_with_the_difference(
     data: Baseline, number: int, mass: float
 ) -> None:
     """Masses within three standard deviations; the loads of the others do not matter."""
-    found = judged(data, 1, {number: loaded(data, number, mass)})
-    assert set(found) == {number}
-    (cause,) = found[number].differences
+    agreements = differing(data, 1, {number: loaded(data, number, mass)})
+    assert set(agreements) == {number}
+    (cause,) = agreements[number].differences
     assert cause.effect == "payload"
     parameter = cause.parameters["mass"]
     assert parameter.std is not None
@@ -82,12 +86,14 @@ def test_the_recording_with_another_load_is_named_with_the_difference(
 
 def test_two_loads_mounted_differently_are_two(data: Baseline) -> None:
     change = {0: loaded(data, 0, 0.5), 2: loaded(data, 2, 1.0)}
-    found = judged(data, 2, change)
-    assert {cause.effect for each in found.values() for cause in each.differences} == {"payload"}
+    agreements = differing(data, 2, change)
+    assert {
+        cause.effect for recording in agreements.values() for cause in recording.differences
+    } == {"payload"}
     masses = {0: 0.5, 1: 0.0, 2: 1.0}
-    (left,) = set(masses) - set(found)
-    second = max(found)
-    mass = found[second].differences[0].parameters["mass"]
+    (left,) = set(masses) - set(agreements)
+    second = max(agreements)
+    mass = agreements[second].differences[0].parameters["mass"]
     assert mass.std is not None
     assert abs(mass.value - (masses[second] - masses[left])) < 3.0 * mass.std
 
@@ -95,10 +101,10 @@ def test_two_loads_mounted_differently_are_two(data: Baseline) -> None:
 def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
     arm = arm2(seconds=8.0)
     five = baseline([recorded(arm, seed) for seed in (1, 2, 3, 4, 5)], arm.configuration)
-    found = judged(five, 0, {number: loaded(five, number, 0.5) for number in (3, 4)})
-    assert set(found) == {3, 4}
-    for each in found.values():
-        (cause,) = each.differences
+    agreements = differing(five, 0, {number: loaded(five, number, 0.5) for number in (3, 4)})
+    assert set(agreements) == {3, 4}
+    for recording in agreements.values():
+        (cause,) = recording.differences
         mass = cause.parameters["mass"]
         assert cause.effect == "payload" and mass.std is not None
         assert abs(mass.value - 0.5) < 3.0 * mass.std
@@ -107,9 +113,9 @@ def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
 def test_another_friction_is_a_friction(data: Baseline) -> None:
     motion = data.motions[1]
     friction = [2.0 * np.sign(motion.velocity[:, 0]), np.zeros(len(motion.time))]
-    found = judged(data, 3, {1: friction})
-    assert set(found) == {1}
-    (cause,) = found[1].differences
+    agreements = differing(data, 3, {1: friction})
+    assert set(agreements) == {1}
+    (cause,) = agreements[1].differences
     assert (cause.effect, cause.joint) == ("friction_level", data.joints[0])
     level = cause.parameters["change_of_coulomb"]
     assert level.std is not None and level.std < 0.2

@@ -33,7 +33,7 @@ LARGE = closing("payload", "parametric", "joint_2", 0.9, 0.1, 1e3)
 
 
 def names(causes: list[Cause]) -> list[str]:
-    return [each.effect for each in causes]
+    return [cause.effect for cause in causes]
 
 
 def test_structural_causes_stay_in_the_order_of_their_stages() -> None:
@@ -43,13 +43,13 @@ def test_structural_causes_stay_in_the_order_of_their_stages() -> None:
 @pytest.mark.parametrize(("evidence", "place"), [(800.0, 2), (1000.0, 0)])
 def test_another_law_is_placed_by_its_evidence(evidence: float, place: int) -> None:
     law = replace(LAW, evidence=replace(LAW.evidence, statistic=evidence))
-    found = names(strongest_first([FIRST, SECOND, law], DATA))  # type: ignore[arg-type]
-    assert found.index("controller_mismatch") == place
+    ordered = names(strongest_first([FIRST, SECOND, law], DATA))  # type: ignore[arg-type]
+    assert ordered.index("controller_mismatch") == place
 
 
 def test_causes_of_both_kinds_go_by_the_share_of_their_joints_torque() -> None:
-    found = strongest_first([SMALL, FIRST, LARGE], DATA)  # type: ignore[arg-type]
-    assert names(found) == ["payload", "stribeck", "friction_level"]
+    ordered = strongest_first([SMALL, FIRST, LARGE], DATA)  # type: ignore[arg-type]
+    assert names(ordered) == ["payload", "stribeck", "friction_level"]
 
 
 def test_what_a_cause_takes_at_other_joints_counts() -> None:
@@ -62,15 +62,15 @@ def test_what_a_cause_takes_at_other_joints_counts() -> None:
             JointChange("joint_2", 0.1, 0.2, -0.01),
         ),
     )
-    found = strongest_first([FIRST, wide], DATA)  # type: ignore[arg-type]
-    assert names(found) == ["friction_level", "stribeck"]
+    ordered = strongest_first([FIRST, wide], DATA)  # type: ignore[arg-type]
+    assert names(ordered) == ["friction_level", "stribeck"]
 
 
 def test_a_summary_ends_at_120_words_with_the_weightiest_first() -> None:
     long = ["one " * 59 + "one", "two " * 49 + "two", "three " * 30, "four"]
     words = summary(long).split()
     assert len(words) <= 120
-    assert [words.count(each) for each in ("one", "two")] == [58, 48]  # first and last differ
+    assert [words.count(word) for word in ("one", "two")] == [58, 48]  # first and last differ
     assert "three" not in words
     assert words[-1] == "Four."
 

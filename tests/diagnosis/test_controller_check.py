@@ -8,20 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.controller.check import check_law, why_not_checked
-from idim_iv_ros.diagnosis.controller.law_change import command_rows
+from bags.simulated_arms import SimulatedArm
+from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed
+from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.diagnosis.test_verdict import cause
 from tests.estimation.test_simulated_arms import recorded
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
 
 
 def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
@@ -30,13 +24,13 @@ def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
     return baseline([recorded(robot, seed)], arm.configuration)
 
 
-def found(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> list[Cause]:
+def causes_of(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> list[Cause]:
     return list(check_law(diagnosed(arm, seed, **gains)).causes)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_configured_law_is_no_mismatch(arm: SimulatedArm, seed: int) -> None:
-    assert found(arm, seed) == []
+    assert causes_of(arm, seed) == []
 
 
 @pytest.mark.parametrize(
@@ -48,7 +42,7 @@ def test_another_gain_is_found_at_its_joint_with_its_size(
 ) -> None:
     gains = getattr(arm.law, name).copy()
     gains[joint] *= factor
-    (finding,) = found(arm, 1, **{name: gains})
+    (finding,) = causes_of(arm, 1, **{name: gains})
     assert finding.joint == arm.configuration.robot.joints[joint]
     assert finding.evidence.statistic > 30.0
     assert finding.torque_gap.after < finding.torque_gap.before
@@ -57,7 +51,7 @@ def test_another_gain_is_found_at_its_joint_with_its_size(
 
 
 def test_an_integral_that_is_not_configured_is_found(arm: SimulatedArm) -> None:
-    (finding,) = found(arm, 1, ki=np.array([0.0, 400.0]))
+    (finding,) = causes_of(arm, 1, ki=np.array([0.0, 400.0]))
     assert finding.joint == "joint_2"
     assert finding.parameters["ki"].value == pytest.approx(400.0, rel=0.1)
 
@@ -74,7 +68,7 @@ def test_a_gain_of_the_recorded_effort_is_no_other_law(
     larger = replace(recording.effort, values=recording.effort.values * [1.0, 1.15])
     data = baseline([replace(recording, effort=larger)], arm.configuration)
     law = check_law(data)
-    assert [each.joint for each in law.causes] == ["joint_2"]
+    assert [cause.joint for cause in law.causes] == ["joint_2"]
     gain = {"factor": EffectParameter(factor, 0.004, "")}
     gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
     assert len(law.not_shown_by_torque(data, [gained], ()).causes) == left
@@ -85,8 +79,8 @@ def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
     data = diagnosed(arm, 1, kp=arm.law.kp * [1.0, 1.3])
     gain = {"factor": EffectParameter(1 / 1.3, 0.01, "")}
     gained = replace(cause("torque_gain", "parametric"), joint="joint_2", parameters=gain)
-    found = check_law(data).not_shown_by_torque(data, [gained], ()).causes
-    assert [each.joint for each in found] == ["joint_2"]
+    causes = check_law(data).not_shown_by_torque(data, [gained], ()).causes
+    assert [cause.joint for cause in causes] == ["joint_2"]
 
 
 def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
@@ -172,4 +166,4 @@ def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
     (sentence,) = check.beyond
     assert sentence.startswith("the commands of joint_1 hold")
     gains = arm.law.kd * [0.7, 1.0]
-    assert [each.joint for each in found(arm, 1, kd=gains)] == ["joint_1"]
+    assert [cause.joint for cause in causes_of(arm, 1, kd=gains)] == ["joint_1"]

@@ -113,17 +113,17 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
 def test_torque_is_that_of_the_formula(name, shape, values, formula) -> None:
     motion = synthetic()
     motion = replace(motion, start=40.0, time=40.0 + motion.time)
-    found = total(motion, name, shape, values)
-    assert list(found) == [1]
+    torques = total(motion, name, shape, values)
+    assert list(torques) == [1]
     expected = formula(motion, motion.position[:, 1], motion.velocity[:, 1])
-    np.testing.assert_allclose(found[1], expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(torques[1], expected, rtol=1e-9, atol=1e-9)
 
 
 def test_bristles_carry_less_until_they_slip() -> None:
     """After a reversal a bristle of span s has −1 + |Δq| / s, as long as that is below 1."""
     motion = synthetic()
     span, level = 0.05, 0.8
-    found = total(motion, "presliding", BristleShape((span,)), [level])[1]
+    torques = total(motion, "presliding", BristleShape((span,)), [level])[1]
     q, v = motion.position[:, 1], motion.velocity[:, 1]
     turns = np.flatnonzero(np.diff(np.sign(v))) + 1
     checked = 0
@@ -133,7 +133,7 @@ def test_bristles_carry_less_until_they_slip() -> None:
         moved = abs(q[first : last - 1] - q[first])
         sign = np.sign(v[first])
         expected = level * sign * (np.minimum(-1.0 + moved / span, 1.0) - 1.0)
-        np.testing.assert_allclose(found[first : last - 1], expected, atol=level * 2e-3 / span)
+        np.testing.assert_allclose(torques[first : last - 1], expected, atol=level * 2e-3 / span)
         checked += 1
     assert checked >= 3
 
@@ -142,11 +142,11 @@ def test_bristles_carry_less_until_they_slip() -> None:
 def test_coupled_joints_share_the_friction_of_their_common_part(sign: float) -> None:
     """Its power is never negative, and it acts on both with its lever arms 1 and ±1."""
     motion = synthetic()
-    found = total(motion, "joint_coupling", CouplingShape(sign, 1.3), [0.3, 0.2])
+    torques = total(motion, "joint_coupling", CouplingShape(sign, 1.3), [0.3, 0.2])
     w = motion.velocity @ np.array([1.0, sign])
-    power = found[0] * motion.velocity[:, 0] + found[1] * motion.velocity[:, 1]
+    power = torques[0] * motion.velocity[:, 0] + torques[1] * motion.velocity[:, 1]
     np.testing.assert_allclose(power, 0.3 * abs(w) + 0.2 * abs(w) ** 2.3, atol=1e-12)
-    np.testing.assert_allclose(found[1], sign * found[0])
+    np.testing.assert_allclose(torques[1], sign * torques[0])
 
 
 def test_a_late_torque_is_the_torque_of_later() -> None:
@@ -154,18 +154,18 @@ def test_a_late_torque_is_the_torque_of_later() -> None:
     without_jumps = replace(motion.whole, coulomb=np.zeros(2))
     motion = replace(motion, whole=without_jumps)
     delay = 0.006
-    found = total(motion, "time_delay", DelayShape(delay), [1.0])[1]
+    torques = total(motion, "time_delay", DelayShape(delay), [1.0])[1]
     torque = motion.torque[:, 1]
     expected = np.interp(motion.time + delay, motion.time, torque) - torque
     inner = slice(10, -10)
-    assert np.abs(found - expected)[inner].max() < 5e-3 * np.abs(expected).max()
+    assert np.abs(torques - expected)[inner].max() < 5e-3 * np.abs(expected).max()
 
 
 def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
     """The robot stands at q − e(q) where the encoder says q."""
     motion = synthetic()
     size = 1e-3
-    found = total(motion, "encoder_eccentricity", DiscShape(True), [0.0, 0.0, size, 0.0])
+    torques = total(motion, "encoder_eccentricity", DiscShape(True), [0.0, 0.0, size, 0.0])
     q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
     angle, speed, change = q[:, 1].copy(), v[:, 1].copy(), a[:, 1].copy()
     q[:, 1] -= size * np.sin(2 * angle)
@@ -179,7 +179,7 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
     calm[:3] = calm[-3:] = False
     for joint in (0, 1):
         largest = np.abs(expected[:, joint]).max()
-        assert np.abs(found[joint] - expected[:, joint])[calm].max() < 0.02 * largest
+        assert np.abs(torques[joint] - expected[:, joint])[calm].max() < 0.02 * largest
 
 
 @pytest.mark.parametrize("name", ["elasticity", "backlash"])
@@ -191,16 +191,16 @@ def test_a_transmission_moves_all_joints_and_vanishes_when_stiff(name: str) -> N
     soft, stiff = (stiffness, damping), (400 * stiffness, 20 * damping)
     shaft = name == "elasticity"
     shape = ShaftShape(*soft) if shaft else BacklashShape(5e-3, *soft, 1.0)
-    found = BY_NAME[name].columns(motion, Place(1), shape)
-    assert sorted(found) == [0, 1]
-    assert min(np.abs(found[j]).max() for j in (0, 1)) > 1e-3
+    torques = BY_NAME[name].columns(motion, Place(1), shape)
+    assert sorted(torques) == [0, 1]
+    assert min(np.abs(torques[j]).max() for j in (0, 1)) > 1e-3
     harder = ShaftShape(*stiff) if shaft else BacklashShape(1e-7, *stiff, 1.0)
     rigid = BY_NAME[name].columns(motion, Place(1), harder)
     for joint in (0, 1):
-        assert np.std(rigid[joint][100:]) < 0.02 * np.std(found[joint][100:])
+        assert np.std(rigid[joint][100:]) < 0.02 * np.std(torques[joint][100:])
 
 
-@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
     motion = synthetic(3.0)
     covered = operating_range_of(motion)
@@ -208,7 +208,7 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
         grid = effect.grid(place, covered)
         assert 0 < len(grid) <= 700
         assert len(set(grid)) == len(grid)
-        parts = [each for part in effect.branches(grid) for each in part]
+        parts = [shape for part in effect.branches(grid) for shape in part]
         assert len(parts) == len(grid) and set(parts) == set(grid)
         for shape in grid[:: max(1, len(grid) // 8)]:
             columns = effect.columns(motion, place, shape)
@@ -216,8 +216,8 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
             assert len(widths) == 1
             assert all(np.isfinite(rows).all() for rows in columns.values())
             width = next(iter(widths))[1]
-            found = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
-            assert all(np.isfinite(parameter.value) for parameter in found.values())
+            numbers = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
+            assert all(np.isfinite(parameter.value) for parameter in numbers.values())
             for step in (0.3, 0.07):
                 for near in effect.neighbours(shape, step, place, covered):
                     assert type(near) is type(shape)
@@ -225,7 +225,7 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
                     assert np.isfinite(near.numbers).all()
 
 
-@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 @pytest.mark.filterwarnings("error")
 def test_a_joint_that_stands_still_does_no_harm(effect: Effect) -> None:
     """No shape, or finite torques (columns of zeros count for nothing, see the likelihood)."""
@@ -266,19 +266,19 @@ UNITS = {
 SHAPES = {"encoder_eccentricity": DiscShape(True)}
 
 
-@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda each: each.name)
+@pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_parameters_have_their_names_and_units(effect: Effect) -> None:
     motion = synthetic(1.0)
     place = effect.places(2)[0]
     shape = SHAPES.get(effect.name) or effect.grid(place, operating_range_of(motion))[0]
     width = effect.columns(motion, place, shape)[place.joint].shape[1]
-    found = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
-    units = {name: parameter.unit for name, parameter in found.items()}
+    numbers = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
+    units = {name: parameter.unit for name, parameter in numbers.items()}
     if effect.name in UNITS:
         assert units == UNITS[effect.name]
     # A new effect may have other names, in the units of the field.
     assert set(units.values()) <= {unit for named in UNITS.values() for unit in named.values()}
-    assert any(parameter.std for parameter in found.values())
+    assert any(parameter.std for parameter in numbers.values())
 
 
 def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> None:
@@ -288,7 +288,7 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
     sliding = replace(turning, slowest=np.full(2, 0.002), lever=np.array([1.0, 0.1]))
     place = Place(1)
     pitch = 0.01  # m, of a ball screw
-    ripple = [each.wave_numbers[0] for each in BY_NAME["position_ripple"].grid(place, sliding)]
+    ripple = [shape.wave_numbers[0] for shape in BY_NAME["position_ripple"].grid(place, sliding)]
     assert min(ripple) < 2.0 * np.pi / pitch < max(ripple)
     finest = BY_NAME["position_ripple"].grid(place, turning)[-1]
     assert finest.wave_numbers[0] <= 250.0
@@ -323,14 +323,14 @@ def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
             coarse = np.diff(grid).max()
             moves = [
                 [
-                    abs(each.wave_numbers[0] - wave)
-                    for each in effect.neighbours(Waves((wave,)), step, Place(joint), covered)
+                    abs(near.wave_numbers[0] - wave)
+                    for near in effect.neighbours(Waves((wave,)), step, Place(joint), covered)
                 ]
                 for step in (0.3, 0.15, 0.07)
             ]
             np.testing.assert_allclose(moves, np.outer([0.3, 0.15, 0.07], 2 * [resolution]))
             # Steps of a search together pass half of the grid's, and end a tenth of a period off.
-            assert 4 * sum(each[0] for each in moves) > 0.5 * coarse
+            assert 4 * sum(near[0] for near in moves) > 0.5 * coarse
             assert moves[-1][0] < 0.1 * resolution
     position = np.linspace(0.3, 0.5, 2000)
     ripple = BY_NAME["position_ripple"]
@@ -346,11 +346,11 @@ def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
     assert best.wave_numbers[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
     assert left(best) < 0.01 * 0.5
     near = Stop().neighbours(StopShape(1.0, 0.48), 0.3, Place(1), covered)
-    stops = [each.position for each in near]
+    stops = [stop.position for stop in near]
     np.testing.assert_allclose(stops, [0.483, 0.477])
     spot = BY_NAME["position_dependent_friction"]
-    for each in spot.neighbours(TightSpot(0.525, 0.03), 0.3, Place(1), covered):
-        assert 0.3 - each.width < each.centre < 0.5 + each.width
+    for near in spot.neighbours(TightSpot(0.525, 0.03), 0.3, Place(1), covered):
+        assert 0.3 - near.width < near.centre < 0.5 + near.width
 
 
 @pytest.mark.parametrize(
@@ -437,7 +437,7 @@ def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.Monk
     del sys.modules["idim_iv_ros.effects.rope"]
 
 
-@pytest.mark.parametrize("cause", CAUSES, ids=lambda each: each.name)
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.name)
 def test_every_file_declares_each_part(cause: Cause) -> None:
     assert type(cause).__doc__ and len(type(cause).__doc__ or "") > 20
     assert cause.excitation
@@ -461,17 +461,18 @@ def default_numbers(cause: Cause) -> GivenNumbers:
     return GivenNumbers(alone, terms if terms[0] else (), coulomb=2.0)
 
 
-@pytest.mark.parametrize("cause", CAUSES, ids=lambda each: each.name)
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.name)
 def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) -> None:
     contributions = list(cause.contributions(default_numbers(cause)))
     assert bool(contributions) != cause.in_base_parameters
-    for each in contributions:
-        law = getattr(each, "law", None)
+    for contribution in contributions:
+        law = getattr(contribution, "law", None)
         assert law is None or law in cause.laws
-        if isinstance(each, (TorqueTerm, CouplingTerm)):
+        if isinstance(contribution, (TorqueTerm, CouplingTerm)):
             at = Instant(2.0, 1.0, 0.3, 0.5, 1.0, 2.0, 0.5, 1e-3)
-            called = njit(each.law.torque.py_func)  # from Python, as the laws themselves cannot be
-            torque = called(np.array(each.values), at, np.zeros(STATES))
+            # From Python, as the laws themselves cannot be called.
+            called = njit(contribution.law.torque.py_func)
+            torque = called(np.array(contribution.values), at, np.zeros(STATES))
             assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()
 
 

@@ -17,7 +17,7 @@ ROWS, RATE = 600, 50.0
 
 def _data(recordings: int) -> Baseline:
     motions = [SimpleNamespace(kept=np.ones((ROWS, 1), bool)) for _ in range(recordings)]
-    found: Any = SimpleNamespace(
+    data: Any = SimpleNamespace(
         motions=motions,
         counting=lambda joint, values: np.concatenate(values),
         row_rate=RATE,
@@ -25,7 +25,7 @@ def _data(recordings: int) -> Baseline:
         recordings=(np.repeat(np.arange(recordings), ROWS),),
         places=(np.tile(np.arange(ROWS), recordings),),
     )
-    return cast(Baseline, found)
+    return cast(Baseline, data)
 
 
 def _regression(recordings: int, seed: int, size: float) -> Regression:
@@ -54,8 +54,8 @@ def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
     regression = _regression(3, 1, 0.4)
     fit = regression.fit(steps=0)
     floor = NoiseFloor(0.5, "repeats", "")
-    found = held_out(_data(3), regression, fit, ["+x[joint_1]"], [floor], given=np.zeros(3))
-    assert found.names == ("given", "refit", "+x[joint_1]")
+    tested = held_out(_data(3), regression, fit, ["+x[joint_1]"], [floor], given=np.zeros(3))
+    assert tested.names == ("given", "refit", "+x[joint_1]")
     matrix = regression.extended[0].matrix
     torque = regression.joints[0].torque
     fold = np.repeat(np.arange(3), ROWS)
@@ -64,9 +64,9 @@ def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
             out = fold == k
             values = np.linalg.lstsq(matrix[~out, :width], torque[~out], rcond=None)[0]
             expected = torque[out] - matrix[out, :width] @ values
-            np.testing.assert_allclose(found.residuals[stage][0][out], expected, atol=2e-4)
-    np.testing.assert_array_equal(found.residuals[0][0], torque)
-    gain, helped, folds = found.gain(0)
+            np.testing.assert_allclose(tested.residuals[stage][0][out], expected, atol=2e-4)
+    np.testing.assert_array_equal(tested.residuals[0][0], torque)
+    gain, helped, folds = tested.gain(0)
     assert (helped, folds) == (3, 3)
     assert gain == pytest.approx(0.16 / 0.41, abs=0.05)
 
@@ -87,8 +87,8 @@ def test_shrinkage_reaches_the_floor_and_its_interval_covers_the_truth() -> None
     hits = 0
     for seed in range(40):
         regression = _regression(3, seed, 0.4)
-        found = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], floor)
-        gap = found.gap(found.refit, found.refit + 1, 0)
+        tested = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], floor)
+        gap = tested.gap(tested.refit, tested.refit + 1, 0)
         assert gap.before == pytest.approx(true, abs=0.06)
         assert gap.ci95 is not None
         hits += gap.ci95[0] <= 1.0 <= gap.ci95[1]
@@ -98,9 +98,9 @@ def test_shrinkage_reaches_the_floor_and_its_interval_covers_the_truth() -> None
 def test_an_effect_that_is_not_there_gains_nothing() -> None:
     regression = _regression(3, 7, 0.0)
     floor = NoiseFloor(None, "lower bound", "")
-    found = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], [floor])
-    assert abs(found.gain(0)[0]) < 0.01
-    gap = found.gap(0, 1, None)
+    tested = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], [floor])
+    assert abs(tested.gain(0)[0]) < 0.01
+    gap = tested.gap(0, 1, 0)
     assert gap.noise_floor is None
     assert gap.shrinkage is not None
     assert abs(gap.shrinkage) < 0.01

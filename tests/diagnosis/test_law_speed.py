@@ -9,22 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.controller.check import check_law
+from bags.simulated_arms import SimulatedArm
+from idim_iv_ros.diagnosis.controller import check_law
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.signals import JointSignals
-from tests.diagnosis.simulated_sessions import arm2_session
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    return arm2_session(12.0)
 
 
 def commanded(data: Baseline, effort: np.ndarray, velocity: np.ndarray | None = None) -> Baseline:

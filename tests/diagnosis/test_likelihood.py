@@ -68,9 +68,9 @@ def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
 
 
 def test_standard_deviations_are_those_of_repeated_experiments() -> None:
-    found = [world(seed, pole=0.7).fit() for seed in range(120)]
+    fits = [world(seed, pole=0.7).fit() for seed in range(120)]
     off = np.array(
-        [(fit.values - VALUES) / np.sqrt(np.diag(fit.covariance)) for fit in found]
+        [(fit.values - VALUES) / np.sqrt(np.diag(fit.covariance)) for fit in fits]
     ).ravel()
     assert abs(off.mean()) < 4.0 / np.sqrt(len(off))
     # The standard deviation of n normal numbers has itself one of 1 / √(2n).
@@ -131,8 +131,8 @@ def test_what_the_model_absorbs_of_columns_is_what_dense_least_squares_takes() -
     regression = world(6, pole=0.8)
     noise_models = [autoregressive(0.8, 0.3)] * 2
     random = np.random.default_rng(7)
-    own = regression.joints[0].matrix[:, [0]]  # parameter 0 moves joint 0 alone
-    both = {0: np.hstack([own, random.standard_normal((400, 1))]), 1: np.zeros((400, 2))}
+    of_first = regression.joints[0].matrix[:, [0]]  # parameter 0 moves joint 0 alone
+    both = {0: np.hstack([of_first, random.standard_normal((400, 1))]), 1: np.zeros((400, 2))}
     both[1][:, 1] = random.standard_normal(400)
     energy, left = Absorption(regression, noise_models).left(both)
     model, columns = np.zeros((800, 3)), np.zeros((800, 2))

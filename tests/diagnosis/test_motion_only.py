@@ -1,8 +1,6 @@
 """Testability, tracking and noise floor on a simulated two-joint arm."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +13,8 @@ from idim_iv_ros.diagnosis.identifiability import (
 )
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.result import Stage
+from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
-from idim_iv_ros.diagnosis.unexplained import unexplained_residual
 from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
@@ -56,11 +52,11 @@ def test_repeats_tell_the_noise_that_was_put_in(data: Baseline, regression: Regr
 
 def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regression) -> None:
     fit = regression.fit()
-    found, findings = where(data, regression, fit, noise_floors(data, regression, fit, ()))
-    assert sum(gap.share for gap in found.joints) == pytest.approx(1.0)
-    assert found.joints[0].rms > 3.0 * float(np.std(fit.residuals[0]))
+    gaps, findings = where(data, regression, fit, noise_floors(data, regression, fit, ()))
+    assert sum(gap.share for gap in gaps.joints) == pytest.approx(1.0)
+    assert gaps.joints[0].rms > 3.0 * float(np.std(fit.residuals[0]))
     assert findings
-    for regime in found.regimes:
+    for regime in gaps.regimes:
         assert regime.ci95 is not None
         assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
 
@@ -78,12 +74,13 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
     assert "efforts are in A" in current.why_no_given
     fit = regression.fit()
     numbers = [
-        {each.kind for each in Catalogue(one, regression).candidates} for one in (ampere, data)
+        {candidate.kind for candidate in Catalogue(one, regression).candidates}
+        for one in (ampere, data)
     ]
     assert [Kind.NUMBER in kinds for kinds in numbers] == [False, True]
-    found, _ = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
-    assert found.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
-    units = {regime.unit for regime in found.regimes if regime.axis == "load"}
+    gaps, _ = where(ampere, regression, fit, noise_floors(data, regression, fit, ()))
+    assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
+    units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
     assert units <= {"A"}
 
 
@@ -112,29 +109,6 @@ def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)
 
 
-def test_a_gap_that_stays_is_said_also_where_it_is_a_small_share_of_the_torque(
-    data: Baseline,
-) -> None:
-    torque = float(np.sqrt(np.mean(data.rows[0].torque ** 2)))
-
-    def stage(share: float) -> Stage:
-        return Stage("refit", {"joint_1": share * torque, "joint_2": 0.001}, {}, None, "")
-
-    floors = [NoiseFloor(0.01 * torque, "repeats", ""), NoiseFloor(0.001, "repeats", "")]
-    whole = SimpleNamespace(residuals=[torque * np.array([1.0, -1.0]), np.zeros(2)])
-    found: Any = SimpleNamespace(whole=whole, floors=floors)
-
-    def left(*stages: Stage) -> list[tuple[int, float, float, float]]:
-        return unexplained_residual(data, found, stages)
-
-    ((joint, _, share, _),) = left(stage(0.06), stage(0.05))
-    assert (joint, share) == (0, pytest.approx(0.05))
-    assert left(stage(0.5), stage(0.05)) == []
-    ((joint, _, share, _),) = left(stage(0.5), stage(0.15))
-    assert (joint, share) == (0, pytest.approx(0.15))
-    assert left(stage(0.025), stage(0.025)) == []  # may be noise
-
-
 def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:
     given = data.prepared.given
     assert given is not None
@@ -142,9 +116,9 @@ def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:
     after = simulated_tracking(data, data.estimate.linear.values)
     assert before.rms is not None
     assert after.rms is not None
-    gap = simulation_gap(before, after, None)
+    gap = simulation_gap(before, after, 0)
     assert gap is not None
-    assert gap.before == pytest.approx(np.sqrt(sum(v**2 for v in before.rms.values())))
+    assert gap.before == pytest.approx(before.rms["joint_1"])
     assert gap.shrinkage is not None
     assert gap.shrinkage > 0.3
     series = tracking_series(data, before, after)

@@ -46,8 +46,7 @@ def model_of(data: Baseline, values: np.ndarray) -> IdentifiedModel:
     base = data.prepared.model.base
     numbers = zip(base.names, base.units, values, strict=True)
     parameters = {name: EffectParameter(float(value), 0.1, unit) for name, unit, value in numbers}
-    expressions = dict(zip(base.names, base.expressions, strict=True))
-    return IdentifiedModel(NominalModel("result.json", "arm2", (), parameters), expressions)
+    return IdentifiedModel(NominalModel("result.json", "arm2", (), parameters), "")
 
 
 def test_the_nominal_model_has_the_identified_base_parameters(data: Baseline) -> None:
@@ -78,13 +77,13 @@ def test_with_its_own_identified_model_a_robot_has_no_parameter_error(
 
 
 def test_effects_of_a_diagnosis_are_listed_as_left_out(bag: Path, tmp_path: Path) -> None:
-    found = diagnose([bag], CONFIGURATION, without=[effect.name for effect in STRUCTURAL])
+    diagnosis = diagnose([bag], CONFIGURATION, without=[effect.name for effect in STRUCTURAL])
     path = tmp_path / "gap.json"
-    found.write(path)
+    diagnosis.write(path)
     read = read_nominal_model(path, CONFIGURATION)
-    assert set(read.nominal.parameters) == set(found.extended_parameters)
+    assert set(read.nominal.parameters) == set(diagnosis.extended_parameters)
     assert read.nominal.left_out == ()
-    assert read.expressions
+    assert read.kinematics == diagnosis.kinematics
 
 
 Change = Callable[[dict[str, Any]], object]
@@ -99,7 +98,7 @@ Change = Callable[[dict[str, Any]], object]
         (lambda d: d["parameters"].pop(0), "it lacks"),
         (lambda d: d["parameters"][0].update(name="ZZ9"), "has no ZZ9"),
         (lambda d: d["parameters"][0].update(unit="kg"), "is in kg"),
-        (lambda d: d["parameters"][0].update(expression="ZZ1 + 9 M2"), "the geometry is another"),
+        (lambda d: d.update(kinematics="0" * 64), "the geometry is another"),
     ],
 )
 def test_a_result_of_another_robot_is_refused_in_one_line(

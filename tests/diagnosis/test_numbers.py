@@ -19,14 +19,8 @@ from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
 from idim_iv_ros.effects.presliding import Presliding
-from tests.diagnosis.simulated_sessions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    return arm2_session(12.0)
 
 
 def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
@@ -40,7 +34,7 @@ def names(causes: list[Cause]) -> list[tuple[str, str | None]]:
     return [(cause.effect, cause.joint) for cause in causes]
 
 
-def holds(cause: Cause, name: str, true: float, deviations: float = 3.0) -> bool:
+def covers(cause: Cause, name: str, true: float, deviations: float = 3.0) -> bool:
     number = cause.parameters[name]
     assert number.std is not None
     return abs(number.value - true) < deviations * number.std
@@ -67,7 +61,7 @@ def test_friction_level_with_its_size(data: Baseline) -> None:
     regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
     (cause,) = causes_of(data, regression)
     assert (cause.effect, cause.joint) == ("friction_level", "joint_2")
-    assert holds(cause, "change_of_coulomb", 0.4)
+    assert covers(cause, "change_of_coulomb", 0.4)
     assert cause.torque_gap.after < 0.3 * cause.torque_gap.before
 
 
@@ -76,7 +70,7 @@ def test_a_constant_torque_is_an_offset(data: Baseline) -> None:
     (cause,) = causes_of(data, regression)
     assert (cause.effect, cause.joint) == ("torque_offset", "joint_2")
     assert cause.parameters["offset"].unit == "N m"
-    assert holds(cause, "offset", 0.4)
+    assert covers(cause, "offset", 0.4)
 
 
 def test_a_change_too_small_to_matter_is_not_told(data: Baseline) -> None:
@@ -86,7 +80,7 @@ def test_a_change_too_small_to_matter_is_not_told(data: Baseline) -> None:
 def test_a_payload_of_another_program(data: Baseline) -> None:
     causes = causes_of(data, world(data, 2, torques=point_mass(data, 0.8, (0.28, 0.0, 0.0))))
     assert names(causes) == [("payload", "joint_2")]
-    assert holds(causes[0], "mass", 0.8)
+    assert covers(causes[0], "mass", 0.8)
     assert causes[0].torque_gap.after < 0.3 * causes[0].torque_gap.before
 
 
@@ -125,7 +119,7 @@ def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(data: Bas
             others = {each.effect for each in cause.indistinguishable_from}
             named += cause.effect == "payload" or "payload" in others
             if cause.effect == "payload":
-                inside += holds(cause, "mass", mass, 1.96)
+                inside += covers(cause, "mass", mass, 1.96)
     assert named >= 0.7 * draws  # of a two-joint arm a link's error may be as good
     assert inside >= 0.9 * named
 
@@ -198,7 +192,7 @@ def test_drives_without_inertia_are_one_cause_with_the_value_of_each(bare: Basel
     assert (cause.effect, cause.joint) == ("drive_inertia", None)
     for joint, true in zip(bare.joints, DRIVES[len(bare.joints)], strict=True):
         assert cause.parameters[joint].unit == "kg m²"
-        assert holds(cause, joint, true, 4.0)
+        assert covers(cause, joint, true, 4.0)
     assert cause.sentence.startswith("the drives have inertia that the nominal model lacks")
     assert cause.sentence.count("kg m²") == len(bare.joints)
 

@@ -14,8 +14,8 @@ from tests.diagnosis.test_effects import UNITS
 
 @pytest.mark.parametrize("effect", [*UNITS, "controller_mismatch"])
 def test_numbers_of_structural_effects_have_words(effect: str) -> None:
-    own = [spec.name for spec in ControllerMismatch.specs]
-    names = own if effect == ControllerMismatch.name else list(UNITS[effect])
+    of_law = [spec.name for spec in ControllerMismatch.specs]
+    names = of_law if effect == ControllerMismatch.name else list(UNITS[effect])
     words = [parameter_words(effect, name) for name in names]
     assert len(set(words)) == len(names)  # in a table each has its own row
     for name, word in zip(names, words, strict=True):
@@ -26,9 +26,9 @@ def test_numbers_of_structural_effects_have_words(effect: str) -> None:
 def test_a_gain_of_1_25_is_a_factor_of_1_25() -> None:
     """Recorded torque 0.8 of the actual one: the actual is 1.25 times the recorded."""
     nothing: ParameterSpace = None  # type: ignore[assignment]
-    found = [Estimated(Change("recorded_more", "", np.zeros(1)), 0.8 - 1.0, 0.01)]
-    (each,) = TorqueGain().parameters(nothing, 0, found).items()
-    name, number = each
+    estimates = [Estimated(Change("recorded_more", "", np.zeros(1)), 0.8 - 1.0, 0.01)]
+    (only,) = TorqueGain().parameters(nothing, 0, estimates).items()
+    name, number = only
     assert parameter_words("torque_gain", name) == "actual torque over recorded torque"
     assert number.value == pytest.approx(1.25)
     assert number.std == pytest.approx(0.01 / 0.8**2)
@@ -49,7 +49,7 @@ def test_names_that_are_made_have_words(effect: str, name: str, words: str) -> N
 
 def test_effects_of_the_catalogue_are_known() -> None:
     named = {"payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level"}
-    assert named | {"drive_inertia", "link_inertia"} == {each.name for each in PARAMETRIC}
+    assert named | {"drive_inertia", "link_inertia"} == {effect.name for effect in PARAMETRIC}
 
 
 def test_a_mass_comes_first_however_sure_moments_of_inertia_are() -> None:

@@ -16,20 +16,9 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
-from tests.diagnosis.simulated_sessions import arm2_session
 from tests.estimation.test_simulated_arms import recorded
 
 PERIOD = 1e-3
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    return arm2_session(12.0)
 
 
 def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:
@@ -72,9 +61,9 @@ def test_a_measured_torque_is_not_shifted(data: Baseline) -> None:
 def test_a_held_command_is_half_a_period_later_than_its_mean(
     arm: SimulatedArm, data: Baseline
 ) -> None:
-    held = simulated_arms.record(arm, 1).truth.torque
-    mean = 0.5 * (held + np.vstack([held[:1], held[:-1]]))  # what acts around each sample
-    chains = [chain_of(with_effort(data, effort))[1] for effort in (held, mean)]
+    command = simulated_arms.record(arm, 1).truth.torque
+    mean = 0.5 * (command + np.vstack([command[:1], command[:-1]]))  # what acts around each sample
+    chains = [chain_of(with_effort(data, effort))[1] for effort in (command, mean)]
     assert all(chain.agreeing.all() for chain in chains)
     assert chains[0].shift - chains[1].shift == pytest.approx(0.5 * PERIOD, rel=0.02)
     assert abs(chains[1].shift) < 3.0 * chains[1].std
@@ -122,9 +111,9 @@ def test_a_delay_of_all_joints_is_a_cause_and_the_loop_tells_where_it_is(place: 
     refit = refitted([recording], arm.configuration, ())
     (cause,) = refit.delays
     assert (cause.effect, cause.joint) == ("time_delay", None)
-    found = cause.parameters["delay"]
-    assert found.std is not None and found.std < 0.5e-3
-    assert found.value == pytest.approx(delay, abs=4.0 * found.std)
+    estimate = cause.parameters["delay"]
+    assert estimate.std is not None and estimate.std < 0.5e-3
+    assert estimate.value == pytest.approx(delay, abs=4.0 * estimate.std)
     assert cause.torque_gap.after < 0.9 * cause.torque_gap.before
     in_loop = refit.data.prepared.configuration.controller.delay
     assert in_loop == pytest.approx(delay if place == "loop" else 0.0, abs=1e-3)

@@ -34,7 +34,9 @@ def other_loop(states: list[np.ndarray], order: int) -> np.ndarray:
 def difference(one: list[np.ndarray], other: list[np.ndarray]) -> float:
     """Of two accelerations where the motions join and above, as a share of the first's."""
     inner = slice(500, -500)
-    rest, whole = (high_passed(each, RATE, CUTOFF)[inner] for each in (one[2] - other[2], one[2]))
+    rest, whole = (
+        high_passed(states, RATE, CUTOFF)[inner] for states in (one[2] - other[2], one[2])
+    )
     return float(np.std(rest) / np.std(whole))
 
 
@@ -51,10 +53,10 @@ def test_what_another_loop_does_to_the_motion_is_taken_over_without_its_noise(
         for order, values in enumerate(real)
     ]
     decimation = ParallelDecimation(10, len(states[0]), 0.8)
-    (found,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
+    (corrected,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
     assert difference(real, states[:3]) > 0.2
-    assert difference(real, found) < 0.01
-    assert difference(real, found) <= max(0.2 * difference(real, measured), 1e-3)
+    assert difference(real, corrected) < 0.01
+    assert difference(real, corrected) <= max(0.2 * difference(real, measured), 1e-3)
 
 
 def test_with_few_rows_each_joint_alone_counts() -> None:
@@ -62,9 +64,9 @@ def test_with_few_rows_each_joint_alone_counts() -> None:
     states = sines(seconds=1.0)
     measured = [other_loop(states, order) for order in range(3)]
     decimation = ParallelDecimation(24, len(states[0]), 0.8)
-    (found,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
+    (corrected,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
     changed = [states[2].copy() for _ in (0, 1)]
     changed[1][:, 1] = 0.0
     twisted = [*states[:2], changed[1]]
     (other,) = corrected_motions([measured], [twisted], [decimation], [RATE], CUTOFF)
-    np.testing.assert_allclose(found[2][:, 0], other[2][:, 0])
+    np.testing.assert_allclose(corrected[2][:, 0], other[2][:, 0])

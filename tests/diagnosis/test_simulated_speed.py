@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2
+from bags.simulated_arms import SimulatedArm
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.estimation.instruments import SimulatedLoop
@@ -14,11 +14,6 @@ from idim_iv_ros.simulation import ControlLaw
 from tests.estimation.test_simulated_arms import recorded
 
 FACTOR = 0.25  # 3.5 ms late at 1 kHz
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
 
 
 @pytest.fixture(scope="module")

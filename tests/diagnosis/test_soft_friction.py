@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from bags.simulated_arms import SimulatedArm
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, _crossing, soft_friction
 from tests.estimation.test_simulated_arms import recorded
@@ -42,25 +42,18 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
         friction.append(-float(state.qfrc_constraint[0]) / 1.5)
     v, a = (np.array(values)[:, None, None] for values in (speed, slope))
     soft = (1.0 - 0.9) / 0.9
-    found = _crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
+    computed = _crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
     turning = np.abs(np.array(speed)) < 0.05
     assert np.sum(np.abs(friction)[turning] < 0.9) > 200
-    assert np.max(np.abs(found - friction)) < 0.05
+    assert np.max(np.abs(computed - friction)) < 0.05
     ideal = np.sign(speed)
-    assert np.mean((found - friction)[turning] ** 2) < 1e-3 * np.mean(
+    assert np.mean((computed - friction)[turning] ** 2) < 1e-3 * np.mean(
         (ideal - friction)[turning] ** 2
     )
 
 
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    arm = arm2(seconds=12.0)
-    return baseline([recorded(arm, 1)], arm.configuration)
-
-
-def test_friction_that_sticks_is_not_taken_for_soft(data: Baseline) -> None:
+def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Baseline) -> None:
     assert soft_friction(data, smooth_regression(data)) is None
-    arm = arm2(seconds=12.0)
     assert refitted([recorded(arm, 1)], arm.configuration, ()).softened is None
 
 
@@ -69,22 +62,15 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
     """Of one joint in two it may be the joint's own: friction that the model lacks."""
     leads = np.array([LEAD if joint in softer else np.nan for joint in (0, 1)])
     changed = SoftFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
-    rows = []
+    (new,), (old,), rows = changed.motions, data.motions, []
     for joint, row in enumerate(data.rows):
-        level = data.motions[0].whole.coulomb[joint]
-        extra = data.counting(
-            joint,
-            [
-                new.rows(level * (new.slip[:, [joint]] - old.slip[:, [joint]]))[:, 0]
-                for new, old in zip(changed.motions, data.motions, strict=True)
-            ],
-        )
-        rows.append(replace(row, torque=row.torque + extra))
+        extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
+        rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
     robot = replace(data, rows=tuple(rows))
-    found = soft_friction(robot, smooth_regression(robot))
+    friction = soft_friction(robot, smooth_regression(robot))
     if len(softer) == 1:
-        assert found is None
+        assert friction is None
         return
-    assert found is not None
-    np.testing.assert_allclose(found.leads, LEAD, atol=1.6e-3)
-    assert "joint_1, joint_2" in found.sentence(data.joints)
+    assert friction is not None
+    np.testing.assert_allclose(friction.leads, LEAD, atol=1.6e-3)
+    assert "joint_1, joint_2" in friction.sentence(data.joints)

@@ -44,60 +44,60 @@ def measure(record):
     def measured(gear: Gear, seed: int = 1) -> Transmission:
         bag, configuration = record(gear, seed)
         refit = refitted(read_configured([bag], configuration), configuration, ())
-        (found,) = measured_transmissions(refit.data, refit.regression)
-        return found.result
+        (joint,) = measured_transmissions(refit.data, refit.regression)
+        return joint.result
 
     return measured
 
 
-def within(found: EffectParameter | None, truth: float, deviations: float = 3.5) -> bool:
-    assert found is not None
-    assert found.std is not None
-    return abs(found.value - truth) < deviations * found.std
+def within(number: EffectParameter | None, truth: float, deviations: float = 3.5) -> bool:
+    assert number is not None
+    assert number.std is not None
+    return abs(number.value - truth) < deviations * number.std
 
 
 def test_stiffness_damping_and_time_offset_of_a_shaft_are_found_within_their_intervals(measure):
-    found = measure(SHAFT)
-    assert within(found.stiffness, 2e4)
-    assert within(found.damping, 30.0)
-    assert within(found.time_offset, 0.003)
-    assert found.stiffness.std < 0.01 * found.stiffness.value
-    assert found.backlash is None
-    assert found.reason == ""
-    assert found.tests[0].accepted
+    gear = measure(SHAFT)
+    assert within(gear.stiffness, 2e4)
+    assert within(gear.damping, 30.0)
+    assert within(gear.time_offset, 0.003)
+    assert gear.stiffness.std < 0.01 * gear.stiffness.value
+    assert gear.backlash is None
+    assert gear.reason == ""
+    assert gear.tests[0].accepted
 
 
 def test_gap_of_play_is_found_beside_the_stiffness_of_its_flanks(measure):
-    found = measure(PLAY)
-    assert within(found.backlash, 5e-4)
-    assert found.backlash.std < 0.05 * found.backlash.value
-    assert found.stiffness.value == pytest.approx(1e5, rel=0.02)
-    assert within(found.time_offset, -0.002)
+    gear = measure(PLAY)
+    assert within(gear.backlash, 5e-4)
+    assert gear.backlash.std < 0.05 * gear.backlash.value
+    assert gear.stiffness.value == pytest.approx(1e5, rel=0.02)
+    assert within(gear.time_offset, -0.002)
 
 
 def test_a_time_offset_alone_is_no_elasticity(measure):
-    found = measure(Gear(late=0.003))
-    assert within(found.time_offset, 0.003)
-    assert found.stiffness is None
-    assert found.backlash is None
-    assert "no twist follows the load" in found.reason
-    assert found.stiffness_at_least > 1e6
+    gear = measure(Gear(late=0.003))
+    assert within(gear.time_offset, 0.003)
+    assert gear.stiffness is None
+    assert gear.backlash is None
+    assert "no twist follows the load" in gear.reason
+    assert gear.stiffness_at_least > 1e6
 
 
 def test_equal_encoders_show_nothing(measure):
-    found = measure(Gear())
-    assert found.stiffness is None
-    assert found.backlash is None
-    assert found.lost_motion is None
-    assert abs(found.time_offset.value) < 1e-5
+    gear = measure(Gear())
+    assert gear.stiffness is None
+    assert gear.backlash is None
+    assert gear.lost_motion is None
+    assert abs(gear.time_offset.value) < 1e-5
 
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_an_eccentric_encoder_on_a_rigid_gear_is_no_elasticity(measure, order):
     """Gravity follows sin q, and so does an encoder that is mounted off its axis."""
-    found = measure(Gear(error=(_once, _twice)[order - 1]))
-    assert found.stiffness is None
-    assert found.position_error
+    gear = measure(Gear(error=(_once, _twice)[order - 1]))
+    assert gear.stiffness is None
+    assert gear.position_error
 
 
 def _once(angle):
@@ -109,30 +109,30 @@ def _twice(angle):
 
 
 def test_a_shaft_behind_an_eccentric_encoder_keeps_its_stiffness(measure):
-    found = measure(Gear(stiffness=2e4, damping=30.0, error=_once))
-    assert within(found.stiffness, 2e4)
+    gear = measure(Gear(stiffness=2e4, damping=30.0, error=_once))
+    assert within(gear.stiffness, 2e4)
 
 
 def test_stiffness_is_found_below_the_steps_of_the_encoders_where_the_twist_is_larger(measure):
-    found = measure(Gear(stiffness=2e4, damping=30.0, step=FINE, noise=0.0))
-    assert within(found.stiffness, 2e4)
-    assert found.resolution == pytest.approx(FINE, rel=1e-6)
+    gear = measure(Gear(stiffness=2e4, damping=30.0, step=FINE, noise=0.0))
+    assert within(gear.stiffness, 2e4)
+    assert gear.resolution == pytest.approx(FINE, rel=1e-6)
 
 
 def test_a_twist_below_the_step_of_the_encoders_cannot_be_told(measure):
     """39 N m twist 3e5 N m/rad by a third of a step."""
-    found = measure(Gear(stiffness=3e5, damping=60.0, step=COARSE, noise=0.0))
-    assert found.stiffness is None
-    assert "below the encoders' step" in found.reason
-    assert found.stiffness_at_least < 3e5
+    gear = measure(Gear(stiffness=3e5, damping=60.0, step=COARSE, noise=0.0))
+    assert gear.stiffness is None
+    assert "below the encoders' step" in gear.reason
+    assert gear.stiffness_at_least < 3e5
 
 
 @pytest.mark.parametrize(("error", "words"), [(-2.0, "turns -1 times"), (-1.0, "stands still")])
 def test_an_encoder_with_another_sign_or_that_stands_still_is_named(measure, error, words):
-    found = measure(Gear(error=(_reversed, _standing)[error == -1.0]))
-    assert words in found.reason
-    assert words in transmission(found)
-    assert found.time_offset is None
+    gear = measure(Gear(error=(_reversed, _standing)[error == -1.0]))
+    assert words in gear.reason
+    assert words in transmission(gear)
+    assert gear.time_offset is None
 
 
 def _reversed(angle):
@@ -148,9 +148,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say(measure):
     """95 % intervals of 40 recordings: at most 6 misses have a probability above 0.1 %."""
     misses = {"stiffness": 0, "time_offset": 0}
     for seed in range(100, 140):
-        found = measure(Gear(stiffness=5e4, damping=30.0, late=0.002, noise=2e-5), seed)
-        misses["stiffness"] += not within(found.stiffness, 5e4, 1.96)
-        misses["time_offset"] += not within(found.time_offset, 0.002, 1.96)
+        gear = measure(Gear(stiffness=5e4, damping=30.0, late=0.002, noise=2e-5), seed)
+        misses["stiffness"] += not within(gear.stiffness, 5e4, 1.96)
+        misses["time_offset"] += not within(gear.time_offset, 0.002, 1.96)
     assert max(misses.values()) <= 6, misses
 
 
@@ -182,13 +182,13 @@ def test_a_measured_shaft_is_one_cause_with_the_measured_stiffness(diagnosed):
     """14 Hz against the motor: the torque alone may show it, too."""
     result = diagnosed(SHAFT)
     (cause,) = shafts(result)
-    (found,) = result.transmissions
+    (gear,) = result.transmissions
     assert cause.effect == "elasticity"
-    assert cause.parameters["stiffness"] == found.stiffness
+    assert cause.parameters["stiffness"] == gear.stiffness
     assert cause.evidence.held_out_gain > 0.9
     assert "no elasticity" in cause.sentence
     assert "elasticity at" in result.summary.lower()
-    assert len(result.twists[0].load) == found.rows
+    assert len(result.twists[0].load) == gear.rows
 
 
 def test_measured_play_is_a_cause_with_its_gap(diagnosed):

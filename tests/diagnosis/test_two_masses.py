@@ -49,38 +49,38 @@ def integrated(gap: float, slope: float, start: float) -> tuple[np.ndarray, np.n
         shift, speed = state
         return [speed, (given(shift, speed) - load_at(time) - slope * shift) / INERTIA]
 
-    found = solve_ivp(
+    solution = solve_ivp(
         change, (0.0, TIME[-1]), [start, 0.0], t_eval=TIME, rtol=1e-8, atol=1e-11, max_step=1e-3
     )
-    torque = np.array([given(*state) for state in found.y.T])
-    return torque, found.y[0], (torque - load_at(TIME) - slope * found.y[0]) / INERTIA
+    torque = np.array([given(*state) for state in solution.y.T])
+    return torque, solution.y[0], (torque - load_at(TIME) - slope * solution.y[0]) / INERTIA
 
 
-def relative(found: np.ndarray, expected: np.ndarray) -> float:
-    return float(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+def relative(torque: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.linalg.norm(torque - expected) / np.linalg.norm(expected))
 
 
 @pytest.mark.parametrize("slope", [0.0, 40.0])
 def test_shaft_is_that_of_scipy(slope: float) -> None:
     motion = constant_link(slope)
     torque, shift, acceleration = integrated(0.0, slope, 0.0)
-    found = transmitted(motion, 1, STIFFNESS, DAMPING, 0.0)
-    assert relative(found[1][:, 0], torque - load_at(TIME)) < 0.03
-    assert relative(found[0][:, 0], COUPLED * acceleration + 0.3 * slope * shift) < 0.03
+    torques = transmitted(motion, 1, STIFFNESS, DAMPING, 0.0)
+    assert relative(torques[1][:, 0], torque - load_at(TIME)) < 0.03
+    assert relative(torques[0][:, 0], COUPLED * acceleration + 0.3 * slope * shift) < 0.03
 
 
 def test_play_is_that_of_scipy_and_leaves_the_flank() -> None:
     gap = 0.01
     torque, _, acceleration = integrated(gap, 0.0, -gap / 2)
-    found = transmitted(constant_link(), 1, STIFFNESS, DAMPING, gap)
+    torques = transmitted(constant_link(), 1, STIFFNESS, DAMPING, gap)
     assert np.mean(torque == 0.0) > 0.05  # it flies
-    assert relative(found[1][:, 0], torque - load_at(TIME)) < 0.1
-    assert relative(found[0][:, 0], COUPLED * acceleration) < 0.1
+    assert relative(torques[1][:, 0], torque - load_at(TIME)) < 0.1
+    assert relative(torques[0][:, 0], COUPLED * acceleration) < 0.1
 
 
 def test_a_stiff_shaft_without_play_changes_nothing() -> None:
-    found = transmitted(constant_link(), 1, 1e4 * STIFFNESS, 1e2 * DAMPING, 0.0)
-    assert np.abs(found[1][50:]).max() < 1e-2 * np.abs(load_at(TIME)).max()
+    torques = transmitted(constant_link(), 1, 1e4 * STIFFNESS, 1e2 * DAMPING, 0.0)
+    assert np.abs(torques[1][50:]).max() < 1e-2 * np.abs(load_at(TIME)).max()
 
 
 def test_a_soft_shaft_in_rest_carries_the_static_load() -> None:
@@ -93,10 +93,10 @@ def test_a_soft_shaft_in_rest_carries_the_static_load() -> None:
         acceleration=np.zeros_like(motion.acceleration),
     )
     stiffness = 1e5
-    found = transmitted(motion, 1, stiffness, 50.0, 0.0)
+    torques = transmitted(motion, 1, stiffness, 50.0, 0.0)
     # Of the load, the slope of gravity over the bending alone is new.
     bending = -motion.load[0, 1] / stiffness
-    assert abs(found[1][-1, 0] - motion.slope(1)[0, 1] * bending) < 0.1 * abs(
+    assert abs(torques[1][-1, 0] - motion.slope(1)[0, 1] * bending) < 0.1 * abs(
         motion.slope(1)[0, 1] * bending
     )
 
@@ -104,8 +104,8 @@ def test_a_soft_shaft_in_rest_carries_the_static_load() -> None:
 def test_torque_behind_a_shaft_is_not_ahead_of_its_time() -> None:
     """Of a shaft far above the motion, T − τ ≈ −M τ̈ / k: in phase with τ̈, nothing with τ̇."""
     stiffness = INERTIA * (2.0 * np.pi * 60.0) ** 2
-    found = transmitted(constant_link(), 1, stiffness, 0.3 * np.sqrt(stiffness * INERTIA), 0.0)
-    change = found[1][100:-100, 0]
+    torques = transmitted(constant_link(), 1, stiffness, 0.3 * np.sqrt(stiffness * INERTIA), 0.0)
+    change = torques[1][100:-100, 0]
     rate = np.gradient(load_at(TIME), 1.0 / RATE)
     second = np.gradient(rate, 1.0 / RATE)[100:-100]
     rate = rate[100:-100]

@@ -35,7 +35,7 @@ from idim_iv_ros.recording import SessionPart
 def test_blocks_last_five_seconds_and_do_not_reach_into_the_next_recording(
     seconds: tuple[int, int], length: float | None, blocks: tuple[int, int]
 ) -> None:
-    first, second = time_blocks([100 * each for each in seconds], 100.0, length)
+    first, second = time_blocks([100 * duration for duration in seconds], 100.0, length)
     assert (len(np.unique(first)), len(np.unique(second))) == blocks
     assert not set(first) & set(second)
 
@@ -134,9 +134,9 @@ def _reference(seed: int, seconds: float) -> np.ndarray:
 def test_repeats_are_found_with_their_shift_and_others_are_not() -> None:
     one, other = _reference(1, 12.0), _reference(2, 12.0)
     later = one[1234:]
-    found = find_repeats([one, other, later], 1000.0, 50.0)
-    assert [(r.first, r.second) for r in found] == [(0, 2)]
-    assert found[0].lag == -1234
+    repeats = find_repeats([one, other, later], 1000.0, 50.0)
+    assert [(r.first, r.second) for r in repeats] == [(0, 2)]
+    assert repeats[0].lag == -1234
 
 
 @pytest.mark.parametrize(("seconds", "periods"), [(4.0, 3.0), (10.0, 1.25)])
@@ -144,9 +144,9 @@ def test_periods_inside_a_recording_are_found(seconds: float, periods: float) ->
     period = round(1000 * seconds)
     one = _reference(3, seconds) * np.sin(np.pi * np.arange(period) / period)[:, None]
     whole = np.concatenate([one, one, one])[: round(periods * period)]
-    found = find_repeats([whole], 1000.0, 50.0)
-    assert [(r.first, r.second) for r in found] == [(0, 0)]
-    assert found[0].lag == period
+    repeats = find_repeats([whole], 1000.0, 50.0)
+    assert [(r.first, r.second) for r in repeats] == [(0, 0)]
+    assert repeats[0].lag == period
 
 
 def test_drift_between_repeats_is_not_noise() -> None:
@@ -172,7 +172,7 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     residual = random.standard_normal(len(time)) * np.where(loud, 3.0, 1.0)
     other = random.uniform(0.1, 1.0, len(time))
     axes = axes_of(MotionAtRows(time, other, other, other, other), starts)
-    axis = next(each for each in axes if each.name == "time")
+    axis = next(one for one in axes if one.name == "time")
     if 1 < recordings < 6:  # no bin holds rows of two recordings
         place = np.searchsorted(axis.edges, time, side="right")
         assert all(len(set(which[place == k])) == 1 for k in set(place[:-1]))

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.real_causes import CASES
 from idim_iv_ros import load_configuration
-from idim_iv_ros.diagnosis.controller.check import LawCheck, check_law
+from idim_iv_ros.diagnosis.controller import LawCheck, check_law
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.identification.check import check
 from idim_iv_ros.identification.prepare import read_configured

@@ -18,12 +18,14 @@ from idim_iv_ros.diagnosis.against.changes import (
     quarters,
     rms_of,
 )
-from idim_iv_ros.diagnosis.against.law import delay_causes, difference, effort_shifts, law_causes
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
 from idim_iv_ros.diagnosis.answer.causes import rivals_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
+from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
+from idim_iv_ros.diagnosis.likelihood import Columns
+from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result import (
     ContrastCause,
     ContrastResult,
@@ -33,8 +35,9 @@ from idim_iv_ros.diagnosis.result import (
     JointTorque,
 )
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.progress import Progress
+from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
 from idim_iv_ros.recording import Recording
+from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 Side = Literal["reference", "against"]
@@ -45,7 +48,6 @@ def contrasted(
     against: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str] = (),
-    progress: Progress | None = None,
 ) -> ContrastResult:
     """Say what changed from the reference recordings to the others.
 
@@ -83,14 +85,16 @@ def contrast_of(
     ----------
     disagreeing
         Recordings of the reference that differ from its others.
-    without
-        Effects that are left out of the catalogue.
     """
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
-    law, why_no_law = law_causes(sets, without)
-    delay = delay_causes(sets)
+    law, why_no_law = _law_causes(sets, without)
+    shifts = {
+        name: EffectParameter(refit.shift.shift, refit.shift.std, "s")
+        for name, refit in zip(("reference", "against"), sets.refits, strict=True)
+    }
+    delay = _delay_causes(sets, shifts)
     causes = [
         *_structural_causes(sets, changes),
         *(_parametric_cause(sets, changes, change, len(groups) > 1) for change in numbers),
@@ -108,7 +112,8 @@ def contrast_of(
     unexplained = [
         joint for joint, size in zip(joints, least, strict=True) if joint.unexplained >= size
     ]
-    if causes or unattributed or unexplained:
+    differs = bool(causes or unattributed or unexplained)
+    if differs:
         closest = [(term, times) for term, times in changes.doubtful.items() if times]
         sentence = words.changes(data, against, causes, unattributed, unexplained, closest)
     else:
@@ -118,7 +123,6 @@ def contrast_of(
             if joint.after**2 - level**2 >= size**2
         }
         sentence = words.no_difference(data, against, joints, noisier)
-    shifts = effort_shifts(sets)
     notes = [
         "" if delay else words.shift(shifts),
         *words.softened([refit.softened for refit in sets.refits], data.joints),
@@ -129,7 +133,7 @@ def contrast_of(
     return ContrastResult(
         reference=sets.bags(sets.first),
         against=against,
-        differs=bool(causes or unattributed or unexplained),
+        differs=differs,
         sentence=sentence,
         joints=tuple(joints),
         causes=tuple(causes),
@@ -176,40 +180,39 @@ def _torques(
 
 def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
+    data, made = sets.data, []
     places: dict[tuple[str, int | None, int | None], list[Term]] = {}
     for term in changes.accepted:
         if term.candidate.kind is Kind.EFFECT:
             places.setdefault(term.key[:3], []).append(term)
-    return [_structural_cause(sets, changes, terms) for _, terms in sorted(places.items())]
-
-
-def _structural_cause(sets: TwoSets, changes: Changes, terms: Sequence[Term]) -> ContrastCause:
-    data, first = sets.data, terms[0]
-    numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
-    for term in terms:
-        fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
-        numbers[_side(sets, term)] = data.in_units_at(term.place.joint, fitted)
-    one, other = numbers["reference"], numbers["against"]
-    change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
-    if (one and other) or any(term.key[:3] == first.key[:3] for term in changes.common):
-        change = "changed"
-    second_joint = first.place.other
-    cause = ContrastCause(
-        effect=first.effect.name,
-        kind="structural",
-        joint=data.joints[first.place.joint],
-        other_joint=None if second_joint is None else data.joints[second_joint],
-        change=change,
-        bags=sets.bags(sets.second),
-        parameters=difference(other, one) if one and other else other or one,
-        reference=one,
-        against=other,
-        evidence=_evidence(changes, terms),
-        indistinguishable_from=rivals_of(data.joints, terms),
-        torques=_torques(sets, terms),
-        sentence="",
-    )
-    return replace(cause, sentence=words.structural(data, cause))
+    for place, terms in sorted(places.items()):
+        first = terms[0]
+        numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
+        for term in terms:
+            fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
+            numbers[_side(sets, term)] = data.in_units_at(term.place.joint, fitted)
+        one, other = numbers["reference"], numbers["against"]
+        change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
+        if (one and other) or any(term.key[:3] == place for term in changes.common):
+            change = "changed"
+        joints = [data.joints[joint] for joint in first.place.joints]
+        cause = ContrastCause(
+            effect=first.effect.name,
+            kind="structural",
+            joint=joints[0],
+            other_joint=joints[1] if len(joints) > 1 else None,
+            change=change,
+            bags=sets.bags(sets.second),
+            parameters=_difference(other, one) if one and other else other or one,
+            reference=one,
+            against=other,
+            evidence=_evidence(changes, terms),
+            indistinguishable_from=rivals_of(data.joints, terms),
+            torques=_torques(sets, terms),
+            sentence="",
+        )
+        made.append(replace(cause, sentence=words.structural(data, cause)))
+    return made
 
 
 def _parametric_cause(
@@ -231,6 +234,103 @@ def _parametric_cause(
     )
     which = "" if joint is None else change.effect.which(joint)
     return replace(cause, sentence=words.parametric(data, cause, which, several=several))
+
+
+def _law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCause], str]:
+    """Compare the law that each set shows; and why not, where they cannot be compared.
+
+    The configured law is only the form: what both sets have otherwise than configured cancels.
+    """
+    if CONTROL_LAW.name in without:
+        return [], ""
+    for refit, name in zip(sets.refits, ("reference", "second set"), strict=True):
+        reason = why_not_checked(refit.data)
+        if reason:
+            return [], f"the control laws of the sets were not compared: {reason} ({name})"
+    one, other = (shown_law(refit.data) for refit in sets.refits)
+    causes = [
+        _law_cause(sets, one.law, joint, one.joints[joint][0].followed_by(other.joints[joint][0]))
+        for joint in sorted(set(one.joints) & set(other.joints))
+    ]
+    return [cause for cause in causes if cause is not None], ""
+
+
+def _law_cause(
+    sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows
+) -> ContrastCause | None:
+    """What one joint is controlled by otherwise in the second set; None where in nothing."""
+    change = law_change(rows)
+    differing = [term for term in change.terms if term.key[3] is not None]
+    if not differing:
+        return None
+    groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
+    torque = np.zeros(len(rows.rest))
+    for term in differing:
+        name, value = term.key[0], float(term.coefficients[0])
+        common, std = change.changes.get(name, (0.0, 0.0))
+        groups[0][name] = common, std
+        groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))
+        torque += value * rows.groups[name]
+    reference, against = (
+        sets.data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, group)) for group in groups
+    )
+    # What the change makes on the second set's motion.
+    rms = float(np.std(torque[rows.second]))
+    made = JointTorque(sets.data.joints[joint], rms, rms / float(sets.sizes[joint]))
+    cause = ContrastCause(
+        effect=CONTROL_LAW.name,
+        kind="structural",
+        joint=made.joint,
+        change="changed",
+        bags=sets.bags(sets.second),
+        parameters=_difference(against, reference),
+        reference=reference,
+        against=against,
+        evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
+        torques=(made,),
+        sentence="",
+    )
+    return replace(cause, sentence=words.law(cause))
+
+
+def _delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:
+    """A shift of the effort that changed by more than recording makes of it."""
+    reference, against = ({"delay": shifts[name]} for name in ("reference", "against"))
+    change = _difference(against, reference)
+    delay = change["delay"]
+    period = max(refit.shift.period for refit in sets.refits)
+    if delay.std is None or abs(delay.value) < max(
+        settings.CONTRAST_LEAST_DELAY * period, settings.CLEAR_DEVIATIONS * delay.std
+    ):
+        return []
+    cause = ContrastCause(
+        effect=name_of("delay"),
+        kind="structural",
+        joint=None,
+        change="changed",
+        bags=sets.bags(sets.second),
+        parameters=change,
+        reference=reference,
+        against=against,
+        evidence=Evidence((delay.value / delay.std) ** 2),
+        sentence=words.delay(delay),
+    )
+    return [cause]
+
+
+def _difference(
+    against: Mapping[str, EffectParameter], reference: Mapping[str, EffectParameter]
+) -> dict[str, EffectParameter]:
+    """Second set less reference, of the numbers that both have; no deviation unless both have."""
+    made = {}
+    for name, other in against.items():
+        if name not in reference:
+            continue
+        one, std = reference[name], None
+        if one.std is not None and other.std is not None:
+            std = float(np.hypot(one.std, other.std))
+        made[name] = EffectParameter(other.value - one.value, std, other.unit)
+    return made
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:
@@ -280,19 +380,19 @@ def _with_numbers_of_second(
     return made
 
 
-def _moved(sets: TwoSets, changes: Changes, term: Term) -> Mapping[int, FloatArray]:
+def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    candidate, shape = term.candidate, term.shape
+    candidate, shape, sign = term.candidate, term.shape, 1.0
+    columns: Columns = term.columns
     if candidate.scope is None:
         return {}
-    if _side(sets, term) == "against":
-        return {joint: rows @ term.coefficients for joint, rows in term.columns.items()}
-    if shape is None or isinstance(candidate.effect, ParametricEffect):
-        return {}
-    everywhere = changes.selection.comparison.catalogue.everywhere(candidate, shape)
+    if _side(sets, term) == "reference":
+        if shape is None or isinstance(candidate.effect, ParametricEffect):
+            return {}
+        columns, sign = changes.selection.comparison.catalogue.everywhere(candidate, shape), -1.0
     return {
-        joint: -(rows @ term.coefficients) * sets.inside[joint]
-        for joint, rows in everywhere.items()
+        joint: sign * (rows @ term.coefficients) * sets.inside[joint]
+        for joint, rows in columns.items()
     }
 
 

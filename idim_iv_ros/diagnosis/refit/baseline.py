@@ -29,7 +29,6 @@ from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.types import FloatArray, IntArray
 
 SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
-_SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 _AT_ONCE = 32  # shapes: their columns together stay small
 
@@ -281,13 +280,6 @@ def operating_range(data: Baseline) -> OperatingRange:
         sticking=data.sticking,
         left_out=data.left_out,
     )
-
-
-def spread_shapes(effect: Effect, place: Place, covered: OperatingRange) -> list[Shape]:
-    """Return a few shapes from all over the effect's grid; none where no shape is possible."""
-    grid = effect.grid(place, covered)
-    places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
-    return [grid[place] for place in np.unique(places)] if grid else []
 
 
 def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:

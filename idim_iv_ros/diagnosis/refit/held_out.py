@@ -13,7 +13,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, common_floor
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
 from idim_iv_ros.diagnosis.result import Gap, Stage
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
@@ -101,22 +101,18 @@ def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> St
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Residuals of every stage at rows that its fit did not see.
+    """Residuals of every stage at rows that its fit did not see; N m (N).
 
     Attributes
     ----------
-    joints : tuple of str
     names : tuple of str
         Of the stages: ``given`` where there is one, ``refit``, then one for each effect.
-    folds : one (r_j,) int array for each joint
-    blocks : one (r_j,) int array for each joint
-        Blocks of time for the bootstrap.
+    folds, blocks : one (r_j,) int array for each joint
+        Blocks are those of time for the bootstrap.
     residuals : for each stage one (r_j,) array for each joint
-        N m (N).
     whitened : the same, whitened to unit variance
         The stages without ``given``.
     moved_joints : for each effect the joints whose torque it moves
-    floors : tuple of NoiseFloor
     note : str
         How the data were divided.
     """
@@ -155,20 +151,16 @@ class HeldOut:
             for name, sums in zip(self.names, self._energies, strict=True)
         )
 
-    def gap(self, before: int, after: int, joint: int | None) -> Gap:
-        """Gap of two stages at a joint; None: root of the sum of all joints' mean squares."""
-        joints = list(range(len(self.joints))) if joint is None else [joint]
-        floor = common_floor([self.floors[j] for j in joints])
-        sums = [[self._energies[stage][j] for j in joints] for stage in (before, after)]
-        one, two = (_root(*(blocks.sum(axis=0) for blocks in stage)) for stage in sums)
+    def gap(self, before: int, after: int, joint: int) -> Gap:
+        """Gap of two stages at a joint."""
+        floor = self.floors[joint].sigma
+        sums = [self._energies[stage][joint] for stage in (before, after)]
+        one, two = (_root(blocks.sum(axis=0)) for blocks in sums)
         share = float(shrinkage(np.array(one), np.array(two), floor))
         if not np.isfinite(share):
-            return Gap(one, two, floor, None, None)
-        first, second = (
-            np.sqrt(sum(draws[:, 0] / draws[:, 1] for draws in map(resampled, stage)))
-            for stage in sums
-        )
-        drawn = shrinkage(np.asarray(first), np.asarray(second), floor)
+            return Gap(one, two, floor)
+        first, second = (np.sqrt(draws[:, 0] / draws[:, 1]) for draws in map(resampled, sums))
+        drawn = shrinkage(first, second, floor)
         drawn = drawn[np.isfinite(drawn)]
         return Gap(one, two, floor, share, interval(drawn) if len(drawn) > 20 else None)
 
@@ -230,8 +222,7 @@ def held_out(
     ends = extended.parameters + np.cumsum([0, *extended.widths])
     white = white_noise_models(extended.joints, fit.residuals)
     plain, whitened = (
-        _predicted(extended, noise_models, folds, ends)
-        for noise_models in (white, fit.noise_models)
+        predicted(extended, noise_models, folds, ends) for noise_models in (white, fit.noise_models)
     )
     scales = [noise.sigma for noise in white]
     stages = [
@@ -288,7 +279,7 @@ def folds_of(
     return folds, note
 
 
-def _predicted(
+def predicted(
     extended: Regression,
     noise_models: Sequence[AutoregressiveModel],
     folds: Sequence[IntArray],
@@ -341,6 +332,6 @@ def _solutions(
     return solutions
 
 
-def _root(*totals: FloatArray) -> float:
-    """Root of the sum of mean squares."""
-    return float(np.sqrt(sum(total[0] / max(total[1], 1.0) for total in totals)))
+def _root(total: FloatArray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(total[0] / max(total[1], 1.0)))

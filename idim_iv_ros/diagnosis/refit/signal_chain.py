@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Columns, Regression
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -92,13 +92,10 @@ class EffortShift:
             effect=name_of("delay"),
             kind="structural",
             joint=None,
-            other_joint=None,
             parameters={"delay": delay},
             evidence=Evidence((delay.value / self.std) ** 2),
-            indistinguishable_from=(),
-            torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+            torque_gap=Gap.without_floor(one, two),
             joint_gaps=tuple(sorted(changes, key=lambda change: -change.share_of_torque)),
-            simulation_gap=None,
             sentence=(
                 f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
                 f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "
@@ -163,11 +160,16 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
+    rates = [
+        motion.rows(np.gradient(motion.torque, 1.0 / motion.rate, axis=0))
+        for motion in data.motions
+    ]
     shifted = data
     for _ in range(_SHIFT_STEPS):
         sloping = _with_torque_of(shifted, regression)
         for joint in range(len(data.joints)):
-            sloping = sloping.with_columns(_rate_of_torque(data, joint))
+            rate = data.counting(joint, [rows[:, [joint]] for rows in rates])
+            sloping = sloping.with_columns({joint: rate})
         fit = sloping.fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
@@ -182,15 +184,6 @@ def _with_torque_of(data: Baseline, regression: Regression) -> Regression:
         for rows, measured in zip(regression.joints, data.rows, strict=True)
     )
     return replace(regression, joints=joints)
-
-
-def _rate_of_torque(data: Baseline, joint: int) -> Columns:
-    """Rows of dτ/dt of one joint, N m/s."""
-    rates = [
-        motion.rows(np.gradient(motion.torque[:, joint], 1.0 / motion.rate)[:, None])
-        for motion in data.motions
-    ]
-    return {joint: data.counting(joint, rates)}
 
 
 def _chain(

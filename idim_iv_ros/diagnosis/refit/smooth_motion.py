@@ -30,7 +30,7 @@ from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
-from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
@@ -126,25 +126,20 @@ def simulated_slips(
         return tuple(None for _ in prepared.motions)
     robot = source.model.robot
     parameters = source.model.dynamic_parameters(estimate.linear.values)
-    return tuple(
-        _slip(robot, parameters, motion, law)
-        for motion, law in zip(source.motions, source.laws, strict=True)
-    )
-
-
-def _slip(
-    robot: RobotModel, parameters: DynamicParameters, motion: Motion, law: ControlLaw
-) -> FloatArray | None:
-    run = replay(robot, parameters, law, motion)
-    if run.diverged is not None:
-        return None
-    slippery = parameters.without_dry_friction
-    states = run.position, run.velocity, run.acceleration
-    friction = run.applied_torque - inverse_dynamics(robot, slippery, *states)
     level = np.maximum(parameters.coulomb, 0.0)
-    share = np.clip(friction / np.where(level > 0.0, level, 1.0), -1.0, 1.0)
-    sticking = (run.velocity == 0.0) & (level > 0.0)
-    return np.asarray(np.where(sticking, share, np.sign(run.velocity))[motion.span])
+    slips: list[FloatArray | None] = []
+    for motion, law in zip(source.motions, source.laws, strict=True):
+        run = replay(robot, parameters, law, motion)
+        if run.diverged is not None:
+            slips.append(None)
+            continue
+        states = run.position, run.velocity, run.acceleration
+        slippery = inverse_dynamics(robot, parameters.without_dry_friction, *states)
+        share = (run.applied_torque - slippery) / np.where(level > 0.0, level, 1.0)
+        sticking = (run.velocity == 0.0) & (level > 0.0)
+        slip = np.where(sticking, np.clip(share, -1.0, 1.0), np.sign(run.velocity))
+        slips.append(np.asarray(slip[motion.span]))
+    return tuple(slips)
 
 
 @dataclass(frozen=True)

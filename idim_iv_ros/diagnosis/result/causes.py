@@ -74,9 +74,14 @@ class Gap:
 
     before: Number
     after: Number
-    noise_floor: float | None
-    shrinkage: float | None
-    ci95: tuple[Number, Number] | None
+    noise_floor: float | None = None
+    shrinkage: float | None = None
+    ci95: tuple[Number, Number] | None = None
+
+    @classmethod
+    def without_floor(cls, before: float, after: float) -> "Gap":
+        """Return one whose noise and interval are not known."""
+        return cls(before, after, shrinkage=1.0 - after / before if before > 0.0 else None)
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,6 @@ class SimulationGap(Gap):
     """A tracking error before and after; nothing says which part of it is noise."""
 
     noise_floor: Annotated[None, Field(exclude=True)] = None
-    shrinkage: float | None = None
-    ci95: tuple[Number, Number] | None = None
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,6 @@ class JointChange:
 
     Attributes
     ----------
-    joint : str
     before, after : float
         RMS of the torque gap, beside the causes before it, N m (N).
     share_of_torque : float
@@ -114,7 +116,6 @@ class ParameterError:
 
     Attributes
     ----------
-    joint : str
     given : float
         Of the nominal model.
     named : float
@@ -136,26 +137,33 @@ class ParameterError:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cause:
-    """One accepted cause of the gap.
+class Attribution:
+    """An effect at its place with its numbers: what causes, hints and changes have in common.
 
     Attributes
     ----------
     effect : str
         Name in the catalogue.
-    kind : str
-    joint : str or None
-        None where the cause belongs to no joint.
-    other_joint : str or None
-        The second joint of a coupling.
+    joint, other_joint : str or None
+        None where it belongs to no joint; the second joint is that of a coupling.
     sentence : str
-        What a robot engineer should read: where, what, how large, how far the gap shrinks.
-    parameters : dict of str to EffectParameter
-    probability : float or None
-        That it is a cause, 0 to 1, calibrated on simulated recordings (`comparison.probability`);
-        None of what other rows than the torque's show, which nothing was calibrated for.
-    evidence : Evidence
-    indistinguishable_from : tuple of Indistinguishable
+        What a robot engineer should read: where, what, how large, how far the gap shrinks; of a
+        hint why it is no cause.
+    """
+
+    effect: str
+    joint: str | None
+    other_joint: str | None = None
+    sentence: str
+    parameters: dict[str, EffectParameter]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause(Attribution):
+    """One accepted cause of the gap.
+
+    Attributes
+    ----------
     torque_gap : Gap
         At the joint; over all joints where it belongs to none.
     joint_gaps : tuple of JointChange
@@ -163,14 +171,12 @@ class Cause:
     simulation_gap : SimulationGap or None
         Tracking error of the simulated closed loop against the recorded one; None where the
         loop cannot be simulated.
+    probability : float or None
+        That it is a cause, 0 to 1, calibrated on simulated recordings (`comparison.probability`);
+        None of what other rows than the torque's show, which nothing was calibrated for.
     """
 
-    effect: str
     kind: Kind
-    joint: str | None
-    other_joint: str | None = None
-    sentence: str
-    parameters: dict[str, EffectParameter]
     evidence: Evidence
     indistinguishable_from: tuple[Indistinguishable, ...] = ()
     torque_gap: Gap
@@ -180,7 +186,7 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hint:
+class Hint(Attribution):
     """What a search over all data finds, and what is not sure enough for a cause.
 
     An effect that does not hold without the data that chose it, or a parameter error each of whose
@@ -188,15 +194,8 @@ class Hint:
 
     Attributes
     ----------
-    effect : str
-    joint : str
-    other_joint : str or None
-    sentence : str
-        What it would be, and why it is only a hint.
     reason : str
-        The second half of that.
-    parameters : dict of str to EffectParameter
-        If it were a cause.
+        Why it is no cause.
     chosen_in_folds : str
         Without how many of the folds a search names it again: ``2 of 5``; empty for a parameter
         error.
@@ -205,12 +204,8 @@ class Hint:
         data.
     """
 
-    effect: str
     joint: str
-    other_joint: str | None
-    sentence: str
     reason: str
-    parameters: dict[str, EffectParameter]
     chosen_in_folds: str
     torque_gap: Gap
 

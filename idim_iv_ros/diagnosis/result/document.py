@@ -29,7 +29,6 @@ class JointGap:
 
     Attributes
     ----------
-    joint : str
     rms : float
         N m (N), of the nominal model (of the refit where no model is given).
     relative_percent : float or None
@@ -56,7 +55,6 @@ class Regime:
 
     Attributes
     ----------
-    joint : str
     axis : str
         ``speed``, ``direction``, ``position``, ``load``, ``time``, ``reversal`` (distance since
         the last one) or ``frequency``.
@@ -115,7 +113,6 @@ class Stage:
         ``given``, ``refit``, ``+stribeck[joint_1]`` …
     torque_rms : dict of joint to float
         On data not used to fit, N m (N).
-    torque_ci95 : dict of joint to (low, high)
     tracking_rms : dict of joint to float, or None
         Difference between the simulated and the recorded motion, rad (m); None where the loop
         cannot be simulated or diverges.
@@ -136,15 +133,12 @@ class GapSeries:
 
     Attributes
     ----------
-    joint : str
     time : s
         Of the session (`recording.session`): it increases.
     torque, given, refit, extended : N m (N)
         Measured, and of three models; `given` is None without a nominal model.
     friction, given_friction : N m (N)
-        Friction and offset of the extended and of the nominal model; `given_friction` is None
-        without one.
-    position, speed : rad, rad/s
+        Friction and offset of the extended and of the nominal model.
     load : N m
         Torque of the rigid bodies alone.
     since_reversal : rad
@@ -170,16 +164,9 @@ class GapSeries:
 
 @dataclass(frozen=True)
 class NominalModel:
-    """A nominal model that was read from a result instead of the URDF.
+    """A nominal model, its base parameters, that was read from a result instead of the URDF.
 
-    Attributes
-    ----------
-    file : str
-    robot : str
-    left_out : tuple of str
-        Effects that the file names and that are no part of the nominal model.
-    parameters : dict of str to EffectParameter
-        Base parameters.
+    `left_out`: effects that the file names and that are no part of the nominal model.
     """
 
     file: str
@@ -206,26 +193,18 @@ class GapResult(Document):
 
     Attributes
     ----------
-    format : str
-    robot : str
-    joints, joint_types : tuple of str
-    bags : tuple of str
     session : tuple of SessionPart
         Where each recording lies in the time of the session, in the order of `bags`.
-    software : dict
     without : tuple of str
         Effects that were left out of the catalogue.
-    verdict : str
     summary : str
         One paragraph that a robot engineer can act on.
     causes : tuple of Cause
         Strongest first.
     hints : tuple of Hint
         No causes: they count for no verdict and are not handed on to a simulator.
-    unexplained : Unexplained or None
     parameter_errors : tuple of ParameterError
         One for each joint; empty without a nominal model.
-    signal_chain : SignalChain or None
     friction_leads : dict of str to float
         s by which dry friction turns before its joint, as a simulator's solver softens it; only
         joints where it does.
@@ -237,28 +216,20 @@ class GapResult(Document):
         Where the nominal model was read from; None: the URDF's.
     transmissions : tuple of Transmission
         One for each joint with an encoder behind its gear.
-    where : Where
     findings : tuple of str
         The top regimes in words.
-    not_testable : tuple of NotTestable
-    stages : tuple of Stage
     notes : tuple of str
         What could not be done and why.
     extended_parameters : dict of str to EffectParameter
         Base parameters of the extended model.
-    physical : PhysicalParameters or None
-        Nearest to the base parameters of the extended model.
-    why_no_physical : str
-        Why there are none; empty where there are.
+    physical, why_no_physical : PhysicalParameters or None, str
+        Nearest to the base parameters of the extended model; why there are none.
     kinematics : str
         Digest of the geometry (`kinematics_digest`): to which URDF the result belongs.
-    configuration : dict
     timing : dict of str to float
         Seconds by stage.
-    series : tuple of GapSeries
-    tracking : tuple of TrackingSeries
-    twists : tuple of TransmissionSeries
-        These three are for the report and not in the document.
+    series, tracking, twists
+        For the report and not in the document.
     """
 
     what: ClassVar[str] = "a diagnosis"

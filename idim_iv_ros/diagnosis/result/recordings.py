@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from idim_iv_ros.diagnosis.result.causes import Evidence, Indistinguishable
+from idim_iv_ros.diagnosis.result.causes import Attribution, Evidence, Indistinguishable
 from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
@@ -43,11 +43,8 @@ class Transmission:
 
     Attributes
     ----------
-    joint : str
-    stiffness : EffectParameter or None
-        N m/rad (N/m); None where `reason` says why.
-    stiffness_at_least : float or None
-        Lower end of its 95 % interval.
+    stiffness, stiffness_at_least : EffectParameter and float, or None
+        N m/rad (N/m), None where `reason` says why; and the lower end of its 95 % interval.
     damping : EffectParameter or None
         N m s/rad; None where none shows.
     backlash : EffectParameter or None
@@ -62,15 +59,13 @@ class Transmission:
         Time by which the link's channel is late, s. No elasticity.
     position_error : bool
         Whether the twist also follows the position: an error of one of the encoders.
-    explained : float
-        Share of the twist's variance, position aside, that is explained, 0 to 1.
-    elastic_share : float
-        Share that follows the load in proportion.
+    explained, elastic_share : float
+        Shares of the twist's variance, position aside, that are explained, and that follow the load
+        in proportion, 0 to 1.
     twist_rms : float
         rad, with both channels at the same instants, less constants and position.
     resolution : float
         Step of the coarser encoder, rad; zero where none shows.
-    rows : int
     tests : tuple of HypothesisTest
         Whether one stiffness holds throughout.
     unit : str
@@ -100,14 +95,9 @@ class Transmission:
 
 @dataclass(frozen=True)
 class TransmissionSeries:
-    """Twist over load of one joint, less time offset, position and constants; (r,) each.
+    """Twist over load of one joint, less time offset, position and constants.
 
-    Attributes
-    ----------
-    joint : str
-    load : N m
-    twist : rad
-    direction : −1 to 1
+    (r,) each: load in N m, twist in rad, and the direction of motion, −1 to 1.
     """
 
     joint: str
@@ -131,8 +121,6 @@ class RecordingAgreement:
 
     Attributes
     ----------
-    bag : str
-    agrees : bool
     joint : str
         Where it differs most.
     share_of_torque : float
@@ -163,7 +151,6 @@ class JointContrast:
 
     Attributes
     ----------
-    joint : str
     before : float
         Of the model of the reference set, which the second set was not used to fit.
     after : float
@@ -185,43 +172,32 @@ class JointContrast:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContrastCause:
+class ContrastCause(Attribution):
     """One thing that changed between two sets of recordings.
+
+    Its parameters are second set less reference; of an effect that one set alone has, its numbers
+    there.
 
     Attributes
     ----------
-    effect : str
-        Name in the catalogue.
-    kind : str
-    joint, other_joint : str or None
     change : str
         ``appeared`` and ``vanished`` where one set alone has the effect, else ``changed``.
     bags : tuple of str
         Recordings of the second set that it holds for.
-    parameters : dict of str to EffectParameter
-        Second set less reference; of an effect that one set alone has, its numbers there.
     reference, against : dict of str to EffectParameter
         The numbers in each set, where they are known one by one.
-    evidence : Evidence
-    indistinguishable_from : tuple of Indistinguishable
     torques : tuple of JointTorque
         Joints where it matters, its own first.
-    sentence : str
     """
 
-    effect: str
     kind: Kind
-    joint: str | None
-    other_joint: str | None = None
     change: Literal["appeared", "vanished", "changed"]
     bags: tuple[str, ...]
-    parameters: dict[str, EffectParameter]
     reference: dict[str, EffectParameter] = field(default_factory=dict)
     against: dict[str, EffectParameter] = field(default_factory=dict)
     evidence: Evidence
     indistinguishable_from: tuple[Indistinguishable, ...] = ()
     torques: tuple[JointTorque, ...] = ()
-    sentence: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,16 +208,12 @@ class ContrastResult:
     ----------
     reference, against : tuple of str
         Recordings.
-    differs : bool
     sentence : str
         The answer, in words.
-    joints : tuple of JointContrast
     causes : tuple of ContrastCause
         Strongest first; empty where the sets do not differ, or where nothing explains it.
-    unattributed : tuple of str
-        Differences outside the catalogue, in words.
-    common : tuple of str
-        Effects that both sets share, in words.
+    unattributed, common : tuple of str
+        Differences outside the catalogue, and effects that both sets share, in words.
     effort_shift : dict of str to EffectParameter
         Time from the recorded effort to the torque, s, of ``reference`` and ``against``.
     notes : tuple of str

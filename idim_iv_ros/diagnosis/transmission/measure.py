@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.likelihood import Columns, Regression
+from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import predicted
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -16,21 +17,17 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
     TransmissionSeries,
 )
-from idim_iv_ros.diagnosis.transmission.fit import (
+from idim_iv_ros.diagnosis.transmission.twist import (
     DIRECTION,
+    LINK_MOTION_STEPS,
     LOAD,
     POSITION,
     RATE,
     SIDE,
     TwistFit,
+    TwistRows,
     compliance,
     fit_twist,
-    held_out,
-)
-from idim_iv_ros.diagnosis.transmission.twist import (
-    LINK_MOTION_STEPS,
-    TwistRows,
-    has_encoder,
     twist_rows,
 )
 from idim_iv_ros.effects.cause import Part
@@ -68,15 +65,17 @@ class Measured:
 
 
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
-    """Measure every joint that has an encoder behind its gear.
-
-    Parameters
-    ----------
-    regression
-        Of the refit on the smooth motion.
-    """
-    joints = [joint for joint in range(len(data.joints)) if has_encoder(data, joint)]
+    """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
+    joints = [joint for joint in range(len(data.joints)) if _has_encoder(data, joint)]
     return tuple(_measured(data, regression, joint) for joint in joints)
+
+
+def _has_encoder(data: Baseline, joint: int) -> bool:
+    """Whether every recording holds positions of the joint behind its gear."""
+    return all(
+        motion.signals.link_valid is not None and bool(motion.signals.link_valid[:, joint].any())
+        for motion in data.prepared.motions
+    )
 
 
 def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
@@ -104,9 +103,9 @@ def _with_link_motion(
     bending, rate = fit.accepted(LOAD), fit.accepted(RATE)
     damping = -rate / bending**2 if rate < 0.0 else None
     gap = 2.0 * max(fit.accepted(SIDE), 0.0)
-    columns = twist_torques(data, joint, 1.0 / bending, damping, gap)
-    elastic = without_torque(regression, columns).fit(regression.fit().noise_models)
-    return twist_rows(data, regression, joint, bending, elastic.values)
+    elastic = _without_twist(data, regression, joint, 1.0 / bending, damping, gap)
+    fitted = elastic.fit(regression.fit().noise_models)
+    return twist_rows(data, regression, joint, bending, fitted.values)
 
 
 def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
@@ -135,9 +134,9 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
     bending, std, test = compliance(fit)
     elastic = bending * rows.load
     clear = bending > settings.CLEAR_DEVIATIONS * std
-    above_step = float(np.ptp(elastic)) > rows.resolution
+    exceeds_step = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
-    if LOAD in fit.terms and clear and above_step:
+    if LOAD in fit.terms and clear and exceeds_step:
         stiffness = EffectParameter(1.0 / bending, std / bending**2, unit_at("N m/rad"))
         damping = _damping(fit, stiffness, unit_at("N m s/rad"))
     highest = bending + settings.NORMAL_95 * std
@@ -169,23 +168,23 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
         rows=len(rows.load),
         tests=(test,),
         unit=unit_at("rad"),
-        reason="" if stiffness else _undecided(fit, clear=clear, above_step=above_step),
+        reason="" if stiffness else _undecided(fit, clear=clear, exceeds_step=exceeds_step),
     )
 
 
-def _undecided(fit: TwistFit, *, clear: bool, above_step: bool) -> str:
+def _undecided(fit: TwistFit, *, clear: bool, exceeds_step: bool) -> str:
     """Why no stiffness is said.
 
     Parameters
     ----------
-    clear, above_step
+    clear, exceeds_step
         Whether the twist under the load differs from zero, and is larger than the encoders' step.
     """
     rows = fit.rows
     # Whether a twist of one step of the encoders would not have been significant.
     step = rows.resolution / max(float(np.ptp(rows.load)), 1e-300)
     hidden = step <= settings.CLEAR_DEVIATIONS * fit.numbers[LOAD][1]
-    if rows.resolution > 0.0 and (LOAD in fit.terms or hidden) and not above_step:
+    if rows.resolution > 0.0 and (LOAD in fit.terms or hidden) and not exceeds_step:
         return (
             f"the twist under the load stays below the encoders' step of {rows.resolution:.2g}: "
             "it cannot be determined"
@@ -209,16 +208,21 @@ def _damping(fit: TwistFit, stiffness: EffectParameter, unit: str) -> EffectPara
     return EffectParameter(value, value * relative, unit) if clear else None
 
 
-def link_inertia(data: Baseline, joint: int) -> float:
+def _link_inertia(data: Baseline, joint: int) -> float:
     """Inertia of what is behind a joint, about it: median over the motion, kg m²."""
     inertia = np.concatenate([motion.inertia[:, joint, joint] for motion in data.motions])
     return max(float(np.median(inertia)), 1e-12)
 
 
-def twist_torques(
-    data: Baseline, joint: int, stiffness: float, damping: float | None, gap: float
-) -> Columns:
-    """Change of all torques against a rigid transmission, (r, 1) by joint.
+def _without_twist(
+    data: Baseline,
+    regression: Regression,
+    joint: int,
+    stiffness: float,
+    damping: float | None,
+    gap: float,
+) -> Regression:
+    """Take off what a transmission changes of the torques against a rigid one.
 
     Parameters
     ----------
@@ -228,23 +232,15 @@ def twist_torques(
         N m s/rad; None: light, where none was measured.
     """
     if damping is None:
-        critical = 2.0 * float(np.sqrt(stiffness * link_inertia(data, joint)))
+        critical = 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
         damping = _LIGHT_DAMPING * critical
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
-    pairs = list(zip(data.motions, parts, strict=True))
-    return {
-        other: data.counting(other, [motion.rows(part[other]) for motion, part in pairs])
-        for other in parts[0]
-    }
-
-
-def without_torque(regression: Regression, columns: Columns) -> Regression:
-    """Return the same rows with a known torque (r, 1) taken off."""
-    joints = tuple(
-        replace(rows, torque=rows.torque - columns[joint][:, 0]) if joint in columns else rows
-        for joint, rows in enumerate(regression.joints)
-    )
-    return Regression(joints, regression.parameters)
+    joints = list(regression.joints)
+    for other in parts[0]:
+        made = [motion.rows(part[other]) for motion, part in zip(data.motions, parts, strict=True)]
+        torque = joints[other].torque - data.counting(other, made)[:, 0]
+        joints[other] = replace(joints[other], torque=torque)
+    return Regression(tuple(joints), regression.parameters)
 
 
 def with_transmissions(
@@ -259,13 +255,6 @@ def with_transmissions(
     Where both name one, it is one cause, with the measured numbers and the torque gap of the other.
     What the encoder behind a gear excludes at 95 % is taken out, with a note.
 
-    Parameters
-    ----------
-    regression
-        Of the refit on the smooth motion.
-    without
-        Effects that are left out of the catalogue.
-
     Returns
     -------
     All causes, those of them that were measured, and notes on what is excluded.
@@ -278,12 +267,8 @@ def with_transmissions(
         if part and name_of(part) not in without:
             cause = _cause(data, regression, transmission, part)
             if suggested:
-                cause = replace(
-                    cause,
-                    torque_gap=suggested[0].torque_gap,
-                    joint_gaps=suggested[0].joint_gaps,
-                    simulation_gap=suggested[0].simulation_gap,
-                )
+                gaps = ("torque_gap", "joint_gaps", "simulation_gap")
+                cause = replace(cause, **{name: getattr(suggested[0], name) for name in gaps})
             kept = [cause, *(other for other in kept if other not in suggested)]
             shafts.append(cause)
             continue
@@ -305,7 +290,7 @@ def _part(data: Baseline, transmission: Measured) -> Part:
         if result.backlash.value > _WIDE * bending:
             return "play"
     # Of the link against a motor at rest, median over the motion.
-    resonance = np.sqrt(stiffness / link_inertia(data, transmission.joint)) / (2.0 * np.pi)
+    resonance = np.sqrt(stiffness / _link_inertia(data, transmission.joint)) / (2.0 * np.pi)
     return "" if resonance > _STIFF_RESONANCE else "shaft"
 
 
@@ -319,13 +304,15 @@ def _excluded(result: Transmission, cause: Cause) -> bool:
 
 
 def _cause(data: Baseline, regression: Regression, transmission: Measured, part: Part) -> Cause:
-    result, fit = transmission.result, transmission.fit
+    """Name a measured shaft or play, with the residual of the refit at the joint as its gap.
+
+    The transmission is not fitted to the torque; the base parameters are, without and with it.
+    """
+    result, fit, joint = transmission.result, transmission.fit, transmission.joint
     assert fit is not None
-    term = SIDE if part == "play" else LOAD
-    gain, helped, folds = held_out(fit, term)
     stiffness = result.stiffness
     if stiffness is None and result.stiffness_at_least is not None:
-        unit = data.unit_at(transmission.joint, "N m/rad")
+        unit = data.unit_at(joint, "N m/rad")
         stiffness = EffectParameter(result.stiffness_at_least, None, unit)
     named = {
         "gap": result.backlash if part == "play" else None,
@@ -333,35 +320,43 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         "damping": result.damping,
     }
     parameters = {name: number for name, number in named.items() if number is not None}
-    gap = _torque_gap(data, regression, transmission.joint, parameters)
+    before = after = regression.fit()
+    if stiffness is not None:
+        values = {name: number.value for name, number in parameters.items()}
+        damping, play = values.get("damping"), values.get("gap", 0.0)
+        elastic = _without_twist(data, regression, joint, stiffness.value, damping, play)
+        after = elastic.fit(before.noise_models, steps=0)
+    one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
     return Cause(
         effect=name_of(part),
         kind="structural",
         joint=result.joint,
         sentence=sentences.play(result) if part == "play" else sentences.shaft(result),
         parameters=parameters,
-        evidence=Evidence(
-            statistic=2.0 * (fit.gains[term] + 0.5 * float(np.log(len(fit.rows.load)))),
-            held_out_gain=gain,
-            folds_positive=f"{helped} of {folds}",
-        ),
-        torque_gap=gap,
-        joint_gaps=(data.joint_change(transmission.joint, gap.before, gap.after),),
+        evidence=_evidence(fit, SIDE if part == "play" else LOAD),
+        torque_gap=Gap.without_floor(one, two),
+        joint_gaps=(data.joint_change(joint, one, two),),
     )
 
 
-def _torque_gap(
-    data: Baseline, regression: Regression, joint: int, parameters: dict[str, EffectParameter]
-) -> Gap:
-    """Residual of the refit at the joint, without and with the measured transmission (rms).
+def _evidence(fit: TwistFit, term: str) -> Evidence:
+    """How a term predicts blocks that were not fitted.
 
-    The transmission is not fitted to the torque; the base parameters are, both times.
+    Blocks lie at the same places of every recording: its constant is fitted from the others.
     """
-    values = {name: parameter.value for name, parameter in parameters.items()}
-    before = after = regression.fit()
-    if "stiffness" in values:
-        damping, play = values.get("damping"), values.get("gap", 0.0)
-        columns = twist_torques(data, joint, values["stiffness"], damping, play)
-        after = without_torque(regression, columns).fit(before.noise_models, steps=0)
-    one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
-    return Gap(one, two, None, 1.0 - two / one if one > 0.0 else None, None)
+    rows, count = fit.rows, int(settings.FOLDS)
+    regression = Regression(fit.regression.joints, fit.regression.parameters)
+    for other in [*(other for other in fit.terms if other != term), term]:
+        regression = regression.with_columns({0: fit.columns[other]})
+    block = np.zeros(len(rows.load), dtype=np.int64)
+    for number in np.unique(rows.recording):
+        places = np.flatnonzero(rows.recording == number)
+        block[places] = np.arange(len(places)) * count // len(places)
+    ends = np.array([regression.total - regression.widths[-1], regression.total])
+    before, after = (
+        np.maximum(np.bincount(block, residual**2, count), 1e-300)
+        for (residual,) in predicted(regression, fit.fit.noise_models, [block], ends)
+    )
+    left = float(after.sum() / before.sum())
+    helped = int(np.sum(after < before))
+    return Evidence(-len(block) * float(np.log(left)), None, 1.0 - left, f"{helped} of {count}")

@@ -1,4 +1,8 @@
-"""Whether the recorded commands are those of the configured control law."""
+"""Whether the recorded commands are those of the configured control law, and what differs.
+
+The search is that of the torque. Its rows are recorded less computed commands, its numbers the
+errors of the recording with their likely sizes, its candidates the groups of the law.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -6,24 +10,155 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.diagnosis.controller.law_change import (
-    CommandRows,
-    LawChange,
-    command_rows,
-    law_change,
+from idim_iv_ros.diagnosis.comparison.compare import Comparison
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.named_columns import (
+    NamedColumns,
+    ledger_of_rows,
+    supported,
 )
+from idim_iv_ros.diagnosis.comparison.options import Options, whitened
+from idim_iv_ros.diagnosis.comparison.refine import together
+from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.law_speed import LawSpeed, events_in, law_speed
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    EffectParameter,
-    Evidence,
-    Gap,
+from idim_iv_ros.diagnosis.refit.command_rows import (
+    TIMES,
+    CommandRows,
+    LawSpeed,
+    away_from_events,
+    command_rows,
+    events_in,
 )
+from idim_iv_ros.diagnosis.refit.law_speed import law_speed
+from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS, name_of
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
+
+_UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
+
+
+def _noisy(rows: CommandRows) -> CommandRows:
+    """Add the noise that rows have at least, or nothing else than an exact law would be likely."""
+    least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
+    return replace(rows, rest=rows.rest + least)
+
+
+def _ledger(rows: CommandRows, lag: float | None = None) -> Ledger:
+    """Rows of the comparison: its numbers are the errors, and then the constants.
+
+    Parameters
+    ----------
+    lag
+        Of the effort, s; None: any. With a lag, all else is on time.
+    """
+    rest, likely = rows.rest, rows.likely.copy()
+    if lag is not None:
+        rest, likely[:TIMES] = rest - lag * rows.errors[:, 0], 0.0
+    return ledger_of_rows(rest, rows.size, rows.errors, likely, rows.constants, rows.runs)
+
+
+@dataclass(frozen=True)
+class LawChange:
+    """What differs from the configured law at one joint.
+
+    Attributes
+    ----------
+    rows : CommandRows
+        Without those near an event.
+    comparison : Comparison
+    terms : tuple of Term
+        Groups that differ; of two sets, those of the second one have a scope.
+    """
+
+    rows: CommandRows
+    comparison: Comparison
+    terms: tuple[Term, ...]
+
+    @property
+    def errors(self) -> FloatArray:
+        """(e,) of the recording."""
+        return ModelWithTerms(self.comparison.nominal, self.terms).errors[:TIMES]
+
+    @property
+    def lag(self) -> tuple[float, float]:
+        """(value, std) of the lag of the effort, s, that all errors of time together make."""
+        nominal, model = (
+            self.comparison.nominal,
+            ModelWithTerms(self.comparison.nominal, self.terms),
+        )
+        rate = self.rows.errors[:, 0]
+        part = np.zeros(len(nominal.root))
+        part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
+        spread = float(np.sum((part @ nominal.root) ** 2))
+        if self.terms:
+            moved = np.concatenate([part @ nominal.products_of(term).moved for term in self.terms])
+            spread += float(moved @ model.covariance @ moved)
+        return float(part @ model.errors), spread**0.5
+
+    @property
+    def changes(self) -> dict[str, tuple[float, float]]:
+        """(value, std) of each group that differs in all rows."""
+        return {
+            term.key[0]: (float(term.coefficients[0]), float(term.deviations[0]))
+            for term in self.terms
+            if term.key[3] is None
+        }
+
+    @property
+    def statistic(self) -> float:
+        """Twice the evidence of the terms."""
+        return 2.0 * sum(term.evidence for term in self.terms)
+
+    def left(self, terms: Sequence[Term] = (), lag: float | None = None) -> FloatArray:
+        """(r,) what some terms and errors of the recording leave, N m (N).
+
+        Parameters
+        ----------
+        lag
+            That the effort has, s; None: any.
+        """
+        nominal = self.comparison.nominal
+        if lag is not None:
+            options = Options(_ledger(self.rows, lag), self.comparison.catalogue.candidates)
+            white = whitened(options, nominal.white.noise)
+            nominal = NominalErrors(options, white, nominal.torques, nominal.errors)
+        return ModelWithTerms(nominal, tuple(terms)).residuals(white=False)[0]
+
+    def beyond(self, rows: CommandRows) -> FloatArray:
+        """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
+
+        Parameters
+        ----------
+        rows
+            All of the joint, those beside events too.
+        """
+        rest = rows.rest - rows.errors @ self.errors
+        for name, (value, _) in self.changes.items():
+            rest = rest - value * rows.groups[name]
+        for number in np.unique(rows.recording):
+            inside = rows.recording == number
+            rest[inside] -= np.median(rest[inside])
+        return rest
+
+
+def law_change(rows: CommandRows) -> LawChange:
+    """Search for the groups of the law that explain what the commands have beyond it."""
+    # A pulse is plain where the law holds, and where it does not beside what all groups leave.
+    for more in ([], [rows.errors, *rows.groups.values()]):
+        table = np.column_stack([rows.constants, *more])
+        table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+        rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
+        if np.sqrt(np.mean(rest**2)) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
+            calm = away_from_events(rest, rows.recording, rows.time)
+            if not calm.all():
+                rows = rows.only(calm)
+                break
+    selection = select(NamedColumns(rows.groups, rows.second), _ledger(rows))
+    terms = supported(selection.comparison, selection.terms, settings.LAW_LEAST_SUPPORT)
+    large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
+    return LawChange(rows, selection.comparison, together(selection.comparison, large))
 
 
 def why_not_checked(data: Baseline) -> str:
@@ -165,6 +300,7 @@ def shown_law(data: Baseline) -> ShownLaw:
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
+            rows = _noisy(rows)
             joints[joint] = rows, law_change(rows)
     interval = 1.0 / min(motion.signals.rate for motion in motions)
     return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)
@@ -208,7 +344,7 @@ def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Caus
         joint=None,
         parameters={"delay": delay},
         evidence=Evidence((delay.value / delay.std) ** 2),
-        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+        torque_gap=Gap.without_floor(one, two),
         sentence=sentences.commands_late(delay, shown.period),
     )
 
@@ -235,7 +371,7 @@ def _cause(
         sentence="",
         parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
         evidence=Evidence(statistic),
-        torque_gap=Gap(one, two, None, 1.0 - two / one, None),
+        torque_gap=Gap.without_floor(one, two),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))
 

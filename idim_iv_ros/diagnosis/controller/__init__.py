@@ -1,1 +1,0 @@
-"""Recorded commands against the control law of the configuration."""

@@ -1,0 +1,297 @@
+"""Commands of one joint beside its configured law: rows, the speed of the law, and events."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import scipy
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.effects.contribution import CommandParts
+from idim_iv_ros.effects.registry import CONTROL_LAW
+from idim_iv_ros.estimation.observation import segments_of
+from idim_iv_ros.signals import JointSignals, Motion
+from idim_iv_ros.signals.motion import all_around
+from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.statistics.residuals import excess_kurtosis
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
+_LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
+_LIMITED = 0.98  # of the torque limit, from which on a command is limited
+_EDGE = 0.5  # of the peak of an event, where it begins and ends
+_LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
+_ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
+
+
+@dataclass(frozen=True)
+class LawSpeed:
+    """One way to obtain the speed of a joint.
+
+    Attributes
+    ----------
+    kind : str
+        ``central`` differences of the position (no lateness), the ``recorded`` velocity, or
+        backward differences through a first-order filter (``filtered``).
+    factor : float
+        Of the filter: v[k] = v[k-1] + factor (Δq[k] / Δt − v[k-1]); 1 is no filter.
+    """
+
+    kind: Literal["central", "recorded", "filtered"] = "central"
+    factor: float = 1.0
+
+    def of(self, signals: JointSignals, joint: int) -> FloatArray:
+        """Speed (n_samples,) of one joint, rad/s (m/s)."""
+        if self.kind == "recorded" and signals.velocity is not None:
+            return signals.velocity[:, joint]
+        position = signals.position[:, joint]
+        if self.kind != "filtered":
+            return np.gradient(position, 1.0 / signals.rate)
+        difference = np.diff(position, prepend=position[:1]) * signals.rate
+        if len(difference) > 1:
+            difference[0] = difference[1]
+        rest = (1.0 - self.factor) * difference[0]
+        filtered, _ = scipy.signal.lfilter(
+            [self.factor], [1.0, self.factor - 1.0], difference, zi=[rest]
+        )
+        return np.asarray(filtered)
+
+    def lateness(self, rate: float) -> float:
+        """Delay at low frequencies, s, of a speed that is computed at `rate` (Hz)."""
+        if self.kind != "filtered":
+            return 0.0
+        return ((1.0 - self.factor) / self.factor + 0.5) / rate
+
+    @property
+    def words(self) -> str:
+        """What it is, for the report."""
+        if self.kind == "recorded":
+            return "the recorded velocity"
+        if self.kind == "central":
+            return "central differences of the position"
+        if self.factor == 1.0:
+            return "backward differences of the position"
+        return (
+            "backward differences of the position through a first-order filter of factor "
+            f"{self.factor:.2g}"
+        )
+
+
+@dataclass(frozen=True)
+class CommandRows:
+    """Decimated rows of one joint, without those at the torque limit; (r,) each.
+
+    Attributes
+    ----------
+    rest : N m (N)
+        Recorded less computed command.
+    size : float
+        RMS of the recorded command, N m (N).
+    groups : dict
+        Torque of a unit of each group that may change.
+    errors : (r, e)
+        Torque of a unit of what a recording does to commands that are those of the law: a lag of
+        the effort; position, speed and the references of both late, s.
+    likely : (e,)
+        How large each of them is.
+    runs : tuple of slice
+        Rows without a gap in time.
+    recording : (r,) int
+        Which recording each row belongs to.
+    time : s
+        From the start of the recording.
+    second : (r,) bool
+        Rows of a second set of recordings.
+    """
+
+    rest: FloatArray
+    size: float
+    groups: dict[str, FloatArray]
+    errors: FloatArray
+    likely: FloatArray
+    runs: tuple[slice, ...]
+    recording: IntArray
+    time: FloatArray
+    second: BoolArray
+
+    @property
+    def constants(self) -> FloatArray:
+        """(r, recordings)."""
+        return np.asarray(self.recording[:, None] == np.unique(self.recording), dtype=float)
+
+    def only(self, kept: BoolArray) -> "CommandRows":
+        """Leave out the rows that are not `kept` (r,)."""
+        return replace(
+            self,
+            **{name: getattr(self, name)[kept] for name in _ROWS},
+            groups={name: torque[kept] for name, torque in self.groups.items()},
+            runs=segments_of([kept[run] for run in self.runs]),
+        )
+
+    def followed_by(self, other: "CommandRows") -> "CommandRows":
+        """Rows of two sets, each with errors of its own."""
+        first = len(self.rest)
+        return CommandRows(
+            rest=np.concatenate([self.rest, other.rest]),
+            size=max(self.size, other.size),
+            groups={
+                name: np.concatenate([torque, other.groups[name]])
+                for name, torque in self.groups.items()
+            },
+            errors=scipy.linalg.block_diag(self.errors, other.errors),
+            likely=np.concatenate([self.likely, other.likely]),
+            runs=(*self.runs, *(slice(first + r.start, first + r.stop) for r in other.runs)),
+            recording=np.concatenate([self.recording, other.recording + self.recording.max() + 1]),
+            time=np.concatenate([self.time, other.time]),
+            second=np.repeat([False, True], [first, len(other.rest)]),
+        )
+
+
+def command_rows(
+    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed, period: float
+) -> CommandRows | None:
+    """Evaluate the law on the measured motion; None where too few rows are left.
+
+    Parameters
+    ----------
+    period
+        Of the control, s: what the law sees, and is recorded, is about as late.
+    """
+    tables, every = [], []
+    for number, motion in enumerate(motions):
+        parts, _ = evaluated(motion, law, joint, speed)
+        recorded = motion.signals.torque[:, joint]
+        groups = [parts.groups[name] for name in CONTROL_LAW.groups]
+        table = np.column_stack(
+            [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
+        )
+        kept = comparable(motion, law, joint)
+        table = motion.decimation.whole(table[motion.span])[kept]
+        number_and_time = np.column_stack([np.full(len(table), number), motion.time[kept]])
+        tables.append(np.hstack([number_and_time, table]))
+        every.append(kept)
+    table = np.concatenate(tables)
+    if len(table) < settings.LEAST_ROWS:
+        return None
+    first = 4 + TIMES
+    step = 1.0 / min(motion.signals.rate for motion in motions)
+    return CommandRows(
+        rest=table[:, 3],
+        size=float(np.sqrt(np.mean(table[:, 2] ** 2))),
+        groups={name: table[:, first + k] for k, name in enumerate(CONTROL_LAW.groups)},
+        errors=table[:, 4:first],
+        likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),
+        runs=segments_of(every),
+        recording=table[:, 0].astype(np.int64),
+        time=table[:, 1],
+        second=np.zeros(len(table), dtype=bool),
+    )
+
+
+def evaluated(
+    motion: Motion, law: ControlLaw, joint: int, speed: LawSpeed
+) -> tuple[CommandParts, BoolArray]:
+    """Parts of one joint's command, and where it is not at the torque limit (n_samples,).
+
+    Rows at the limit do not count, but filters carry what a command is beyond it for half a second.
+    """
+    signals, limit = motion.signals, float(law.torque_limit[joint])
+    parts = CONTROL_LAW.parts(signals, law, joint, speed.of(signals, joint))
+    free = np.abs(parts.command) < limit
+    if free.all():
+        return parts, free
+    command = np.clip(parts.command, -limit, limit)
+    groups = {name: torque * free for name, torque in parts.groups.items()}
+    slope = np.gradient(command, 1.0 / signals.rate)
+    late = parts.late * free[:, None]
+    return replace(parts, command=command, rate=slope, late=late, groups=groups), free
+
+
+def comparable(motion: Motion, law: ControlLaw, joint: int) -> BoolArray:
+    """Decimated samples (m,) at which a command is measured and not at the torque limit.
+
+    Nor near a sample of which that is not so, nor near the ends.
+    """
+    signals = motion.signals
+    limit = _LIMITED * float(law.torque_limit[joint])
+    good = signals.valid[:, joint] & (np.abs(signals.torque[:, joint]) < limit)
+    kept = all_around(good[motion.span, None], motion.decimation, motion.decimation.factor)[:, 0]
+    kept[:2] = kept[-2:] = False
+    return np.asarray(kept)
+
+
+@dataclass(frozen=True)
+class LawEvent:
+    """A stretch of time in which commands hold something that their law does not.
+
+    Attributes
+    ----------
+    begin, end : float
+        s, of the recording.
+    recording : int
+    size : float
+        Its median, N m (N).
+    energy : float
+        Sum of squares over its rows.
+    """
+
+    begin: float
+    end: float
+    recording: int
+    size: float
+    energy: float
+
+
+def _in_events(rest: FloatArray) -> BoolArray:
+    """Rows (r,) that belong to events; none where what a model leaves acts all the time."""
+    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
+        return np.zeros(len(rest), dtype=bool)
+    size = np.abs(rest)
+    return np.asarray(size > settings.LAW_EVENT_SIZE * np.median(size))
+
+
+def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[LawEvent]:
+    """Find the events in what a model leaves, the largest first; none where it acts all the time.
+
+    An event begins and ends where it falls below a share of its own peak: filters smear it, and
+    the loop swings after it.
+
+    Parameters
+    ----------
+    rest, recording, time
+        (r,) N m (N); which recording a row belongs to; s.
+    """
+    large = np.flatnonzero(_in_events(rest))
+    if len(large) == 0:
+        return []
+    apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
+    events = []
+    for part in np.split(large, np.flatnonzero((np.diff(recording[large]) != 0) | apart) + 1):
+        size = np.abs(rest[part])
+        core = part[size >= _EDGE * size.max()]
+        events.append(
+            LawEvent(
+                begin=float(time[core[0]]),
+                end=float(time[core[-1]]),
+                recording=int(recording[core[0]]),
+                size=float(np.median(rest[core])),
+                energy=float(np.sum(rest[part] ** 2)),
+            )
+        )
+    events.sort(key=lambda event: -event.energy)
+    return [event for event in events if event.energy >= _LEAST_EVENT * events[0].energy]
+
+
+def away_from_events(rest: FloatArray, recording: IntArray, time: FloatArray) -> BoolArray:
+    """Rows (r,) half a second or more from the events in what the law leaves; all if few remain.
+
+    A pulse in the command pushes the robot, and the law answers: errors follow pulses, so that any
+    gain, a lag and a late speed take a part of them. What the law is shows between them.
+    Parameters are those of `events_in`.
+    """
+    kept = np.ones(len(rest), dtype=bool)
+    for row in np.flatnonzero(_in_events(rest)):
+        near = np.abs(time - time[row]) <= settings.LAW_EVENTS_APART
+        kept &= ~near | (recording != recording[row])
+    return kept if int(kept.sum()) >= settings.LEAST_ROWS else np.ones_like(kept)
