@@ -5,6 +5,7 @@ errors is aᵀb − (Xᵀa)ᵀ M Mᵀ (Xᵀb). Terms of a model are random effec
 in the same way, so that what they change is of their own low rank.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +16,7 @@ from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, products_with_model
 from idim_iv_ros.effects.effect import Effect, Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, SingleArray
 
 _ROUNDING = 1e-5  # of a direction's energy before the errors are taken out: single precision
 _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as good as free
@@ -111,15 +112,16 @@ class Torques:
             1.0 / (np.sqrt(max(len(rows), 1)) * size)
             for rows, size in zip(ledger.joints, ledger.sizes, strict=True)
         ]
-        lines = [
-            np.asarray(table * np.float32(scale))
-            for table, scale in zip(options.lines, self.scales, strict=True)
-        ]
+
+        def lines() -> Iterator[SingleArray]:  # one joint's copy at a time
+            for table, scale in zip(options.lines, self.scales, strict=True):
+                yield table * np.float32(scale)
+
         model = [
             rows.matrix * scale for rows, scale in zip(ledger.joints, self.scales, strict=True)
         ]
-        self.inner = options.inner_products(lines)
-        self.normal, self.shared = products_with_model(options, model, lines)
+        self.inner = options.inner_products(lines())
+        self.normal, self.shared = products_with_model(options, model, lines())
 
 
 class NominalErrors:
@@ -190,28 +192,26 @@ class _TermProducts:
         self.white: dict[int, FloatArray] = {}
         shared = np.zeros((ledger.parameters, term.width))
         gap = np.zeros(term.width)
-        right = []
         for joint, rows in enumerate(ledger.joints):
             if joint not in term.columns or rows.left_out:
-                right.append(np.zeros((len(rows), term.width)))
                 continue
             table = white.noise[joint].standardized(term.columns[joint], rows.segments)
             table = table * white.counted[joint][:, None]
             self.white[joint] = table
-            right.append(table)
             shared[rows.columns] += white.model[joint].T @ table
             gap += table.T @ white.gap[joint]
         self.projected = nominal.root.T @ shared
         self.moved = nominal.root @ self.projected
         self.score = gap - self.projected.T @ nominal.explained
-        self._right = right
         self._crossed: dict[int, FloatArray] = {}
 
     def crossed(self, nominal: NominalErrors) -> dict[int, FloatArray]:
         """Products (m_w, w, w') of all options, in coefficients of unit size, with the term."""
         if not self._crossed:
             options = nominal.options
-            crossed = options.products(nominal.white.lines, self._right)
+            nothing = [np.zeros((len(rows), len(self.score))) for rows in options.ledger.joints]
+            rows = [self.white.get(joint, zeros) for joint, zeros in enumerate(nothing)]
+            crossed = options.products(nominal.white.lines, rows)
             crossed -= nominal.projected.T @ self.projected
             self._crossed = {
                 w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])

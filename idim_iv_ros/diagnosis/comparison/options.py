@@ -1,6 +1,6 @@
 """All options of all candidates side by side, and their products with each other and the model."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,7 +71,7 @@ class Options:
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
     def inner_products(
-        self, lines: Sequence[SingleArray], counted: Sequence[BoolArray] | None = None
+        self, lines: Iterable[SingleArray], counted: Sequence[BoolArray] | None = None
     ) -> dict[int, FloatArray]:
         """Products (m_w, w, w) of the columns of each option, over all joints.
 
@@ -176,7 +176,7 @@ def counted_alone(options: Options, white: Whitened, counted: Sequence[BoolArray
 
 
 def products_with_model(
-    options: Options, model: Sequence[FloatArray], lines: Sequence[SingleArray]
+    options: Options, model: Sequence[FloatArray], lines: Iterable[SingleArray]
 ) -> tuple[FloatArray, FloatArray]:
     """XᵀX (b, b), and Xᵀ with all columns (b, p)."""
     b = options.ledger.parameters
