@@ -90,7 +90,6 @@ def _expressions(settings: dict[str, object]) -> dict[str, str]:
 
 
 def _format(text: str) -> object:
-    """Return the format that a JSON document states; None where the text is no such document."""
     try:
         content = from_json(text)
     except ValueError:
