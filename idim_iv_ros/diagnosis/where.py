@@ -194,7 +194,10 @@ def spectral_lines(
 
 
 def lifts(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Energy share, occupancy, lift (k,) and its interval (k, 2) of the bins of `split`."""
+    """Energy share, occupancy, lift (k,) and its interval (k, 2) of the bins of `split`.
+
+    The lift is the share of the residual's energy over the share of the samples in a bin.
+    """
     total = bins.sum(axis=0)
     energy, occupancy = (total / np.maximum(total.sum(axis=0), 1e-300)).T
     draws = resampled(bins)

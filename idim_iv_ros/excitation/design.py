@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import scipy
@@ -281,9 +281,4 @@ class Search:
 
 
 def _median(numbers: list[ConditionNumbers]) -> ConditionNumbers:
-    return ConditionNumbers(
-        *(
-            float(np.median([getattr(number, name) for number in numbers]))
-            for name in ("plain", "weighted", "equilibrated", "deviation")
-        )
-    )
+    return ConditionNumbers(*np.median([astuple(number) for number in numbers], axis=0).tolist())

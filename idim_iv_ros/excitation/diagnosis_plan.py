@@ -118,8 +118,8 @@ class DiagnosisPlanner:
             def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
                 speed = 2.0 * size * reach / (plateau + ramp)
                 low = size * (self.limits.middle - self.posture - reach)
-                name = f"range_sweep_{name}"
-                return self._constant(name, "range_sweep", low, speed, plateau, ramp)
+                shape = there_and_back(speed, plateau, ramp, self.rate)
+                return Segment(f"range_sweep_{name}", "range_sweep", low, shape, speed=speed)
 
             yield self._fit(make)
 
@@ -164,21 +164,10 @@ class DiagnosisPlanner:
             longest = float(np.min(2.0 * room / np.abs(speed))) - ramp
             plateau = max(min(slot - 2.0 * ramp, longest), _SHORTEST_PLATEAU)
             offset = centre - self.posture - 0.5 * speed * (plateau + ramp)
-            return self._constant(name, kind, offset, speed, plateau, ramp)
+            shape = there_and_back(speed, plateau, ramp, self.rate)
+            return Segment(name, kind, offset, shape, speed=speed)
 
         return self._fit(make)
-
-    def _constant(
-        self,
-        name: str,
-        kind: str,
-        offset: FloatArray,
-        speed: FloatArray,
-        plateau: float,
-        ramp: float,
-    ) -> Segment:
-        shape = there_and_back(speed, plateau, ramp, self.rate)
-        return Segment(name, kind, offset, shape, speed=speed)
 
     def _reversals(self, seconds: float) -> Iterator[Segment]:
         for amplitude, frequency in REVERSALS:

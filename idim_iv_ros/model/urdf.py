@@ -143,6 +143,7 @@ def base_link(
 
 
 def _some(names: list[str]) -> str:
+    """List the first names for a message, with an ellipsis where there are more."""
     more = ", …" if len(names) > _MOST_PROBLEMS else ""
     return ", ".join(quoted(name) for name in names[:_MOST_PROBLEMS]) + more
 

@@ -162,8 +162,8 @@ def _runs(
         return runs, ()
     beyond = [_beyond_gains(run) for run in runs]
     torques = [run.motion.filtered(run.motion.signals.torque) for run in runs]
-    parts = zip(beyond, torques, strict=True)
-    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in parts], axis=0)
+    both = zip(beyond, torques, strict=True)
+    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in both], axis=0)
     worst = int(np.argmax(shares))
     if shares[worst] < _BEYOND_GAINS:
         return runs, ()

@@ -169,8 +169,8 @@ def test_predicted_deviations_are_those_of_least_squares(arm2, design) -> None:
     errors = np.random.default_rng(0).normal(size=(len(weighted), 400))
     scatter = np.linalg.lstsq(weighted, errors, rcond=None)[0].std(axis=1)
     by_name = {parameter.name: parameter.std for parameter in predicted}
-    found = np.array([by_name[name] for name in model.base.names])
-    np.testing.assert_allclose(found, scatter, rtol=0.15)
+    deviations_by_name = np.array([by_name[name] for name in model.base.names])
+    np.testing.assert_allclose(deviations_by_name, scatter, rtol=0.15)
 
 
 def test_worst_parameters_come_first(arm2, design) -> None:

@@ -153,9 +153,9 @@ def test_effects_are_named_as_the_gap_names_its_causes() -> None:
 def test_bandwidth_of_each_law(robots) -> None:
     pd, _ = loop_bandwidth(robots("arm2")[0].controller, np.array([2.0, 0.5]))
     np.testing.assert_allclose(pd, np.sqrt([600.0, 500.0]) / (2.0 * np.pi))
-    cascade, known = loop_bandwidth(robots("emps")[0].controller, np.array([1.0]))
+    cascade, configured = loop_bandwidth(robots("emps")[0].controller, np.array([1.0]))
     np.testing.assert_allclose(cascade, 160.18 / (2.0 * np.pi))
-    assert known
+    assert configured
     assert not loop_bandwidth(robots("double_pendulum")[0].controller, np.ones(2))[1]
 
 

@@ -41,22 +41,22 @@ def bags() -> Sequence[BagResult]:
 
 
 @pytest.fixture(scope="module")
-def found(bags: Sequence[BagResult]) -> FleetResult:
+def answer(bags: Sequence[BagResult]) -> FleetResult:
     """What is said of it."""
     return fleet_result(bags)
 
 
-def test_planted_robots_differ_in_what_was_planted(found: FleetResult) -> None:
+def test_planted_robots_differ_in_what_was_planted(answer: FleetResult) -> None:
     for name, quantity in (("arm2-001", "MX2"), ("arm2-002", "residual joint_2")):
-        robot = robot_of(found, name)
+        robot = robot_of(answer, name)
         assert robot.attention == "differs"
         assert quantity in [q.name for q in robot.quantities if q.differs]
         assert any(quantity.split()[-1] in reason for reason in robot.reasons)
 
 
-def test_changes_are_dated(found: FleetResult) -> None:
+def test_changes_are_dated(answer: FleetResult) -> None:
     for name, quantity in (("arm2-004", "Fc1"), ("arm2-005", "off2")):
-        (change,) = (each for each in robot_of(found, name).changes if each.name == quantity)
+        (change,) = (one for one in robot_of(answer, name).changes if one.name == quantity)
         assert change.kind == "step"
         assert abs(change.times.index(change.begin) - 5) <= 2
         assert change.begin_low <= change.times[5] <= change.begin_high
@@ -65,50 +65,52 @@ def test_changes_are_dated(found: FleetResult) -> None:
         assert abs(change.size - size) < change.size_high - change.size_low
 
 
-def test_what_needs_attention_comes_first(found: FleetResult) -> None:
+def test_what_needs_attention_comes_first(answer: FleetResult) -> None:
     ranks = ("differs", "changed", "unsteady", "recordings", "none")
-    order = [ranks.index(robot.attention) for robot in found.robots]
+    order = [ranks.index(robot.attention) for robot in answer.robots]
     assert order == sorted(order) and (order[0], order[-1]) == (0, 4)
 
 
 def test_every_bag_is_listed_and_a_corrupt_one_with_its_reason(
-    found: FleetResult, bags: Sequence[BagResult]
+    answer: FleetResult, bags: Sequence[BagResult]
 ) -> None:
-    assert [bag.uri for bag in found.bags] == [bag.uri for bag in bags]
-    (unused,) = (bag for bag in found.bags if not bag.used)
+    assert [bag.uri for bag in answer.bags] == [bag.uri for bag in bags]
+    (unused,) = (bag for bag in answer.bags if not bag.used)
     assert unused.status == "corrupt" and unused.why_not == "the file is cut off"
-    assert robot_of(found, unused.robot).not_used == 1
+    assert robot_of(answer, unused.robot).not_used == 1
 
 
 def test_the_robots_that_stand_out_are_screened_and_ordinary_ones_for_the_type(
-    found: FleetResult,
+    answer: FleetResult,
 ) -> None:
-    why = {screened.robot: screened.why for screened in found.screen}
+    why = {screened.robot: screened.why for screened in answer.screen}
     assert why["arm2-001"] == why["arm2-002"] == "differs"
     assert why["arm2-004"] == why["arm2-005"] == "changed"
     assert list(why.values()).count("typical") == 3
-    (bags,) = (screened.bags for screened in found.screen if screened.robot == "arm2-001")
+    (bags,) = (screened.bags for screened in answer.screen if screened.robot == "arm2-001")
     assert bags == tuple(f"arm2-001/0{number}.mcap" for number in (8, 7, 6))
 
 
-def test_the_order_of_bags_does_not_matter(found: FleetResult, bags: Sequence[BagResult]) -> None:
+def test_the_order_of_bags_does_not_matter(answer: FleetResult, bags: Sequence[BagResult]) -> None:
     again = fleet_result(list(reversed(bags)))
-    for one, other in zip(found.robots, again.robots, strict=True):
+    for one, other in zip(answer.robots, again.robots, strict=True):
         assert one.robot == other.robot and one.attention == other.attention
         values = [[q.value for q in robot.quantities] for robot in (one, other)]
         np.testing.assert_allclose(*values, rtol=1e-9)
 
 
-def test_it_is_read_back_as_it_was_written(found: FleetResult) -> None:
-    text = found.to_json()
+def test_it_is_read_back_as_it_was_written(answer: FleetResult) -> None:
+    text = answer.to_json()
     assert FleetResult.from_json(text, "fleet.json").to_json() == text
 
 
 def test_one_robot_is_estimated_and_compared_with_nobody(bags: Sequence[BagResult]) -> None:
     alone = fleet_result([bag for bag in bags if bag.robot == "arm2-004"])
     (robot,) = alone.robots
-    assert robot.attention == "changed" and not any(each.differs for each in robot.quantities)
-    assert all(np.isnan(each.p_value) for each in robot.quantities)
+    assert robot.attention == "changed" and not any(
+        quantity.differs for quantity in robot.quantities
+    )
+    assert all(np.isnan(quantity.p_value) for quantity in robot.quantities)
     assert any("nothing says what is ordinary" in note for note in alone.types[0].notes)
 
 
@@ -144,26 +146,26 @@ def test_a_fleet_of_corrupt_bags_is_an_answer_and_no_bag_is_none() -> None:
 def test_bags_that_differ_from_day_to_day_make_no_narrow_interval() -> None:
     drawn = Drawn(robots=8, bags=6, noise=(0.05, 0.1), between_bags=1.0)
     results, truths = fleet(drawn, np.random.default_rng(21))
-    found = fleet_result(results)
+    answer = fleet_result(results)
     inside = [
         quantity.low <= truth <= quantity.high
         for number, row in enumerate(truths)
         for quantity, truth in zip(
-            robot_of(found, f"arm2-{number + 1:03d}").quantities, row, strict=False
+            robot_of(answer, f"arm2-{number + 1:03d}").quantities, row, strict=False
         )
     ]
     # 104 intervals of 95 %; with the noise of the rows alone a fifth would hold the truth.
     assert np.mean(inside) > 0.87
-    assert robot_of(found, "arm2-001").agreement[0].p_value < 1e-6
+    assert robot_of(answer, "arm2-001").agreement[0].p_value < 1e-6
 
 
 def test_diagnoses_say_what_is_of_the_type_and_what_is_of_one_robot(
-    found: FleetResult, bags: Sequence[BagResult]
+    answer: FleetResult, bags: Sequence[BagResult]
 ) -> None:
     shared = CauseSummary("load_dependent_friction", "structural", "joint_2")
-    own = CauseSummary("backlash", "structural", "joint_1")
-    typical = [each.robot for each in found.screen if each.why == "typical"]
-    causes = dict.fromkeys(typical, (shared,)) | {"arm2-001": (shared, own)}
+    backlash = CauseSummary("backlash", "structural", "joint_1")
+    typical = [screened.robot for screened in answer.screen if screened.why == "typical"]
+    causes = dict.fromkeys(typical, (shared,)) | {"arm2-001": (shared, backlash)}
     diagnosed = [
         replace(bag, diagnosis=GapSummary("structural", causes[bag.robot]))
         if bag.uri.endswith("08.mcap") and bag.robot in causes
@@ -178,8 +180,8 @@ def test_diagnoses_say_what_is_of_the_type_and_what_is_of_one_robot(
     assert len(kind.sentences) == 2
 
 
-def test_type_means_are_near_the_truth(found: FleetResult) -> None:
-    for quantity, mean, sigma in zip(found.types[0].quantities, MEAN, SIGMA, strict=False):
+def test_type_means_are_near_the_truth(answer: FleetResult) -> None:
+    for quantity, mean, sigma in zip(answer.types[0].quantities, MEAN, SIGMA, strict=False):
         assert abs(quantity.mean - mean) < 4.0 * sigma / np.sqrt(quantity.robots)
 
 

@@ -57,10 +57,10 @@ def test_segments_give_the_true_parameters_as_the_whole_bag_does(
     assert parts["checks"][0] == "read in 3 segments"
     assert 0.9 < parts["rows"] / whole["rows"] < 1.0  # four edges more
     truth = truth_of(arm)
-    for found in (whole, parts):
-        assert found["estimator"] == ("idim-iv" if reference else "idim-ls")
-        expected = np.array([truth[name] for name in found["names"]])
-        assert np.abs((found["values"] - expected) / found["std"]).max() < 4.0
+    for answer in (whole, parts):
+        assert answer["estimator"] == ("idim-iv" if reference else "idim-ls")
+        expected = np.array([truth[name] for name in answer["names"]])
+        assert np.abs((answer["values"] - expected) / answer["std"]).max() < 4.0
     np.testing.assert_allclose(parts["std"], whole["std"], rtol=0.25)
 
 
@@ -69,8 +69,8 @@ def test_a_segment_without_an_estimate_is_left_out(bag: Path) -> None:
     request = configured_request(configuration)
     segments = list(read_segments(Bag(bag), request, 8.0))
     whole = bag_fields(segments[1:], configuration)
-    found = bag_fields([DataError("it holds nothing"), *segments[1:]], configuration)
-    assert found["checks"][-1] == "a segment is left out: it holds nothing"
-    assert found["values"] == whole["values"]
+    answer = bag_fields([DataError("it holds nothing"), *segments[1:]], configuration)
+    assert answer["checks"][-1] == "a segment is left out: it holds nothing"
+    assert answer["values"] == whole["values"]
     with pytest.raises(DataError, match="it holds nothing"):
         bag_fields([DataError("it holds nothing")], configuration)

@@ -19,8 +19,8 @@ def projected(estimate: Estimate, values: FloatArray) -> PhysicalParameters:
     return nearest_physical(model.robot, model.base, values, estimate.covariance)
 
 
-def of_link(found: PhysicalParameters, joint: int) -> FloatArray:
-    return np.array([found.values[f"{kind}{joint + 1}"] for kind in INERTIAL])
+def of_link(nearest: PhysicalParameters, joint: int) -> FloatArray:
+    return np.array([nearest.values[f"{kind}{joint + 1}"] for kind in INERTIAL])
 
 
 def test_the_pseudo_inertia_of_a_link_is_pinocchios() -> None:
@@ -34,31 +34,33 @@ def test_the_pseudo_inertia_of_a_link_is_pinocchios() -> None:
 
 def test_the_nominal_model_is_the_set_nearest_to_itself() -> None:
     estimate = arm("arm7", samples=400, noise=0.01)
-    found = projected(estimate, estimate.model.given)
+    nearest = projected(estimate, estimate.model.given)
     layout = estimate.model.regressor.layout
     nominal = layout.vector(estimate.model.robot.given)
-    values = np.array([found.values[name] for name in layout.names])
+    values = np.array([nearest.values[name] for name in layout.names])
     np.testing.assert_allclose(values, nominal, atol=2e-4)
-    assert found.test.statistic == pytest.approx(0.0, abs=1e-6)
-    assert found.active == ()
+    assert nearest.test.statistic == pytest.approx(0.0, abs=1e-6)
+    assert nearest.active == ()
 
 
 def test_a_physical_estimate_keeps_its_base_parameters() -> None:
     estimate = arm("arm6", samples=4000, noise=0.001)
-    found = projected(estimate, estimate.true)
-    assert max(abs(each.deviations) for each in found.base) < 0.05
+    nearest = projected(estimate, estimate.true)
+    assert max(abs(entry.deviations) for entry in nearest.base) < 0.05
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_links_of_noisy_estimates_are_bodies(seed: int) -> None:
     estimate = arm("arm7", samples=200, noise=0.02)
-    found = projected(estimate, estimate.drawn(seed))
-    assert min(each.smallest_before for each in found.links) < 0.0
+    nearest = projected(estimate, estimate.drawn(seed))
+    assert min(entry.smallest_before for entry in nearest.links) < 0.0
     for joint in range(7):
-        body = pin.Inertia.FromDynamicParameters(of_link(found, joint)[np.argsort(REGRESSOR_ORDER)])
+        body = pin.Inertia.FromDynamicParameters(
+            of_link(nearest, joint)[np.argsort(REGRESSOR_ORDER)]
+        )
         moments = np.linalg.eigvalsh(body.inertia)
         assert body.mass > 0.0 and moments[0] > 0.0 and moments[2] < moments[0] + moments[1]
-    for name, value in found.values.items():
+    for name, value in nearest.values.items():
         assert not name.startswith(("Ia", "Fv", "Fc")) or value >= 0.0
 
 
@@ -67,23 +69,23 @@ def test_negative_friction_is_held_at_zero_and_named() -> None:
     names = estimate.model.base.names
     values = estimate.true.copy()
     values[names.index("Fv2")] = -5.0
-    found = projected(estimate, values)
-    assert found.values["Fv2"] == 0.0
-    assert "Fv2" in found.active
-    assert found.test.p_value is not None and found.test.p_value < 1e-6
-    assert found.sentence.startswith("No rigid robot")
+    nearest = projected(estimate, values)
+    assert nearest.values["Fv2"] == 0.0
+    assert "Fv2" in nearest.active
+    assert nearest.test.p_value is not None and nearest.test.p_value < 1e-6
+    assert nearest.sentence.startswith("No rigid robot")
 
 
 def test_what_no_motion_shows_is_that_of_the_nominal_model() -> None:
     """An arm on the ground: of its first link only the moment about its axis enters the torque."""
     estimate = arm("arm7", samples=400, noise=0.01)
-    found = projected(estimate, estimate.true)
-    sources = {each.name: each.source for each in found.parameters}
+    nearest = projected(estimate, estimate.true)
+    sources = {entry.name: entry.source for entry in nearest.parameters}
     unseen = {f"{kind}1" for kind in INERTIAL if kind != "ZZ"}
     assert {name for name, source in sources.items() if source == "nominal model"} == unseen
     assert sources["Fv3"] == sources["Ia3"] == "recording"
     assert sources["M2"] == "recording and nominal model"
-    assert all(each.std is None for each in found.parameters if each.source == "nominal model")
+    assert all(entry.std is None for entry in nearest.parameters if entry.source == "nominal model")
 
 
 def test_the_optimum_is_that_of_a_modelling_language() -> None:
@@ -91,7 +93,7 @@ def test_the_optimum_is_that_of_a_modelling_language() -> None:
     estimate = arm("arm2", samples=100, noise=0.02)
     model, values = estimate.model, estimate.drawn(5)
     values[model.base.names.index("Fc1")] = -1.0
-    found = projected(estimate, values)
+    nearest = projected(estimate, values)
     layout = model.regressor.layout
     standard = cvxpy.Variable(len(layout.names))
     nominal = layout.vector(model.robot.given)
@@ -110,8 +112,8 @@ def test_the_optimum_is_that_of_a_modelling_language() -> None:
         relative = root @ matrix @ root.T
         divergence += cvxpy.trace(relative) - cvxpy.log_det(relative)
         constraints.append(relative - LEAST_OF_NOMINAL * np.eye(4) >> 0)
-    for k, each in enumerate(layout.parameters):
-        if each.kind in ("Ia", "Fv", "Fc"):
+    for k, entry in enumerate(layout.parameters):
+        if entry.kind in ("Ia", "Fv", "Fc"):
             constraints.append(standard[k] >= 0.0)
     # Ia1 alone is part of a sum: YY1 + Ia1 + 0.1764 M2.
     drive, total = layout.names.index("Ia1"), values[model.base.names.index("YY1")]
@@ -120,12 +122,12 @@ def test_the_optimum_is_that_of_a_modelling_language() -> None:
     distance = cvxpy.sum_squares(whitening @ (model.base.grouping @ standard - values))
     problem = cvxpy.Problem(cvxpy.Minimize(distance + TIE_BREAKER * divergence), constraints)
     problem.solve(solver="SCS", eps=1e-7, max_iters=200_000)
-    base = np.array([each.value for each in found.base])
+    base = np.array([entry.value for entry in nearest.base])
     std = np.sqrt(np.diag(estimate.covariance))
     np.testing.assert_allclose(
         base / std, model.base.grouping @ standard.value / std, atol=0.02, rtol=0.0
     )
-    assert found.test.statistic == pytest.approx(float(distance.value), rel=1e-3)
+    assert nearest.test.statistic == pytest.approx(float(distance.value), rel=1e-3)
 
 
 def test_the_deviations_are_those_of_repeated_recordings() -> None:
@@ -133,8 +135,8 @@ def test_the_deviations_are_those_of_repeated_recordings() -> None:
     estimate = arm("arm2", samples=2000, noise=0.002)
     draws = [projected(estimate, estimate.drawn(seed)) for seed in range(60)]
     for name in ("Fv2", "Ia2", "MX2", "YY2"):
-        spread = float(np.std([each.values[name] for each in draws]))
-        said = {each.name: each.std for each in draws[0].parameters}[name]
+        spread = float(np.std([entry.values[name] for entry in draws]))
+        said = {entry.name: entry.std for entry in draws[0].parameters}[name]
         assert said is not None
         assert 0.75 * spread < said < 1.35 * spread
 
@@ -142,7 +144,7 @@ def test_the_deviations_are_those_of_repeated_recordings() -> None:
 def test_the_test_of_a_true_robot_rejects_no_more_often_than_it_says() -> None:
     estimate = arm("arm2", samples=50, noise=0.05)
     p_values = [projected(estimate, estimate.drawn(seed)).test.p_value for seed in range(100)]
-    assert sum(each is not None and each < 0.05 for each in p_values) <= 10
+    assert sum(entry is not None and entry < 0.05 for entry in p_values) <= 10
 
 
 @pytest.mark.load
@@ -159,8 +161,8 @@ def test_a_rough_nominal_model_does_not_hold_back_what_the_recording_shows() -> 
     robot = estimate.model.robot
     given = replace(robot.given, inertial=0.1 * robot.given.inertial).without_friction
     rough = replace(robot, given=given)
-    found = nearest_physical(rough, estimate.model.base, estimate.true, estimate.covariance)
-    assert found.test.statistic is not None and found.test.statistic < 1.0
+    nearest = nearest_physical(rough, estimate.model.base, estimate.true, estimate.covariance)
+    assert nearest.test.statistic is not None and nearest.test.statistic < 1.0
 
 
 def test_friction_that_an_effect_shares_is_not_bounded() -> None:
@@ -169,9 +171,9 @@ def test_friction_that_an_effect_shares_is_not_bounded() -> None:
     names, model = estimate.model.base.names, estimate.model
     values = estimate.true.copy()
     values[names.index("Fv2")] = -5.0
-    found = nearest_physical(
+    nearest = nearest_physical(
         model.robot, model.base, values, estimate.covariance, shared=("Fv2", "Fc2")
     )
-    assert found.values["Fv2"] == pytest.approx(-5.0, rel=1e-3)
-    assert found.shared == ("Fv2", "Fc2") and found.active == ()
-    assert "Fv2 below zero" in found.sentence
+    assert nearest.values["Fv2"] == pytest.approx(-5.0, rel=1e-3)
+    assert nearest.shared == ("Fv2", "Fc2") and nearest.active == ()
+    assert "Fv2 below zero" in nearest.sentence

@@ -42,3 +42,26 @@ def followed(arm, *effects, law=None, parameters=None, robot=None, **changes):
     return simulate_closed_loop(
         robot or arm.robot, parameters or arm.truth, law or arm.law, **(given | changes)
     )
+
+
+def driven(robot, parameters, torques, *effects, rate=1000.0, law=None, **changes):
+    """Simulate a robot from rest at zero under torques (n_samples,) or (n_samples, n_joints)."""
+    torques = np.asarray(torques, dtype=float)
+    n = len(robot.joints)
+    if torques.ndim == 1:
+        torques = np.repeat(torques[:, None], n, axis=1)
+    given = {
+        "rate": rate,
+        "position_reference": np.zeros_like(torques),
+        "initial_position": np.zeros(n),
+        "initial_velocity": np.zeros(n),
+        "effects": effects,
+    }
+    return simulate_closed_loop(robot, parameters, law or torque(torques), **(given | changes))
+
+
+def commanded(arm, result, kp=None):
+    """Torques (n_samples, n_joints) of the arm's PD law for what the encoders show."""
+    error = arm.position_reference - result.measured_position
+    slip = arm.velocity_reference - result.measured_velocity
+    return (arm.law.kp if kp is None else kp) * error + arm.law.kd * slip

@@ -9,25 +9,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
-from idim_iv_ros.simulation import inverse_dynamics, mass_matrix, simulate_closed_loop
-from tests.simulation.laws import followed, pd, torque
+from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
+from tests.simulation.laws import commanded, driven, followed, pd, torque
 from tests.simulation.trees import TREES, random_robot
 
 CONFIG = Path(__file__).parents[2] / "config"
 
 
 def free_fall(robot, parameters, q, dq, step):
-    n = len(q)
-    result = simulate_closed_loop(
-        robot,
-        parameters,
-        torque(np.zeros((2, n))),
-        rate=1.0,
-        position_reference=np.zeros((2, n)),
-        initial_position=q,
-        initial_velocity=dq,
-        plant_step=step,
-    )
+    start = {"initial_position": q, "initial_velocity": dq}
+    result = driven(robot, parameters, np.zeros(2), rate=1.0, plant_step=step, **start)
     return np.concatenate([result.position[-1], result.velocity[-1]])
 
 
@@ -128,9 +119,7 @@ def test_acceleration_is_what_central_differences_of_the_velocity_approach(arm):
 
 def test_torque_is_the_law_evaluated_at_the_sample(arm):
     result = followed(arm)
-    expected = arm.law.kp * (arm.position_reference - result.position) + arm.law.kd * (
-        arm.velocity_reference - result.velocity
-    )
+    expected = commanded(arm, result)
     np.testing.assert_allclose(result.torque, expected, atol=1e-9)
     mean = 0.5 * (expected[1:] + expected[:-1])
     np.testing.assert_allclose(result.applied_torque[1:], mean, atol=1e-9)
@@ -182,15 +171,7 @@ def test_delayed_command_reaches_the_joint_that_much_later(periods):
     force = np.zeros((12, 1))
     force[4:] = 1.0
     law = dataclasses.replace(torque(force), delay=periods * 0.01)
-    result = simulate_closed_loop(
-        robot,
-        parameters,
-        law,
-        rate=100.0,
-        position_reference=np.zeros((12, 1)),
-        initial_position=np.zeros(1),
-        initial_velocity=np.zeros(1),
-    )
+    result = driven(robot, parameters, force, rate=100.0, law=law)
     time = np.maximum(np.arange(12) * 0.01 - 0.04 - periods * 0.01, 0.0)
     np.testing.assert_allclose(result.velocity[:, 0], time, atol=1e-12)
     np.testing.assert_allclose(result.position[:, 0], 0.5 * time**2, atol=1e-12)
@@ -209,16 +190,9 @@ def test_saturated_torque_stays_at_its_limit_and_the_integral_does_not_wind_up()
     robot, parameters = free_mass(coulomb=10.0)
     reference = np.ones((4000, 1))
     reference[3000:] = 0.0
-    result = simulate_closed_loop(
-        robot,
-        parameters,
-        pd([100.0], [20.0], ki=200.0, limit=2.0),
-        rate=1000.0,
-        position_reference=reference,
-        velocity_reference=np.zeros((4000, 1)),
-        initial_position=np.zeros(1),
-        initial_velocity=np.zeros(1),
-    )
+    law = pd([100.0], [20.0], ki=200.0, limit=2.0)
+    references = {"position_reference": reference, "velocity_reference": np.zeros((4000, 1))}
+    result = driven(robot, parameters, np.zeros(4000), law=law, **references)
     assert np.all(result.torque[:3000] == 2.0)
     assert np.all(result.torque[3000:] == 0.0)
     assert np.all(result.position == 0.0)

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from idim_iv_ros.simulation import inverse_dynamics, simulate_closed_loop
-from tests.simulation.laws import pd, torque
+from tests.simulation.laws import driven, pd, torque
 from tests.simulation.trees import TREES, random_robot
 
 SLOPE = 9.81 * np.sin(0.4)
@@ -37,16 +37,9 @@ def pendulum(friction, samples=2001):
 
 def released(robot, parameters, *, position, velocity=0.0, seconds, rate=100.0, step=1e-3):
     n = len(robot.joints)
-    return simulate_closed_loop(
-        robot,
-        parameters,
-        torque(np.zeros((round(seconds * rate) + 1, n))),
-        rate=rate,
-        position_reference=np.zeros((round(seconds * rate) + 1, n)),
-        initial_position=np.full(n, position),
-        initial_velocity=np.full(n, velocity),
-        plant_step=step,
-    )
+    start = {"initial_position": np.full(n, position), "initial_velocity": np.full(n, velocity)}
+    torques = np.zeros(round(seconds * rate) + 1)
+    return driven(robot, parameters, torques, rate=rate, plant_step=step, **start)
 
 
 def test_block_stays_put_while_friction_can_hold_it():

@@ -11,7 +11,7 @@ from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
-from tests.simulation.laws import followed, pd, torque
+from tests.simulation.laws import commanded, driven, followed, pd, torque
 from tests.simulation.trees import random_robot
 
 
@@ -34,21 +34,6 @@ def disc(inertia=2.0, *, drive=0.0, coulomb=0.0, viscous=0.0, joints=1):
 def on(robot, effect, other=None, joint=0, **parameters):
     other = None if other is None else robot.joints[other]
     return SimulatedEffect(effect, robot.joints[joint], parameters, other)
-
-
-def driven(robot, parameters, torques, *effects, rate=1000.0, law=None, **changes):
-    torques = np.asarray(torques, dtype=float)
-    n = len(robot.joints)
-    if torques.ndim == 1:
-        torques = np.repeat(torques[:, None], n, axis=1)
-    given = {
-        "rate": rate,
-        "position_reference": np.zeros_like(torques),
-        "initial_position": np.zeros(n),
-        "initial_velocity": np.zeros(n),
-        "effects": effects,
-    }
-    return simulate_closed_loop(robot, parameters, law or torque(torques), **(given | changes))
 
 
 @pytest.mark.parametrize(
@@ -322,20 +307,14 @@ def test_encoder_error_is_what_the_control_sees():
     np.testing.assert_array_equal(result.measured_position[:, 1], result.position[:, 1])
     rate = np.gradient(shown, 1.0 / arm.rate)[1:-1]
     np.testing.assert_allclose(result.measured_velocity[1:-1, 0], rate, atol=5e-3)
-    command = arm.law.kp * (arm.position_reference - result.measured_position) + arm.law.kd * (
-        arm.velocity_reference - result.measured_velocity
-    )
-    np.testing.assert_allclose(result.torque, command, atol=1e-9)
+    np.testing.assert_allclose(result.torque, commanded(arm, result), atol=1e-9)
 
 
 def test_the_robots_own_gains_and_feedforward_replace_those_configured():
     arm = arm2(seconds=2.0)
     gains = {"kp": 900.0, "feedforward_acceleration": 0.5, "feedforward_velocity": 1.5}
     result = followed(arm, SimulatedEffect("controller_mismatch", "joint_1", gains))
-    kp = np.array([900.0, arm.law.kp[1]])
-    command = kp * (arm.position_reference - result.position) + arm.law.kd * (
-        arm.velocity_reference - result.velocity
-    )
+    command = commanded(arm, result, kp=np.array([900.0, arm.law.kp[1]]))
     speed = arm.velocity_reference[:, 0]
     command[:, 0] += 1.5 * speed + 0.5 * np.gradient(speed, 1.0 / arm.rate)
     np.testing.assert_allclose(result.torque, command, atol=1e-9)
@@ -344,9 +323,7 @@ def test_the_robots_own_gains_and_feedforward_replace_those_configured():
 def test_the_command_lags_behind_the_law_as_through_a_first_order_filter():
     arm = arm2(seconds=2.0)
     result = followed(arm, SimulatedEffect("controller_mismatch", "joint_2", {"lag": 4e-3}))
-    law = arm.law.kp * (arm.position_reference - result.position) + arm.law.kd * (
-        arm.velocity_reference - result.velocity
-    )
+    law = commanded(arm, result)
     kept = np.exp(-1e-3 / 4e-3)
     expected = law.copy()
     for k in range(1, len(law)):

@@ -8,7 +8,7 @@ import scipy
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.simulation import ClosedLoopResult, SimulatedEffect, factor_of_lateness
-from tests.simulation.laws import followed
+from tests.simulation.laws import commanded, followed
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +57,7 @@ def test_commands_are_those_of_a_drive_with_that_filter(
 def test_a_law_without_a_filter_sees_the_exact_speed(arm: SimulatedArm) -> None:
     law = dataclasses.replace(arm.law, period=None)
     result = followed(arm, law=law, initial_velocity=pushed(arm))
-    error = arm.position_reference - result.position
-    wanted = law.kp * error + law.kd * (arm.velocity_reference - result.velocity)
-    wanted = np.clip(wanted, -law.torque_limit, law.torque_limit)
+    wanted = np.clip(commanded(arm, result), -law.torque_limit, law.torque_limit)
     np.testing.assert_allclose(result.torque, wanted, atol=1e-9)
 
 

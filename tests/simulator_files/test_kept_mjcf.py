@@ -91,7 +91,7 @@ def test_values_change_and_nothing_else(name: str, tmp_path: Path) -> None:
     # And what is fixed, locked or of another body has the values it had, unless a note says why not.
     if any("changed together" in note for note in made.notes):
         return
-    kept = [each for each in _inertials(text) if each in _inertials(after)]
+    kept = [entry for entry in _inertials(text) if entry in _inertials(after)]
     assert len(kept) == len(_inertials(text)) - len(joints)
 
 
@@ -109,7 +109,7 @@ def test_what_an_inertial_is_written_as_stays(tmp_path: Path) -> None:
     assert set(bodies["forearm_link"]) == {"mass", "pos", "fullinertia"}
     assert set(bodies["upper_arm_link"]) == {"mass", "pos", "quat", "diaginertia"}
     # Near the axes of the file: neither order nor signs jump.
-    quat = np.array([float(each) for each in bodies["upper_arm_link"]["quat"].split()])
+    quat = np.array([float(entry) for entry in bodies["upper_arm_link"]["quat"].split()])
     given = np.array([0.9, 0.1, 0.2, 0.1]) / np.linalg.norm([0.9, 0.1, 0.2, 0.1])
     assert abs(quat @ given) > 0.9
 
@@ -172,8 +172,8 @@ def test_what_actuators_have_is_taken_out_of_the_joint(tmp_path: Path) -> None:
     given = replace(
         heavy.gap.physical,
         parameters=tuple(
-            replace(each, value=0.01) if each.name == "Ia2" else each
-            for each in heavy.gap.physical.parameters
+            replace(entry, value=0.01) if entry.name == "Ia2" else entry
+            for entry in heavy.gap.physical.parameters
         ),
     )
     refused(heavy.with_gap(physical=given), tmp_path / "no", r"joint_2: its actuators alone have")
@@ -187,9 +187,9 @@ def test_effects_are_all_for_the_callbacks(tmp_path: Path) -> None:
     arm = two_joints(tmp_path, ARM2, planted)
     made = arm.export(tmp_path / "out")
     effects = json.loads(made.effects.read_text())["effects"]
-    assert [each["effect"] for each in effects[:2]] == ["nonlinear_viscous", "stribeck"]
-    assert {each["effect"] for each in effects[2:]} == {"torque_offset"}
-    assert not any(each["native"] for each in effects)
+    assert [entry["effect"] for entry in effects[:2]] == ["nonlinear_viscous", "stribeck"]
+    assert {entry["effect"] for entry in effects[2:]} == {"torque_offset"}
+    assert not any(entry["native"] for entry in effects)
     page = made.changes.read_text(encoding="utf-8")
     assert "URDF" not in page.replace("needs a URDF", "") and "torque_offset: [" in page
 

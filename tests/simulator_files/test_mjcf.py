@@ -51,8 +51,8 @@ def test_friction_and_constant_torques_are_those_of_the_result(tmp_path: Path) -
     np.testing.assert_allclose(model.dof_frictionloss, friction, rtol=1e-7)
     offset = {f"joint_{joint}": arm.standard[f"off{joint}"] for joint in range(1, 8)}
     effects = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
-    assert {each["joint"]: each["parameters"]["offset"] for each in effects} == offset
-    assert {each["effect"] for each in effects} == {"torque_offset"}
+    assert {entry["joint"]: entry["parameters"]["offset"] for entry in effects} == offset
+    assert {entry["effect"] for entry in effects} == {"torque_offset"}
 
 
 def test_actuators_are_the_law_of_the_configuration(tmp_path: Path) -> None:
@@ -176,8 +176,8 @@ def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_pa
     arm = case(tmp_path, "arm2", [planted])
     assert arm.gap.physical is not None
     parameters = tuple(
-        replace(each, value=-0.4) if each.name == "Fv1" else each
-        for each in arm.gap.physical.parameters
+        replace(entry, value=-0.4) if entry.name == "Fv1" else entry
+        for entry in arm.gap.physical.parameters
     )
     physical = replace(arm.gap.physical, parameters=parameters, shared=("Fv1", "Fc1"))
     made = arm.with_gap(physical=physical).export(tmp_path / "out")
@@ -185,8 +185,10 @@ def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_pa
         -0.9 * 1.5**2
     )
     effects = json.loads(made.effects.read_text(encoding="utf-8"))["effects"]
-    rest = [each for each in effects if not each["native"] and each["effect"] != "torque_offset"]
-    assert [each["parameters"] for each in rest] == [{"coefficient": -0.4, "power": 1.0}]
+    rest = [
+        entry for entry in effects if not entry["native"] and entry["effect"] != "torque_offset"
+    ]
+    assert [entry["parameters"] for entry in rest] == [{"coefficient": -0.4, "power": 1.0}]
     robot = load_robot(made.urdf.read_text(encoding="utf-8"), ["joint_1", "joint_2"])
     assert robot.given.viscous[0] == 0.0
 

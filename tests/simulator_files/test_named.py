@@ -30,12 +30,12 @@ def parametric(effect: str, joint: str | None, std: float, **values: float) -> d
 def payload(joint: str, *without: str) -> dict[str, Any]:
     names = ("mass", "moment_x", "moment_y", "moment_z", "inertia_xx", "inertia_xy", "inertia_yy",
              "inertia_xz", "inertia_yz", "inertia_zz")  # fmt: skip
-    known = {
+    numbers = {
         name: float(value)
         for name, value in zip(names, BODY, strict=True)
         if not name.startswith(without or ("no",))
     }
-    return parametric("payload", joint, 1e-9, **known)
+    return parametric("payload", joint, 1e-9, **numbers)
 
 
 def friction(joint: str) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def test_torques_are_those_of_the_nominal_model_with_the_causes(arm: Case, tmp_p
     random = np.random.default_rng(2)
     for _ in range(10):
         state = random.uniform(-1.5, 1.5, (3, 7))
-        expected = arm.model.regressor(*(each[None] for each in state))[0] @ values
+        expected = arm.model.regressor(*(item[None] for item in state))[0] @ values
         np.testing.assert_allclose(torque(model, *state), expected, rtol=0.0, atol=1e-7)
         drives = np.array(
             [
@@ -80,8 +80,8 @@ def test_torques_are_those_of_the_nominal_model_with_the_causes(arm: Case, tmp_p
                 for k, (v, a) in enumerate(state[1:].T, 1)
             ]
         )
-        found = pin.rnea(tree, tree.createData(), *state) + drives
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7)
+        exported = pin.rnea(tree, tree.createData(), *state) + drives
+        np.testing.assert_allclose(exported, expected, rtol=0.0, atol=1e-7)
     assert model.dof_frictionloss[3] == pytest.approx(arm.model.robot.given.coulomb[3] + 1.66)
 
 
@@ -94,8 +94,8 @@ def test_a_payload_is_a_body_of_its_own_with_its_interval(arm: Case, tmp_path: P
     for file in (made.mjcf, made.urdf):
         assert re.search(r"<!-- payload@joint_7: .*mass 0\.8 ± 2e-09 SI", file.read_text())
     given = pin.buildModelFromUrdf(str(CONFIG / "arm7.urdf"))
-    found = pin.buildModelFromUrdf(str(made.urdf))
-    for before, after in zip(list(given.inertias)[:-1], list(found.inertias)[:-1], strict=True):
+    exported = pin.buildModelFromUrdf(str(made.urdf))
+    for before, after in zip(list(given.inertias)[:-1], list(exported.inertias)[:-1], strict=True):
         np.testing.assert_array_equal(before.toDynamicParameters(), after.toDynamicParameters())
 
 
@@ -118,19 +118,19 @@ def test_what_remains_stays_where_a_cause_is_left_out(arm: Case, tmp_path: Path)
     named = arm.export(tmp_path / "named", refit=False)
     whole = arm.export(tmp_path / "a", refit=False, remainder=True)
     bare = arm.export(tmp_path / "b", refit=False, remainder=True, without=["payload"])
-    models = [mujoco.MjModel.from_xml_path(str(each.mjcf)) for each in (named, whole, bare)]
+    models = [mujoco.MjModel.from_xml_path(str(item.mjcf)) for item in (named, whole, bare)]
     links = slice(0, models[2].nbody)
     np.testing.assert_array_equal(models[1].body_mass[links], models[2].body_mass)
     np.testing.assert_array_equal(models[1].dof_frictionloss, models[2].dof_frictionloss)
     assert arm.gap.physical is not None
-    estimate = {each.name: each for each in arm.gap.physical.base}
+    estimate = {item.name: item for item in arm.gap.physical.base}
     names = [name for name in estimate if name[:2] in ("Fv", "Fc") and name[2] != "4"]
     for model, most in zip(models, (8.0, 1.0), strict=False):
-        found = {
+        exported = {
             **{f"Fv{joint + 1}": value for joint, value in enumerate(model.dof_damping.ravel())},
             **{f"Fc{joint + 1}": value for joint, value in enumerate(model.dof_frictionloss)},
         }
-        missed = [(found[name] - estimate[name].estimate) / estimate[name].std for name in names]
+        missed = [(exported[name] - estimate[name].estimate) / estimate[name].std for name in names]
         assert np.sqrt(np.mean(np.square(missed))) < most
 
 
@@ -179,8 +179,8 @@ def test_what_is_not_shown_of_a_payload_is_that_of_a_ball_of_water(tmp_path: Pat
 def test_a_missing_part_is_taken_out_of_its_link(tmp_path: Path) -> None:
     arm = case(tmp_path, "arm7")
     given = arm.model.robot.given.inertial[6]
-    less = parametric("payload", "joint_7", 1e-9, mass=-0.1 * float(given[0]))
-    made = case(tmp_path, "arm7", [less]).export(tmp_path / "out", refit=False)
+    lighter = parametric("payload", "joint_7", 1e-9, mass=-0.1 * float(given[0]))
+    made = case(tmp_path, "arm7", [lighter]).export(tmp_path / "out", refit=False)
     model = mujoco.MjModel.from_xml_path(str(made.mjcf))
     assert model.body("link_7").mass[0] == pytest.approx(0.9 * given[0], rel=1e-6)
 
@@ -194,9 +194,9 @@ def test_numbers_of_a_link_that_are_shown_take_the_others_with_them(tmp_path: Pa
     changes = {f"change_of_{name}": 0.12 * given[name] for name in names.values()}
     more = parametric("link_inertia", "joint_3", 1e-6, **changes)
     made = case(tmp_path, "arm7", [more]).export(tmp_path / "out", refit=False)
-    found = pin.buildModelFromUrdf(str(made.urdf)).inertias[3].toDynamicParameters()
-    assert found[0] == pytest.approx(1.12 * given["M3"], rel=0.03)
-    assert found[4] == pytest.approx(1.12 * given["XX3"], abs=1e-5)
+    exported = pin.buildModelFromUrdf(str(made.urdf)).inertias[3].toDynamicParameters()
+    assert exported[0] == pytest.approx(1.12 * given["M3"], rel=0.03)
+    assert exported[4] == pytest.approx(1.12 * given["XX3"], abs=1e-5)
 
 
 def test_friction_beside_an_effect_of_friction_goes_with_it(tmp_path: Path) -> None:

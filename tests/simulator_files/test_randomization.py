@@ -48,14 +48,14 @@ def test_draws_are_bodies_about_the_exported_ones(
     arm: Case, drawn: tuple[mujoco.MjModel, list[mujoco.MjModel]]
 ) -> None:
     model, draws = drawn
-    masses = np.array([each.body_mass for each in draws])
+    masses = np.array([drawn.body_mass for drawn in draws])
     present = model.body_mass > 0.0
     spread = masses.std(axis=0)[present] / model.body_mass[present]
     assert np.all(spread > 0.004) and np.all(spread < 0.3)
     off = np.abs(masses.mean(axis=0) - model.body_mass)[present]
     assert np.all(off < 4.0 * masses.std(axis=0)[present] / np.sqrt(DRAWS))
-    for each in draws:
-        moments = np.sort(each.body_inertia[present], axis=1)
+    for drawn in draws:
+        moments = np.sort(drawn.body_inertia[present], axis=1)
         assert np.all(moments[:, 0] > 0.0)
         assert np.all(moments[:, 2] <= moments[:, :2].sum(axis=1) * (1.0 + 1e-9))
 
@@ -67,7 +67,7 @@ def test_what_the_recording_shows_hardly_varies(
     _, draws = drawn
     random = np.random.default_rng(1)
     states = random.uniform(-1.5, 1.5, (20, 3, 7))
-    together = np.array([[torque(each, *state) for state in states] for each in draws])
+    together = np.array([[torque(drawn, *state) for state in states] for drawn in draws])
     assert together.std(axis=0).mean() < 0.02 * np.sqrt(np.mean(together**2))
 
 

@@ -134,8 +134,8 @@ def test_numbers_that_no_robot_has(
 ) -> None:
     assert arm.gap.physical is not None
     parameters = tuple(
-        replace(each, value=value) if each.name == name else each
-        for each in arm.gap.physical.parameters
+        replace(parameter, value=value) if parameter.name == name else parameter
+        for parameter in arm.gap.physical.parameters
     )
     edited = arm.with_gap(physical=replace(arm.gap.physical, parameters=parameters))
     refused(edited, tmp_path / "out", words)

@@ -44,9 +44,9 @@ def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(
         for kind in ("Ia", "Fv", "Fc", "off")
     }
     drives = of_kind["Ia"] * ddq + of_kind["Fv"] * dq + of_kind["Fc"] * np.sign(dq)
-    found = [pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)]
+    exported = [pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)]
     np.testing.assert_allclose(
-        np.array(found) + drives + of_kind["off"], expected, rtol=0.0, atol=1e-5
+        np.array(exported) + drives + of_kind["off"], expected, rtol=0.0, atol=1e-5
     )
 
 
@@ -98,9 +98,9 @@ def test_a_link_without_inertial_that_leaves_nothing_changes_with_what_it_carrie
     text = made.urdf.read_text(encoding="utf-8")
     assert ('name="fore"/>' in text) == any("changed together" in note for note in made.notes)
     model = pin.buildModelFromXML(text)
-    found = model.inertias[2].toDynamicParameters()
-    assert found[0] == pytest.approx(decorated.standard["M2"], rel=1e-7)
-    assert found[6] == pytest.approx(decorated.standard["YY2"], rel=1e-6)
+    exported = model.inertias[2].toDynamicParameters()
+    assert exported[0] == pytest.approx(decorated.standard["M2"], rel=1e-7)
+    assert exported[6] == pytest.approx(decorated.standard["YY2"], rel=1e-6)
     for inertia in list(model.inertias)[1:]:
         assert np.linalg.eigvalsh(inertia.toPseudoInertia().toMatrix())[0] > 0.0
 
@@ -122,8 +122,10 @@ def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(
     urdf.write_text(heavy, encoding="utf-8")
     arm = case(tmp_path, configured(urdf, ["shoulder", "elbow"]))
     light = {
-        each.name: replace(each, value=0.3 * each.value) if each.name[-1] == "1" else each
-        for each in arm.gap.physical.parameters
+        parameter.name: replace(parameter, value=0.3 * parameter.value)
+        if parameter.name[-1] == "1"
+        else parameter
+        for parameter in arm.gap.physical.parameters
     }
     changed = replace(arm.gap.physical, parameters=tuple(light.values()))
     made = arm.with_gap(physical=changed).export(tmp_path / "out")

@@ -198,7 +198,7 @@ def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
     references = References(
         arm.rate, arm.position_reference, arm.velocity_reference, start, speed, 0.0
     )
-    own = simulate_closed_loop(
+    compiled_loop = simulate_closed_loop(
         arm.robot,
         arm.truth,
         arm.law,
@@ -222,7 +222,7 @@ def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
         mujoco, model, arm.robot, arm.law, references, arm.truth, [*effects, *offsets]
     )
     assert ran.diverged == ""
-    difference = np.sqrt(np.mean((ran.position - own.measured_position) ** 2, axis=0))
+    difference = np.sqrt(np.mean((ran.position - compiled_loop.measured_position) ** 2, axis=0))
     # Steps of half a millisecond, of first order there and second order here.
     assert np.all(difference < 1.5e-5), difference
 

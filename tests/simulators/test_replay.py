@@ -107,15 +107,15 @@ def test_the_plant_has_the_torques_of_the_model_with_any_base_parameters(name: s
     place = [compiled.joint(joint).qposadr[0] for joint in model.robot.joints]
     states = random.normal(size=(3, 10, n))
     expected = inverse_dynamics(model.robot, parameters.without_dry_friction, *states)
-    found = np.empty_like(expected)
+    torques = np.empty_like(expected)
     for k in range(10):
         data.qpos[place], data.qvel[place], data.qacc[place] = states[:, k]
         mujoco.mj_inverse(compiled, data)
-        found[k] = data.qfrc_inverse[place] + parameters.offset
-    assert found == pytest.approx(expected, abs=1e-9)
+        torques[k] = data.qfrc_inverse[place] + parameters.offset
+    assert torques == pytest.approx(expected, abs=1e-9)
     by_regressor = model.matrix(*states) @ values
     dry = parameters.coulomb * np.sign(states[1])
-    assert found + dry == pytest.approx(by_regressor, abs=1e-8)
+    assert torques + dry == pytest.approx(by_regressor, abs=1e-8)
 
 
 def test_errors_shrink_from_nominal_over_corrected_to_the_noise(
@@ -166,8 +166,8 @@ def test_the_nominal_model_is_the_users_own_mjcf(
     path.write_text(text.replace("<mujoco>", f"<mujoco>{default}"), encoding="utf-8")
     effects.write_text(json.dumps(json.loads(truth.read_text()) | {"base_parameters": {}}))
     robot = configuration.robot.model_copy(update={"urdf": None, "mjcf": path})
-    own = configuration.model_copy(update={"robot": robot, "simulator": SimulatorSection()})
-    nominal, affected = replay_bags(bag, own, effects=effects).stages
+    with_mjcf = configuration.model_copy(update={"robot": robot, "simulator": SimulatorSection()})
+    nominal, affected = replay_bags(bag, with_mjcf, effects=effects).stages
     assert nominal.model == "arm2.xml as given"
     assert nominal.tracking is not None and affected.tracking is not None
     # Dry friction of the file is as soft as MuJoCo's default.
@@ -213,9 +213,11 @@ def mjcf(inertial: np.ndarray, model: InverseModel, parameters: DynamicParameter
         model, model.base.from_standard(model.regressor.layout.vector(parameters))
     )
     bodies, ends = "", ""
-    for k, (pos, own) in enumerate((("0 0 0.6", inertial[0]), ("0.42 0 0", inertial[1])), start=1):
-        mass, centre = own[0], own[1:4] / own[0]
-        xx, xy, yy, xz, yz, zz = own[4:]
+    for k, (pos, with_mjcf) in enumerate(
+        (("0 0 0.6", inertial[0]), ("0.42 0 0", inertial[1])), start=1
+    ):
+        mass, centre = with_mjcf[0], with_mjcf[1:4] / with_mjcf[0]
+        xx, xy, yy, xz, yz, zz = with_mjcf[4:]
         origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         # Of a planar arm only the moment about the axis counts; the others need only be possible.

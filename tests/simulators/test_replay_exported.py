@@ -54,10 +54,10 @@ def test_native_effects_are_simulated_once(
 ) -> None:
     """The same motion as with every effect at each step, in an XML that has none of them."""
     document = json.loads(made.effects.read_text(encoding="utf-8"))
-    assert [each["native"] for each in document["effects"][:3]] == [True] * 3
+    assert [effect["native"] for effect in document["effects"][:3]] == [True] * 3
     plain = case(tmp_path, "arm2").export(tmp_path / "plain")
-    for each in document["effects"]:
-        each["native"] = False
+    for effect in document["effects"]:
+        effect["native"] = False
     callbacks = tmp_path / "callbacks.json"
     callbacks.write_text(json.dumps(document), encoding="utf-8")
     configuration = arm.configuration

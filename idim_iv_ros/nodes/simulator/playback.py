@@ -135,7 +135,7 @@ class MotionSimulation:
         """Fifth-order polynomial from rest to rest, slow against the speed limits."""
         duration = max(0.5, self._seconds(end - start))
         s = np.linspace(0.0, 1.0, round(duration * self.rate) + 1)[:, None]
-        return start + (end - start) * quintic(s)[0]
+        return np.asarray(start + (end - start) * quintic(s)[0])
 
     def _seconds(self, way: FloatArray) -> float:
         """Duration of a fifth-order polynomial over a way (n_joints,), slow against the limits."""

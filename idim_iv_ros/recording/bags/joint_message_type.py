@@ -181,9 +181,10 @@ class JointMessageType:
         }
 
     def _many_states(self, located: Located) -> _Columns:
+        """Joint names, and columns of all `dof_states`: of their references, or of their states."""
         paths = [f"dof_states[{k}]" for k in range(located.counts["dof_states"])]
-        asked = self.field == "reference" or (self.field is None and self.reference)
-        members = {"position": "reference"} if asked else {
+        of_reference = self.field == "reference" or (self.field is None and self.reference)
+        members = {"position": "reference"} if of_reference else {
             "position": "feedback", "velocity": "feedback_dot", "effort": "output"
         }  # fmt: skip
         return tuple(located.texts[f"{path}.name"][0] for path in paths), {

@@ -19,12 +19,12 @@ def population(seed: int, noise: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
 
 def test_distances_are_externally_studentised_residuals_where_noise_is_equal() -> None:
     values, variances = population(1, 1e-3)
-    (found,) = outlying([(values, variances)])
-    assert not found.chosen.entries.any()
+    (result,) = outlying([(values, variances)])
+    assert not result.chosen.entries.any()
     for column in range(QUANTITIES):
         fit = sm.OLS(values[:, column], np.ones(ROBOTS)).fit()
         theirs = fit.get_influence().resid_studentized_external
-        np.testing.assert_allclose(found.statistics[:, column], theirs, rtol=1e-4)
+        np.testing.assert_allclose(result.statistics[:, column], theirs, rtol=1e-4)
 
 
 def test_robots_that_hide_each_other_are_found() -> None:
@@ -33,9 +33,9 @@ def test_robots_that_hide_each_other_are_found() -> None:
     fit = sm.OLS(values[:, 3], np.ones(ROBOTS)).fit()
     one_by_one = fit.outlier_test()  # columns: statistic, p-value, p-value by Bonferroni
     assert (one_by_one[:3, 1] > 0.02).all(), "each of them hides the others"
-    (found,) = outlying([(values, variances)])
-    assert found.chosen.units[:3].all() and found.chosen.entries[:3, 3].all()
-    assert found.chosen.units[3:].sum() <= 1
+    (result,) = outlying([(values, variances)])
+    assert result.chosen.units[:3].all() and result.chosen.entries[:3, 3].all()
+    assert result.chosen.units[3:].sum() <= 1
 
 
 @pytest.mark.parametrize("robots", [6, 25])
@@ -50,31 +50,31 @@ def test_where_nobody_differs_one_fleet_of_ten_has_a_robot_called(robots: int) -
 
 def test_three_robots_are_too_few() -> None:
     values, variances = population(4)
-    (found,) = outlying([(values[:3], variances[:3])])
-    assert np.isnan(found.p_values).all() and not found.chosen.units.any()
+    (result,) = outlying([(values[:3], variances[:3])])
+    assert np.isnan(result.p_values).all() and not result.chosen.units.any()
 
 
 def test_robots_without_an_estimate_are_not_judged() -> None:
     values, variances = population(5)
     values[4], values[:, 0] = np.nan, np.nan
-    (found,) = outlying([(values, variances)])
-    assert np.isnan(found.p_values[4]).all() and np.isnan(found.p_values[:, 0]).all()
-    assert np.isfinite(found.p_values[0, 1:]).all()
+    (result,) = outlying([(values, variances)])
+    assert np.isnan(result.p_values[4]).all() and np.isnan(result.p_values[:, 0]).all()
+    assert np.isfinite(result.p_values[0, 1:]).all()
 
 
 def test_types_share_one_false_discovery_rate() -> None:
     first, second = population(6), population(7)
     first[0][0, 0] += 12.0
-    found = outlying([first, second])
-    assert found[0].chosen.units[0] and not found[1].chosen.units.any()
+    result = outlying([first, second])
+    assert result[0].chosen.units[0] and not result[1].chosen.units.any()
 
 
 def test_quantities_are_chosen_at_the_share_of_chosen_robots() -> None:
     p_values = np.ones((10, 4))
     p_values[0] = [0.0005, 0.004, 0.009, 0.6]
-    (found,) = choose([p_values], 0.1)
+    (result,) = choose([p_values], 0.1)
     # Simes: 4 · 0.0005 = 0.002, chosen by Benjamini-Hochberg below 0.1 / 10. Within the robot the
     # level is 0.1 · 1 / 10: steps of 0.0025, 0.005, 0.0075, 0.01.
-    assert found.p_values[0] == pytest.approx(0.002)
-    assert found.units.tolist() == [True] + [False] * 9
-    assert found.entries[0].tolist() == [True, True, False, False]
+    assert result.p_values[0] == pytest.approx(0.002)
+    assert result.units.tolist() == [True] + [False] * 9
+    assert result.entries[0].tolist() == [True, True, False, False]

@@ -49,40 +49,42 @@ def test_columns_are_separate_and_unknown_units_count_for_nothing() -> None:
     values = random.normal(size=(9, 4)) * [1.0, 3.0, 0.1, 10.0]
     variances = random.uniform(0.1, 0.5, size=(9, 4))
     values[2, 1] = np.nan
-    found = between_variance(values, variances)
+    estimate = between_variance(values, variances)
     for column in range(4):
-        known = np.isfinite(values[:, column])
-        theirs = combine_effects(values[known, column], variances[known, column]).tau2
-        assert found[column] == pytest.approx(theirs, rel=1e-4, abs=1e-9)
+        estimated = np.isfinite(values[:, column])
+        theirs = combine_effects(values[estimated, column], variances[estimated, column]).tau2
+        assert estimate[column] == pytest.approx(theirs, rel=1e-4, abs=1e-9)
 
 
 def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> None:
     random = np.random.default_rng(1)
     values, variance = random.normal(5.0, 2.0, size=15), 0.3
-    found = estimate_of(values, np.full(15, variance))
+    estimate = estimate_of(values, np.full(15, variance))
     squares = float(np.sum((values - values.mean()) ** 2))
     mean = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
-    assert found["mean"] == pytest.approx(values.mean())
-    assert (found["mean_low"], found["mean_high"]) == pytest.approx((mean.low, mean.high), rel=1e-4)
-    assert found["sigma"] ** 2 == pytest.approx(squares / 14 - variance, rel=1e-4)
+    assert estimate["mean"] == pytest.approx(values.mean())
+    assert (estimate["mean_low"], estimate["mean_high"]) == pytest.approx(
+        (mean.low, mean.high), rel=1e-4
+    )
+    assert estimate["sigma"] ** 2 == pytest.approx(squares / 14 - variance, rel=1e-4)
     ends = squares / scipy.stats.chi2.isf([0.025, 0.975], 14) - variance
-    assert (found["sigma_low"] ** 2, found["sigma_high"] ** 2) == pytest.approx(tuple(ends))
+    assert (estimate["sigma_low"] ** 2, estimate["sigma_high"] ** 2) == pytest.approx(tuple(ends))
     ahead = scipy.stats.t.isf(0.025, 13) * np.sqrt(squares / 14 * (1 + 1 / 15) - variance)
-    assert found["next_high"] - found["mean"] == pytest.approx(ahead, rel=1e-4)
+    assert estimate["next_high"] - estimate["mean"] == pytest.approx(ahead, rel=1e-4)
 
 
 def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> None:
     values = np.array([1.0, 1.001, 0.999, 1.0005])
-    found = estimate_of(values, np.full(4, 0.04))
-    assert found["sigma"] == 0.0
+    estimate = estimate_of(values, np.full(4, 0.04))
+    assert estimate["sigma"] == 0.0
     half = scipy.stats.t.isf(0.025, 3) * 0.2 / 2.0
-    assert found["mean_high"] - found["mean"] == pytest.approx(half)
+    assert estimate["mean_high"] - estimate["mean"] == pytest.approx(half)
 
 
 def test_one_robot_is_no_sample() -> None:
-    found = estimate_of(np.array([1.0]), np.array([0.1]))
-    assert found.pop("mean") == 1.0
-    assert np.isnan(list(found.values())).all()
+    estimate = estimate_of(np.array([1.0]), np.array([0.1]))
+    assert estimate.pop("mean") == 1.0
+    assert np.isnan(list(estimate.values())).all()
 
 
 def test_mean_and_interval_are_those_of_statsmodels_on_the_vaccine_trials() -> None:
@@ -90,10 +92,10 @@ def test_mean_and_interval_are_those_of_statsmodels_on_the_vaccine_trials() -> N
     theirs = combine_effects(values, variances, method_re="iterated", use_t=True)
     between = between_variance(values[:, None], variances[:, None])  # of Paule and Mandel
     assert between[0] == pytest.approx(theirs.tau2, 1e-4)
-    found = estimate_of(values, variances)
+    estimate = estimate_of(values, variances)
     low, high = theirs.conf_int()[3]  # random effects, Hartung and Knapp
-    assert found["mean"] == pytest.approx(theirs.mean_effect_re, rel=1e-4)
-    assert (found["mean_low"], found["mean_high"]) == pytest.approx((low, high), rel=1e-4)
+    assert estimate["mean"] == pytest.approx(theirs.mean_effect_re, rel=1e-4)
+    assert (estimate["mean_low"], estimate["mean_high"]) == pytest.approx((low, high), rel=1e-4)
 
 
 def test_variance_common_to_groups_is_not_moved_by_a_third_of_them() -> None:

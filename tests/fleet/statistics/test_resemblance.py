@@ -15,15 +15,15 @@ def wandering(correlation: float, random: np.random.Generator) -> list[float]:
     series = [random.standard_normal()]
     for shock in random.standard_normal(BAGS - 1):
         series.append(correlation * series[-1] + np.sqrt(1.0 - correlation**2) * shock)
-    return [0.3 * each for each in series]
+    return [0.3 * values for values in series]
 
 
 def test_slow_movements_of_all_robots_are_noticed_and_said() -> None:
     random = np.random.default_rng(1)
     moving = {(robot, name): wandering(0.8, random) for robot in range(ROBOTS) for name in NAMES}
     bags, _ = fleet(Drawn(ROBOTS, BAGS, between_bags=0.0, drifting=moving), random)
-    found = resemblance(types_of(bags)[0].robots)
-    assert found is not None and 0.1 < found < 0.9
+    correlation = resemblance(types_of(bags)[0].robots)
+    assert correlation is not None and 0.1 < correlation < 0.9
     notes = fleet_result(bags[: 8 * BAGS]).types[0].notes
     assert any("bags that follow each other resemble each other" in note for note in notes)
 

@@ -32,11 +32,11 @@ def factors_of(matrices: list[np.ndarray], torques: list[np.ndarray]) -> list[np
 def test_stacked_factors_give_the_answer_of_all_rows() -> None:
     matrices, torques = recorded(0.0)
     whole = sm.OLS(np.concatenate(torques), np.vstack(matrices)).fit()
-    found = regression(stacked(factors_of(matrices, torques)), BAGS * ROWS)
-    assert found.complete
-    np.testing.assert_allclose(found.values, whole.params, rtol=1e-10)
-    np.testing.assert_allclose(found.covariance, whole.cov_params(), rtol=1e-10, atol=1e-14)
-    assert found.squares == pytest.approx(whole.ssr, rel=1e-10)
+    pooled = regression(stacked(factors_of(matrices, torques)), BAGS * ROWS)
+    assert pooled.complete
+    np.testing.assert_allclose(pooled.values, whole.params, rtol=1e-10)
+    np.testing.assert_allclose(pooled.covariance, whole.cov_params(), rtol=1e-10, atol=1e-14)
+    assert pooled.squares == pytest.approx(whole.ssr, rel=1e-10)
 
 
 def test_the_estimate_of_all_is_the_weighted_sum_of_those_of_the_bags() -> None:
@@ -82,5 +82,5 @@ def test_a_bag_that_does_not_show_every_parameter_is_not_complete() -> None:
     factors = factors_of(matrices, torques)
     assert not regression(factors[0], ROWS).complete
     whole = sm.OLS(np.concatenate(torques), np.vstack(matrices)).fit()
-    found = regression(stacked(factors), BAGS * ROWS)
-    np.testing.assert_allclose(found.values, whole.params, rtol=1e-10)
+    pooled = regression(stacked(factors), BAGS * ROWS)
+    np.testing.assert_allclose(pooled.values, whole.params, rtol=1e-10)
