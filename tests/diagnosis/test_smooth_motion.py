@@ -129,14 +129,14 @@ def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques
         changed = widened(
             [recorded(arm, 1, position_noise=noise)], arm.configuration, simulated=True
         )
-        found = changed.processing.decimation_cutoff
-        assert found is not None
+        cutoff = changed.processing.decimation_cutoff
+        assert cutoff is not None
         limit = np.sqrt(np.sqrt(5.0) * 2.0 * np.array([0.45, 0.175]) / (inertia * noise))
         # Inertias and both noises are estimates, and one sample in a multiple of five is kept.
-        assert found == pytest.approx(float(limit.min()) / (2 * np.pi), rel=0.15)
+        assert cutoff == pytest.approx(float(limit.min()) / (2 * np.pi), rel=0.15)
     named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})
-    own = arm.configuration.model_copy(update={"processing": named})
-    assert widened([recorded(arm, 1)], own, simulated=True) is own
+    configured = arm.configuration.model_copy(update={"processing": named})
+    assert widened([recorded(arm, 1)], configured, simulated=True) is configured
 
 
 def beside_reversals(data: Baseline) -> int:
@@ -220,7 +220,7 @@ def test_moved_torques_are_those_of_the_moved_motion(links: bool) -> None:
     motion = replace(motion, whole=replace(motion.whole, coulomb=np.zeros(2)))
     w = 3.1
     shift = 1e-3 * np.sin(w * motion.time)
-    found = motion.moved(1, shift, links=links)
+    moved = motion.moved(1, shift, links=links)
     q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
     q[:, 1] += shift
     v[:, 1] += 1e-3 * w * np.cos(w * motion.time)
@@ -233,7 +233,7 @@ def test_moved_torques_are_those_of_the_moved_motion(links: bool) -> None:
     inner = slice(3, -3)
     for joint in (0, 1):
         largest = np.abs(expected[:, joint]).max()
-        assert np.abs(found - expected)[inner, joint].max() < 2e-3 * largest
+        assert np.abs(moved - expected)[inner, joint].max() < 2e-3 * largest
 
 
 def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
@@ -259,8 +259,8 @@ def test_without_a_simulated_loop_it_is_the_measured_motion_in_the_whole_band() 
     """What stands in for the simulated motion lacks the upper half of it."""
     arm = arm2(seconds=SECONDS)
     lonely = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
-    found = baseline([lonely], arm.configuration)
-    (motion,), (measured,) = found.motions, found.prepared.motions
+    data = baseline([lonely], arm.configuration)
+    (motion,), (measured,) = data.motions, data.prepared.motions
     places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
     first = measured.span.start + int(measured.decimation.kept[0])
     np.testing.assert_array_equal(motion.position, measured.position[first + places])
@@ -281,7 +281,7 @@ def test_without_a_simulated_loop_the_band_is_no_wider_than_the_motion(
 ) -> None:
     """Above the motion's own band its acceleration is noise, which then is in every column."""
     recording, configuration = world(arm)
-    own = prepare([recording], configuration).cutoffs.decimation
+    of_motion = prepare([recording], configuration).cutoffs.decimation
     simulated = baseline([recorded(arm, 1)], arm.configuration).prepared.cutoffs.decimation
-    found = baseline([recording], configuration).prepared.cutoffs.decimation
-    assert found <= own < simulated
+    proposed = baseline([recording], configuration).prepared.cutoffs.decimation
+    assert proposed <= of_motion < simulated
