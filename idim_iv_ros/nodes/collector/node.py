@@ -101,13 +101,7 @@ class Collector(NodeProgram[CollectorSettings]):
         )
 
     def _filled_in(self, request: Collect.Goal) -> Collect.Goal:
-        """Return a request with the parameters where it leaves a number to them.
-
-        Raises
-        ------
-        UsageError
-            The robot must not be moved, another goal is under way, or a number makes no sense.
-        """
+        """Return a request with parameters in place of zeros; a UsageError says what is wrong."""
         settings = self._settings
         if not settings.allow_motion:
             raise UsageError(
