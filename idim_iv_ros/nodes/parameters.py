@@ -120,13 +120,7 @@ class NodeProgram(Generic[Kind]):
 
 
 def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind:
-    """Declare all parameters on a node and return their values.
-
-    Raises
-    ------
-    UsageError
-        As of `NodeProgram`.
-    """
+    """Declare all parameters on a node and return their values."""
     described = {item.name: item for item in fields(kind)}
     refuse_unknown_parameters(node, list(described), arguments)
     given = _given(node)
@@ -213,13 +207,7 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
-    """Return the settings with new values; parameters of others change nothing.
-
-    Raises
-    ------
-    UsageError
-        A value is not allowed.
-    """
+    """Return the settings with new values; parameters of others change nothing."""
     names = {item.name for item in fields(settings)}
     given = {item.name: item.value for item in parameters if item.name in names}
     if not given:
@@ -271,13 +259,7 @@ def with_topics_of_node(node: Node, configuration: Configuration) -> Configurati
 
 
 def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
-    """Refuse arguments that are neither the node's nor ROS's; the first is the program.
-
-    Raises
-    ------
-    UsageError
-        One line that names them.
-    """
+    """Refuse arguments that are not ROS's, by their names; the first is the program."""
     try:
         others = remove_ros_args(list(arguments))[1:]
     except RuntimeError as error:
@@ -295,11 +277,6 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     """Refuse parameters besides `names` that only this node can be meant to have; warn of others.
 
     What a file holds for nodes of any name (``/**``) may be meant for its neighbours.
-
-    Raises
-    ------
-    UsageError
-        One line that names them.
     """
     given = _given(node)
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]

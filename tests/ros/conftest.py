@@ -4,7 +4,7 @@ import itertools
 import os
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from pathlib import Path
 
@@ -41,17 +41,25 @@ def observer(ros: None) -> Iterator[Observer]:
     observer.node.destroy_node()
 
 
-@pytest.fixture
-def own_context(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
-    """Begin ROS once more in this process, with parameters, for the nodes of one test."""
-    monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+@contextmanager
+def context_of_its_own() -> Iterator[Callable[..., None]]:
+    """Begin ROS once more in this process, with arguments and parameters, for a while."""
 
     def begin(*arguments: str, **parameters: object) -> None:
         given = [text for item in parameters.items() for text in ("-p", ":=".join(map(str, item)))]
         rclpy.init(args=["test", "--ros-args", *arguments, *given])
 
-    yield begin
-    rclpy.try_shutdown()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rclpy.utilities.g_default_context", None)
+        yield begin
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def own_context() -> Iterator[Callable[..., None]]:
+    """`context_of_its_own` for the nodes of one test."""
+    with context_of_its_own() as begin:
+        yield begin
 
 
 @pytest.fixture

@@ -122,8 +122,8 @@ def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: P
     identifier._jobs.poll()
     (request,) = workers[0].requests
     identifier.close()
-    own = configuration.with_own_topics(request["topics"])
-    result = identify([Path(bag) for bag in request["bags"]], own, estimator="idim-ls")
+    namespaced = configuration.with_own_topics(request["topics"])
+    result = identify([Path(bag) for bag in request["bags"]], namespaced, estimator="idim-ls")
     values = {parameter.name: parameter.value for parameter in result.parameters}
     assert values == pytest.approx(
         {parameter.name: parameter.value for parameter in expected.parameters}

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,10 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces.msg import IdentificationResult, Prediction
-from idim_iv_ros.nodes.predictor.node import colour_of, residual_markers
+from idim_iv_ros.nodes.predictor.node import Predictor, colour_of, residual_markers
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
-from tests.ros.processes import Observer, Process, start_node
+from tests.ros.conftest import context_of_its_own
+from tests.ros.processes import Observer
 
 JOINTS = configured().robot.joints
 START = 1_700_000_000 * 10**9  # ns
@@ -74,21 +74,19 @@ class PlayedRobot:
 class Heard:
     """What a predictor says."""
 
-    def __init__(self, observer: Observer, process: Process) -> None:
-        self.name = process.name
+    name = "predictor"
+
+    def __init__(self, observer: Observer) -> None:
+        self.observer = observer
         self.predictions: list[Prediction] = []
         self.said = 0
         self.diagnostics: dict[str, tuple[int, str]] = {}
         self.markers: list[MarkerArray] = []
         node = observer.node
-        self._subscriptions = [
-            node.create_subscription(Prediction, f"/{self.name}/prediction", self._prediction, 100),
-            node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosis, 10),
-            node.create_subscription(
-                MarkerArray, f"/{self.name}/residual_markers", self.markers.append, 10
-            ),
-        ]
-        self._node = node
+        subscribe, markers = node.create_subscription, f"/{self.name}/residual_markers"
+        subscribe(Prediction, f"/{self.name}/prediction", self._prediction, 100)
+        subscribe(DiagnosticArray, "/diagnostics", self._diagnosis, 10)
+        subscribe(MarkerArray, markers, self.markers.append, 10)
 
     def _prediction(self, message: Prediction) -> None:
         self.said += 1
@@ -113,10 +111,6 @@ class Heard:
 
         robot.observer.until(published_and_true, what)
 
-    def close(self) -> None:
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -128,39 +122,37 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def robot(observer: Observer) -> Iterator[PlayedRobot]:
-    robot = PlayedRobot(observer, "/played_joint_states")
-    yield robot
-    for item in (robot.clock, robot.publisher):
-        observer.node.destroy_publisher(item)
-
-
-@pytest.fixture(scope="module")
-def predictor(
-    results: Path, tmp_path_factory: pytest.TempPathFactory, observer: Observer
-) -> Iterator[Heard]:
-    folder = tmp_path_factory.mktemp("predictor")
-    with ExitStack() as stack:
-        process = start_node(
-            "predictor",
-            folder,
-            "joint_states:=/played_joint_states",
-            "identifier/result:=/announced_result",
+def predictor(results: Path) -> Iterator[Heard]:
+    """A predictor in this process, spun by who hears it."""
+    with context_of_its_own() as begin:
+        begin(
+            *("-r", "joint_states:=/played_joint_states"),
             configuration=YAML,
             output_directory=results,
             status_period=0.2,
             rate=100.0,
-            use_sim_time=True,
+            use_sim_time="true",
         )
-        stack.callback(process.end)
-        heard = Heard(observer, process)
-        stack.callback(heard.close)
-        yield heard
+        observer, program = Observer(), Predictor()
+        observer.executor.add_node(program.node)
+        yield Heard(observer)
+        program.close()
+        observer.node.destroy_node()
+
+
+@pytest.fixture(scope="module")
+def observer(predictor: Heard) -> Observer:
+    return predictor.observer
+
+
+@pytest.fixture(scope="module")
+def robot(observer: Observer) -> PlayedRobot:
+    return PlayedRobot(observer, "/played_joint_states")
 
 
 def announce(observer: Observer, file: str, stamp: int):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    publisher = observer.node.create_publisher(IdentificationResult, "/announced_result", latched)
+    publisher = observer.node.create_publisher(IdentificationResult, "/identifier/result", latched)
     message = IdentificationResult(files=[file])
     message.parameters.header.stamp.sec = stamp
     publisher.publish(message)

@@ -109,9 +109,9 @@ def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
 
 
 def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_one(
-    recorder, robot, observer, bags: Path
+    mortal_recorder, robot, observer, bags: Path
 ) -> None:
-    recorder(snapshot_on_error=True)
+    mortal_recorder(snapshot_on_error=True)
     answer = observer.call("snapshot")
     assert not answer.success
     assert "snapshot_duration is 0" in answer.message

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
 from functools import partial
 
 from rclpy.action.server import ServerGoalHandle
@@ -18,11 +17,9 @@ from idim_iv_ros.nodes.collector.neighbours import (
 )
 from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
-from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer
+from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer, answer_all
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import CollectorSettings
-
-_TURNS = 10  # of the executor, in which the last result is sent
 
 ABOUT = """collector: move the robot along a motion that shows its parameters, record it, check the
 recording, identify.
@@ -49,7 +46,6 @@ class Collector(NodeProgram[CollectorSettings]):
         self._load()
         self._goal: ServerGoalHandle | None = None
         self._collection: Collection | None = None
-        self._running: Future[Collect.Result] | None = None
         self._actions = DeferredActionServer(
             node, Collect, "~/collect", self._accepted, self._cancel
         )
@@ -66,14 +62,9 @@ class Collector(NodeProgram[CollectorSettings]):
         """Stop the robot if it moves, and answer."""
         if self._collection is not None:
             self._collection.cancel("the collector was shut down")
-        executor = self.node.executor
-        while self._running is not None and not self._running.done():
-            if executor is not None:
-                executor.spin_once(timeout_sec=0.05)
-        if executor is not None:
-            for _ in range(_TURNS):
-                executor.spin_once(timeout_sec=0.0)
-        self._actions.destroy()
+        while self._goal is not None and self.node.executor is not None:
+            self.node.executor.spin_once(timeout_sec=0.05)
+        answer_all(self.node, [self._actions])
         super().close()
 
     def _load(self) -> None:
@@ -95,19 +86,12 @@ class Collector(NodeProgram[CollectorSettings]):
         goal.execute()
         executor = self.node.executor
         assert executor is not None
-        self._running = in_thread(collection.run, "collection")
-        self._running.add_done_callback(
+        in_thread(collection.run, "collection").add_done_callback(
             lambda done: executor.create_task(self._ended, goal, done.result())
         )
 
     def _filled_in(self, request: Collect.Goal) -> Collect.Goal:
-        """Return a request with the parameters where it leaves a number to them.
-
-        Raises
-        ------
-        UsageError
-            The robot must not be moved, another goal is under way, or a number makes no sense.
-        """
+        """Return a request with parameters in place of zeros; a UsageError says what is wrong."""
         settings = self._settings
         if not settings.allow_motion:
             raise UsageError(

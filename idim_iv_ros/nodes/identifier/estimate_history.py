@@ -145,11 +145,6 @@ class EstimateHistory:
         """Keep an identification; an earlier one of the same bags gives way to it.
 
         Of its kind `length` are kept at most; a baseline that was set stays.
-
-        Raises
-        ------
-        UsageError
-            The file cannot be written.
         """
         if any(other.baseline and entry.repeats(other) for other in self.entries):
             entry = replace(entry, baseline=True)
@@ -160,13 +155,7 @@ class EstimateHistory:
         self._keep([*(other for other in kept if other not in surplus), entry])
 
     def set_baseline(self, folder: str) -> PastEstimates:
-        """Compare later identifications with the one whose files are in `folder`, and return it.
-
-        Raises
-        ------
-        UsageError
-            There is none, or the file cannot be written.
-        """
+        """Compare later identifications with the one whose files are in `folder`, and return it."""
         chosen = next((entry for entry in self.entries if entry.folder == folder), None)
         if chosen is None:
             what = f"no identification in {folder}" if folder else "no identification"

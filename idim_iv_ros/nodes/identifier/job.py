@@ -116,11 +116,16 @@ def requested_job(
         )
     if not math.isfinite(request.timeout) or request.timeout < 0.0:
         raise UsageError(f"timeout: {request.timeout} s is no time")
+    if configuration is None:
+        raise UsageError("no robot is configured: set the parameter configuration")
+    if request.configuration:
+        folder, what = Path(settings.configuration).parent, "the folder of the configuration"
+        configuration = load_configuration(confined(folder, request.configuration, what))
     return Job(
         task=task,
         bags=tuple(path for path, _ in bags),
         names=tuple(str(path.relative_to(root.resolve())) for path, _ in bags),
-        configuration=_configuration(request.configuration, settings, configuration),
+        configuration=configuration,
         timeout=settings.job_timeout,
         listener=listener,
         answer_within=request.timeout or math.inf,
@@ -128,17 +133,6 @@ def requested_job(
         estimator=estimator if task == "identification" else "",
         without=tuple(dict.fromkeys(without)),
     )
-
-
-def _configuration(
-    name: str, settings: IdentifierSettings, of_node: Configuration | None
-) -> Configuration:
-    if of_node is None:
-        raise UsageError("no robot is configured: set the parameter configuration")
-    if not name:
-        return of_node
-    folder = Path(settings.configuration).parent
-    return load_configuration(confined(folder, name, "the folder of the configuration"))
 
 
 def confined(folder: Path, name: str, what: str) -> Path:

@@ -37,11 +37,6 @@ class Worker:
     `heard` takes each event of `identification_worker` in a thread of its own, at last ``{"gone":
     exit status}``. The `process_id` is that of the present job, once it has begun; `ready` says
     that everything is loaded, `killed` that `kill` ended the process itself.
-
-    Raises
-    ------
-    OSError
-        No process can be started.
     """
 
     def __init__(self, heard: Callable[["Worker", Event], None]) -> None:

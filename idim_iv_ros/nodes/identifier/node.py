@@ -1,6 +1,5 @@
 """The node `identifier`: parameters of a robot from its bags, on request or from every new bag."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,7 @@ from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue, StartWorker
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
-from idim_iv_ros.nodes.identifier.request_server import RequestServer
+from idim_iv_ros.nodes.identifier.request_server import RequestServer, answer_all
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration, with_topics_of_node
 from idim_iv_ros.nodes.settings import IdentifierSettings
@@ -33,7 +32,6 @@ _AFTER = {
     "shutdown": FINALIZED,
 }
 _LOOK = 0.1  # s between two looks whether a job takes too long
-_LONGEST_END = 10.0  # s in which the last answers are given
 
 ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
 
@@ -198,14 +196,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         """End the job that is worked on, and answer all requests."""
         self._managed.state = FINALIZED  # what comes now is refused
         self._jobs.close()
-        executor, until = self.node.executor, time.monotonic() + _LONGEST_END
-        while executor is not None and any(server.unanswered for server in self._servers):
-            if time.monotonic() > until:
-                break
-            executor.spin_once(timeout_sec=_LOOK)
-        time.sleep(_LOOK)  # the last answers lie in memory that ends with this process
-        for server in self._servers:
-            server.destroy()
+        answer_all(self.node, self._servers)
         super().close()
 
     def _loaded(self) -> Configuration | None:

@@ -64,13 +64,7 @@ class ResultPublisher:
         self._shown: tuple[PastEstimates, IdentificationResult] | None = None
 
     def publish_last(self) -> None:
-        """Read the history, and publish the newest result whose file can be read, and what drifts.
-
-        Raises
-        ------
-        DataError
-            The history cannot be read.
-        """
+        """Read the history; publish the newest result whose file can be read, and what drifts."""
         history = self._history = EstimateHistory(self._directory)
         # Of those that are shown the newest, else the newest of all.
         for entry in sorted(history.entries, key=_is_shown)[::-1]:
@@ -85,13 +79,7 @@ class ResultPublisher:
         self._compare(history)
 
     def add(self, job: Job) -> None:
-        """Publish and keep the result of a job that has ended.
-
-        Raises
-        ------
-        UsageError
-            Its result.json cannot be read, or the history cannot be written.
-        """
+        """Publish and keep the result of a job that has ended."""
         assert job.folder is not None
         history = self._required_history()
         result = identification.IdentificationResult.read(job.folder / RESULT)
@@ -225,13 +213,7 @@ class GapPublisher:
             self._node.get_logger().warning(str(error))
 
     def add(self, job: Job) -> None:
-        """Publish and keep the diagnosis of a job that has ended.
-
-        Raises
-        ------
-        IdimError
-            Its gap.json cannot be read, or it cannot be kept.
-        """
+        """Publish and keep the diagnosis of a job that has ended."""
         assert job.folder is not None
         last = _LastGap(stamp=_now(self._node), bags=job.names, folder=job.folder.name)
         self._publish(last.stamp, last.bags, last.folder)

@@ -7,7 +7,7 @@ answer are two callbacks.
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,6 +23,7 @@ from idim_iv_ros.nodes.identifier.job import Job, JobListener
 # without an answer.
 BURST = QoSProfile(depth=1000)
 _LOOK, _SHORTEST_LOOK = 0.5, 0.4  # s between two looks for clients
+_LAST_LOOK, _LONGEST_END = 0.1, 10.0  # s for the last answers: a turn, and all
 _ABSENCES = 2  # looks that must find none
 _AT_ONCE, _PAUSE = 5, 0.3  # answers in one go, and s until there may be as many again
 
@@ -289,3 +290,15 @@ class RequestServer:
                 self._node.get_logger().warning(f"{names}: who asked is gone")
                 for job in jobs:
                     self._cancel_job(job)
+
+
+def answer_all(node: Node, servers: Sequence[RequestServer | DeferredActionServer]) -> None:
+    """Spin until nobody waits for an answer, or not for ever; then take the servers away."""
+    executor, until = node.executor, time.monotonic() + _LONGEST_END
+    while executor is not None and any(server.unanswered for server in servers):
+        executor.spin_once(timeout_sec=_LAST_LOOK)
+        if time.monotonic() > until:
+            break
+    time.sleep(_LAST_LOOK)  # the last answers lie in memory that ends with this process
+    for server in servers:
+        server.destroy()

@@ -12,6 +12,7 @@ from idim_iv_ros.nodes.identifier.job import ESTIMATORS
 from idim_iv_ros.prediction import IdentifiedModel, identified_model
 
 WAITING = "no result yet: identify the robot, or set the parameter result"
+_ADVICE = "output_directory must be that of the identifier, on the same machine"
 
 
 @dataclass(frozen=True)
@@ -84,14 +85,13 @@ class ModelSource:
             return False
         wanted = (Path(pinned), 0) if pinned else self._announced
         if wanted is None:
-            self.reason = WAITING
-            changed, self.identified = self.identified is not None, None
-            return changed
+            return self._refused(WAITING, None)
         path, stamp = wanted
         try:
             written = path.stat().st_mtime_ns
         except OSError as error:
-            return self._refused(f"{path}: {error.strerror or error}: {self._advice(pinned)}", None)
+            advice = "set the parameter result" if pinned else _ADVICE
+            return self._refused(f"{path}: {error.strerror or error}: {advice}", None)
         content = (path, written, self._described.text)
         if content == self._read:
             return False
@@ -109,11 +109,6 @@ class ModelSource:
         self.reason, self._read = reason, content
         changed, self.identified = self.identified is not None, None
         return changed
-
-    def _advice(self, pinned: str) -> str:
-        if pinned:
-            return "set the parameter result"
-        return "output_directory must be that of the identifier, on the same machine"
 
     def _describe(self, text: str, source: str) -> None:
         model = build_inverse_model(self._configuration, text, source)

@@ -255,13 +255,7 @@ class SnapshotService:
         return self._writer.session
 
     def take(self) -> str:
-        """Begin to write a snapshot and say into which folder.
-
-        Raises
-        ------
-        UsageError
-            There is nothing to write, or the last one is still being written.
-        """
+        """Begin to write a snapshot and say into which folder."""
         if self._writing is not None and not self._writing.done():
             raise UsageError("the last snapshot is still being written")
         self._drain()

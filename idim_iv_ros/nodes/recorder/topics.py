@@ -251,13 +251,7 @@ def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
 
 
 class TopicSet:
-    """Topics that are watched; `say` takes one line, once for a topic that cannot be recorded.
-
-    Raises
-    ------
-    UsageError
-        The configuration cannot be read.
-    """
+    """Topics that are watched; `say` takes one line, once for a topic that cannot be recorded."""
 
     def __init__(
         self, node: Node, settings: RecorderSettings, say: Callable[[str], object]
@@ -279,13 +273,7 @@ class TopicSet:
         return {topic.name for topic in self.topics}
 
     def configure(self, settings: RecorderSettings) -> None:
-        """Watch the signals of another configuration.
-
-        Raises
-        ------
-        UsageError
-            The configuration cannot be read.
-        """
+        """Watch the signals of another configuration."""
         new, old = signal_topics(self._node, settings), self._signals
         self._signals = new
         self.extend(settings)
@@ -349,11 +337,6 @@ def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
 
     Relative names are in the namespace of the node; the description of the robot is the global one
     where its namespace has none.
-
-    Raises
-    ------
-    UsageError
-        The configuration cannot be read.
     """
     signals, joints = SignalsSection(), tuple[str, ...]()
     if settings.configuration:

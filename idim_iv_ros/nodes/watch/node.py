@@ -157,11 +157,6 @@ class Watcher:
 
     `web` is the port of the page (None: a table on the terminal); `predictor` makes one that runs
     in this process.
-
-    Raises
-    ------
-    UsageError
-        The port of the page is taken, or the predictor cannot be made.
     """
 
     def __init__(
