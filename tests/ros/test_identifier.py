@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -21,7 +22,7 @@ from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulators.recording import simulate
 from tests.ros.conftest import ARM2, start_identifier
 from tests.ros.identifier_client import IdentifierClient
-from tests.ros.processes import HANG, Observer
+from tests.ros.processes import HANG, Observer, Process
 from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
@@ -164,6 +165,20 @@ def test_a_changed_parameter_is_flagged(served, worn: str) -> None:
     statistics = {key: float(value) for key, value in values.items() if key.endswith(" (σ)")}
     limit = statistics.pop("limit (σ)")
     assert {key for key, value in statistics.items() if abs(value) > limit} == {"Fc1 (σ)"}
+
+
+def test_idim_iv_serve_is_the_identifier(
+    simulated_bags: Path, tmp_path: Path, stack: ExitStack, observer: Observer
+) -> None:
+    command = [str(Path(sys.executable).parent / "idim-iv"), "serve", "--config", str(ARM2)]
+    folders = ["--bags", str(simulated_bags), "--out", str(tmp_path / "out")]
+    process = Process([*command, *folders], tmp_path, "identifier")
+    stack.callback(process.end)
+    client = IdentifierClient(observer, process)
+    stack.callback(client.close)
+    assert client.identify("bag-1.mcap", estimator="idim-ls").success
+    assert len(list((tmp_path / "out").glob("*/result.json"))) == 1
+    assert process.finish() == 0
 
 
 def test_limits_of_a_job_are_one_line(served) -> None:
