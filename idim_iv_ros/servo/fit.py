@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 import scipy
 
-from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joint
+from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joints
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 PARAMETERS = Drive._fields
@@ -64,17 +64,51 @@ class Run:
         return used
 
     def simulated(self, drive: Drive) -> FloatArray:
-        """Position, speed, acceleration (3, n_samples) of the joint that follows its commands."""
-        motion = np.empty((3, len(self.load.torque)))
-        start = np.array([self.position[0], 0.0])
-        command, rate = np.repeat(self.command, self.finer), self.rate * self.finer
-        simulate_joint(drive, self.load, command, rate, self.gain, steps_of(rate), start, motion)
-        return motion[:, :: self.finer]
+        """Position (n_samples,) rad of the joint that follows its commands."""
+        inertia, *others = (values[:, None] for values in self.load)
+        position, _ = followed(
+            np.array([drive]),
+            (inertia[:, None], *others),
+            np.repeat(self.command, self.finer)[:, None],
+            self.rate * self.finer,
+            self.gain,
+            self.position[:1],
+        )
+        return position[:: self.finer, 0]
 
 
-def steps_of(rate: float) -> int:
-    """Steps of a simulation in a sample at `rate` Hz."""
-    return int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
+def followed(
+    drives: FloatArray,
+    load: tuple[FloatArray, ...],
+    command: FloatArray,
+    rate: float,
+    gain: float,
+    start: FloatArray,
+) -> FloatArray:
+    """Position and speed (2, n_samples, n_joints) of joints that follow commands from rest.
+
+    Parameters
+    ----------
+    drives, load, command, rate, gain
+        Of `simulate_joints`; `load` is its mass, torque, slope and along.
+    start
+        Positions (n_joints,) at the first sample, rad.
+    """
+    steps = int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
+    motion = np.empty((2, *command.shape))
+    state = np.zeros((6, command.shape[1]))
+    state[0] = start
+    simulate_joints(
+        drives,
+        *map(np.ascontiguousarray, load),
+        np.ascontiguousarray(command),
+        rate,
+        gain,
+        steps,
+        state,
+        motion,
+    )
+    return motion
 
 
 @dataclass(frozen=True)
@@ -106,7 +140,7 @@ class DriveEstimate:
 
 def residuals(runs: Sequence[Run], drive: Drive) -> FloatArray:
     """Measured less simulated positions of all runs where they are compared, (n,) rad."""
-    parts = [(run.position - run.simulated(drive)[0])[run.used] for run in runs]
+    parts = [(run.position - run.simulated(drive))[run.used] for run in runs]
     joined = np.concatenate(parts)
     return np.asarray(np.nan_to_num(joined, nan=_LARGE, posinf=_LARGE, neginf=-_LARGE))
 

@@ -13,9 +13,9 @@ from idim_iv_ros.servo.fit import (
     DriveEstimate,
     block_covariance,
     block_labels,
-    steps_of,
+    followed,
 )
-from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joints
+from idim_iv_ros.servo.loop_kernel import Drive, Load
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import BoolArray, FloatArray
 
@@ -119,27 +119,11 @@ class RigidLoad:
             (n_joints, 8), as `Drive`.
         """
         rate = motion.rate * motion.finer
-        command = np.ascontiguousarray(np.repeat(motion.command, motion.finer, axis=0))
-        trajectory = np.empty((3, *command.shape))
-        state = np.zeros((6, command.shape[1]))
-        state[0] = motion.position[0]
-        position = np.ascontiguousarray(self.trajectory[0])
-        simulate_joints(
-            drives,
-            self.mass,
-            self.bias,
-            self.slope,
-            position,
-            command,
-            rate,
-            motion.gain,
-            steps_of(rate),
-            state,
-            trajectory,
-        )
+        load = (self.mass, self.bias, self.slope, self.trajectory[0])
+        command = np.repeat(motion.command, motion.finer, axis=0)
+        position, speed = followed(drives, load, command, rate, motion.gain, motion.position[0])
         # Of the speeds: what acts between two samples is the mean acceleration there.
-        trajectory[2] = np.gradient(trajectory[1], 1.0 / rate, axis=0)
-        return trajectory
+        return np.stack([position, speed, np.gradient(speed, 1.0 / rate, axis=0)])
 
 
 def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int) -> Trajectory:
