@@ -74,7 +74,7 @@ class Run:
             self.gain,
             self.position[:1],
         )
-        return position[:: self.finer, 0]
+        return np.asarray(position[:: self.finer, 0])
 
 
 def followed(
