@@ -209,7 +209,7 @@ def mujoco_servo(rate: float, seconds: float, seed: int, gravity: float = GRAVIT
     step = 2.0 * np.pi / 4096
     position = np.round(position / step) * step
     valid = np.ones((count, 1), dtype=bool)
-    return Motion(f"seed {seed}", rate, command[:, None], position[:, None], valid)
+    return Motion(rate, command[:, None], position[:, None], valid, f"seed {seed}")
 
 
 URDF = f"""<robot name="servo"><link name="base"/><link name="arm"><inertial>

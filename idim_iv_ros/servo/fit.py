@@ -9,7 +9,6 @@ zero as least squares on measured speeds and accelerations do.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import scipy
@@ -20,7 +19,7 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 PARAMETERS = Drive._fields
 # Longest step of the simulation, s.
 _STEP = 1e-3
-STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
+_STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
 _BLOCK = 1.0  # s, over which residuals may depend on one another
 _DIFFERENCE = 1e-4  # of the scale of a parameter
 _LARGE = 1e9  # rad, of a simulation that ran away
@@ -28,26 +27,43 @@ _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that ch
 
 
 @dataclass(frozen=True)
-class Run:
-    """What one joint was asked and did, sampled uniformly.
+class Sampled:
+    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints).
 
     Attributes
     ----------
     rate : float
         Hz.
-    command, position : (n_samples,) rad
-    valid : (n_samples,) bool
+    command, position : (n_samples, …) rad
+    valid : (n_samples, …) bool
         Whether the position was measured.
-    load : Load
-        What the rigid body asks along the motion, (n_samples · finer,) each.
-    gain : float
-        Of the loop, in parts of that for which K is asked.
     """
 
     rate: float
     command: FloatArray
     position: FloatArray
     valid: BoolArray
+
+    @property
+    def used(self) -> BoolArray:
+        """Samples (n_samples, …) that are compared."""
+        used = self.valid.copy()
+        used[: int(np.ceil(_STARTING * self.rate))] = False
+        return used
+
+
+@dataclass(frozen=True)
+class Run(Sampled):
+    """One joint in one recording.
+
+    Attributes
+    ----------
+    load : Load
+        What the rigid body asks along the motion, (n_samples · finer,) each.
+    gain : float
+        Of the loop, in parts of that for which K is asked.
+    """
+
     load: Load
     gain: float = 1.0
 
@@ -55,13 +71,6 @@ class Run:
     def finer(self) -> int:
         """Samples of the load in one of the recording."""
         return len(self.load.torque) // len(self.command)
-
-    @property
-    def used(self) -> BoolArray:
-        """Samples (n_samples,) that are compared."""
-        used = self.valid.copy()
-        used[: int(np.ceil(STARTING * self.rate))] = False
-        return used
 
     def simulated(self, drive: Drive) -> FloatArray:
         """Position (n_samples,) rad of the joint that follows its commands."""
@@ -213,18 +222,6 @@ def _used_labels(runs: Sequence[Run]) -> IntArray:
     """Blocks of the samples that are compared."""
     labels = zip(block_labels(runs), runs, strict=True)
     return np.concatenate([label[run.used] for label, run in labels])
-
-
-class Sampled(Protocol):
-    """What blocks of time are made of."""
-
-    @property
-    def rate(self) -> float:
-        """Samples a second."""
-
-    @property
-    def command(self) -> FloatArray:
-        """Commands, (n_samples, …)."""
 
 
 def block_labels(runs: Sequence[Sampled]) -> list[IntArray]:

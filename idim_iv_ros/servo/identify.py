@@ -236,11 +236,11 @@ def _motion(
     nothing = np.zeros_like(asked.invented)
     invented = transform.touched(recording.position.invented, nothing)
     motion = Motion(
-        recording.path.name,
         recording.rate,
         transform.position(asked.values),
         transform.position(recording.position.values),
         ~(invented | transform.touched(asked.invented, nothing)),
+        recording.path.name,
         gain,
     )
     for column, joint in enumerate(robot.joints):

@@ -9,15 +9,15 @@ import scipy
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.servo.fit import (
     PARAMETERS,
-    STARTING,
     DriveEstimate,
+    Sampled,
     block_covariance,
     block_labels,
     followed,
 )
 from idim_iv_ros.servo.loop_kernel import Drive, Load
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _FINE = 200.0  # Hz, least rate of what the rigid bodies ask
 _STEP = 1e-4  # rad, of the slope of a torque with its joint's position
@@ -28,16 +28,12 @@ Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(Sampled):
     """One recording of all joints.
 
     Attributes
     ----------
     name : str
-    rate : float
-        Hz.
-    command, position : (n_samples, n_joints) rad
-    valid : (n_samples, n_joints) bool
     gain : float
         Of the loops, in parts of that for which K is asked.
     robot : RobotModel or None
@@ -45,10 +41,6 @@ class Motion:
     """
 
     name: str
-    rate: float
-    command: FloatArray
-    position: FloatArray
-    valid: BoolArray
     gain: float = 1.0
     robot: RobotModel | None = None
 
@@ -56,13 +48,6 @@ class Motion:
     def finer(self) -> int:
         """Samples of what the rigid bodies ask in one of the recording."""
         return max(int(np.ceil(_FINE / self.rate - 1e-6)), 1)
-
-    @property
-    def used(self) -> BoolArray:
-        """Samples (n_samples, n_joints) that are compared."""
-        used = self.valid.copy()
-        used[: int(np.ceil(STARTING * self.rate))] = False
-        return used
 
 
 @dataclass(frozen=True)
