@@ -119,7 +119,7 @@ def position_errors(runs: dict[str, Run]) -> list[str]:
 
     def errors(drive: Drive, motion: str = "") -> float:
         chosen = [run for name, run in second.items() if name.startswith(motion)]
-        left = [np.abs((run.position - run.simulated(drive)[0])[run.used]).mean() for run in chosen]
+        left = [np.abs((run.position - run.simulated(drive))[run.used]).mean() for run in chosen]
         return float(np.mean(left))
 
     rows = {f"this program, all gains at once ({seconds:.1f} s of processor)": answer.drive}
@@ -209,7 +209,7 @@ def mujoco_servo(rate: float, seconds: float, seed: int, gravity: float = GRAVIT
     step = 2.0 * np.pi / 4096
     position = np.round(position / step) * step
     valid = np.ones((count, 1), dtype=bool)
-    return Motion(f"seed {seed}", rate, command[:, None], position[:, None], valid)
+    return Motion(rate, command[:, None], position[:, None], valid, f"seed {seed}")
 
 
 URDF = f"""<robot name="servo"><link name="base"/><link name="arm"><inertial>

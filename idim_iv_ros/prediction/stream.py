@@ -61,15 +61,9 @@ class JointSamples:
 
     def followed_by(self, later: "JointSamples") -> "JointSamples":
         """These and later ones in the order of time, samples of one stamp put together."""
-        time, values, about = (
-            np.concatenate(pair)
-            for pair in (
-                (self.time, later.time),
-                (self.values, later.values),
-                (self.about, later.about),
-            )
-        )
-        times, place = np.unique(time, return_inverse=True)
+        values = np.concatenate([self.values, later.values])
+        about = np.concatenate([self.about, later.about])
+        times, place = np.unique(np.concatenate([self.time, later.time]), return_inverse=True)
         row, column = np.nonzero(about)
         merged = np.full((len(times), values.shape[1]), np.nan)
         merged[place[row], column] = values[row, column]

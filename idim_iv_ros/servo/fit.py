@@ -9,18 +9,17 @@ zero as least squares on measured speeds and accelerations do.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import scipy
 
-from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joint
+from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joints
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 PARAMETERS = Drive._fields
 # Longest step of the simulation, s.
 _STEP = 1e-3
-STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
+_STARTING = 0.3  # s, after which a wrong speed at the first sample has died away
 _BLOCK = 1.0  # s, over which residuals may depend on one another
 _DIFFERENCE = 1e-4  # of the scale of a parameter
 _LARGE = 1e9  # rad, of a simulation that ran away
@@ -28,26 +27,43 @@ _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that ch
 
 
 @dataclass(frozen=True)
-class Run:
-    """What one joint was asked and did, sampled uniformly.
+class Sampled:
+    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints).
 
     Attributes
     ----------
     rate : float
         Hz.
-    command, position : (n_samples,) rad
-    valid : (n_samples,) bool
+    command, position : (n_samples, …) rad
+    valid : (n_samples, …) bool
         Whether the position was measured.
-    load : Load
-        What the rigid body asks along the motion, (n_samples · finer,) each.
-    gain : float
-        Of the loop, in parts of that for which K is asked.
     """
 
     rate: float
     command: FloatArray
     position: FloatArray
     valid: BoolArray
+
+    @property
+    def used(self) -> BoolArray:
+        """Samples (n_samples, …) that are compared."""
+        used = self.valid.copy()
+        used[: int(np.ceil(_STARTING * self.rate))] = False
+        return used
+
+
+@dataclass(frozen=True)
+class Run(Sampled):
+    """One joint in one recording.
+
+    Attributes
+    ----------
+    load : Load
+        What the rigid body asks along the motion, (n_samples · finer,) each.
+    gain : float
+        Of the loop, in parts of that for which K is asked.
+    """
+
     load: Load
     gain: float = 1.0
 
@@ -56,25 +72,52 @@ class Run:
         """Samples of the load in one of the recording."""
         return len(self.load.torque) // len(self.command)
 
-    @property
-    def used(self) -> BoolArray:
-        """Samples (n_samples,) that are compared."""
-        used = self.valid.copy()
-        used[: int(np.ceil(STARTING * self.rate))] = False
-        return used
-
     def simulated(self, drive: Drive) -> FloatArray:
-        """Position, speed, acceleration (3, n_samples) of the joint that follows its commands."""
-        motion = np.empty((3, len(self.load.torque)))
-        start = np.array([self.position[0], 0.0])
-        command, rate = np.repeat(self.command, self.finer), self.rate * self.finer
-        simulate_joint(drive, self.load, command, rate, self.gain, steps_of(rate), start, motion)
-        return motion[:, :: self.finer]
+        """Position (n_samples,) rad of the joint that follows its commands."""
+        inertia, *others = (values[:, None] for values in self.load)
+        position, _ = followed(
+            np.array([drive]),
+            (inertia[:, None], *others),
+            np.repeat(self.command, self.finer)[:, None],
+            self.rate * self.finer,
+            self.gain,
+            self.position[:1],
+        )
+        return np.asarray(position[:: self.finer, 0])
 
 
-def steps_of(rate: float) -> int:
-    """Steps of a simulation in a sample at `rate` Hz."""
-    return int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
+def followed(
+    drives: FloatArray,
+    load: tuple[FloatArray, ...],
+    command: FloatArray,
+    rate: float,
+    gain: float,
+    start: FloatArray,
+) -> FloatArray:
+    """Position and speed (2, n_samples, n_joints) of joints that follow commands from rest.
+
+    Parameters
+    ----------
+    drives, load, command, rate, gain
+        Of `simulate_joints`; `load` is its mass, torque, slope and along.
+    start
+        Positions (n_joints,) at the first sample, rad.
+    """
+    steps = int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
+    motion = np.empty((2, *command.shape))
+    state = np.zeros((6, command.shape[1]))
+    state[0] = start
+    simulate_joints(
+        drives,
+        *map(np.ascontiguousarray, load),
+        np.ascontiguousarray(command),
+        rate,
+        gain,
+        steps,
+        state,
+        motion,
+    )
+    return motion
 
 
 @dataclass(frozen=True)
@@ -106,7 +149,7 @@ class DriveEstimate:
 
 def residuals(runs: Sequence[Run], drive: Drive) -> FloatArray:
     """Measured less simulated positions of all runs where they are compared, (n,) rad."""
-    parts = [(run.position - run.simulated(drive)[0])[run.used] for run in runs]
+    parts = [(run.position - run.simulated(drive))[run.used] for run in runs]
     joined = np.concatenate(parts)
     return np.asarray(np.nan_to_num(joined, nan=_LARGE, posinf=_LARGE, neginf=-_LARGE))
 
@@ -179,18 +222,6 @@ def _used_labels(runs: Sequence[Run]) -> IntArray:
     """Blocks of the samples that are compared."""
     labels = zip(block_labels(runs), runs, strict=True)
     return np.concatenate([label[run.used] for label, run in labels])
-
-
-class Sampled(Protocol):
-    """What blocks of time are made of."""
-
-    @property
-    def rate(self) -> float:
-        """Samples a second."""
-
-    @property
-    def command(self) -> FloatArray:
-        """Commands, (n_samples, …)."""
 
 
 def block_labels(runs: Sequence[Sampled]) -> list[IntArray]:

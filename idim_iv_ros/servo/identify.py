@@ -236,11 +236,11 @@ def _motion(
     nothing = np.zeros_like(asked.invented)
     invented = transform.touched(recording.position.invented, nothing)
     motion = Motion(
-        recording.path.name,
         recording.rate,
         transform.position(asked.values),
         transform.position(recording.position.values),
         ~(invented | transform.touched(asked.invented, nothing)),
+        recording.path.name,
         gain,
     )
     for column, joint in enumerate(robot.joints):
@@ -360,7 +360,7 @@ def _lost(
 ) -> str:
     """Where a joint moves as no servo does: when it is off, blocked or pushed; else empty."""
     for motion, run in zip(motions, runs, strict=True):
-        left = np.where(run.used, run.position - run.simulated(answer.drive)[0], 0.0)
+        left = np.where(run.used, run.position - run.simulated(answer.drive), 0.0)
         window = max(int(_WINDOW * run.rate), 1)
         size = np.sqrt(np.convolve(left**2, np.ones(window) / window, mode="valid"))
         first = np.flatnonzero(size > _LOST * joint.nominal)
@@ -412,7 +412,7 @@ def _series(
                 time=(np.arange(len(run.command)) / run.rate)[thin],
                 command=run.command[thin],
                 measured=run.position[thin],
-                simulated=run.simulated(answer.drive)[0][thin],
+                simulated=run.simulated(answer.drive)[thin],
             )
         )
     return tuple(series)

@@ -68,81 +68,6 @@ def mean_command(command: FloatArray, rate: float, start: float, duration: float
 
 
 @entry
-def simulate_joint(
-    drive: Drive,
-    load: Load,
-    command: FloatArray,
-    rate: float,
-    gain: float,
-    steps: int,
-    start: FloatArray,
-    motion: FloatArray,
-) -> None:
-    """Follow the commands of a recording from its first sample to its last.
-
-    The step is a midpoint rule, implicit in stiffness and damping: it is stable for any drive. A
-    joint that stops stays until more than its dry friction pulls.
-
-    Parameters
-    ----------
-    drive, load, gain
-        `gain` multiplies the command error before it saturates: 1 but where recordings of several
-        gains are told apart by it.
-    command
-        (n_samples,) rad at `rate` Hz, held from its sample to the next.
-    steps
-        In a sample.
-    start
-        (2,) rad, rad/s.
-    motion
-        (3, n_samples) position rad, speed rad/s and acceleration rad/s², overwritten.
-    """
-    q, v = start[0], start[1]
-    step = 1.0 / (rate * steps)
-    samples = command.shape[0]
-    for k in range(samples):
-        motion[0, k] = q
-        motion[1, k] = v
-        if k == samples - 1:
-            motion[2, k] = motion[2, max(k - 1, 0)]
-            break
-        before = v
-        for i in range(steps):
-            w = (i + 0.5) / steps
-            inertia = (1.0 - w) * load.inertia[k] + w * load.inertia[k + 1]
-            torque = (1.0 - w) * load.torque[k] + w * load.torque[k + 1]
-            slope = (1.0 - w) * load.slope[k] + w * load.slope[k + 1]
-            along = (1.0 - w) * load.position[k] + w * load.position[k + 1]
-            asked = mean_command(command, rate, k / rate + i * step - drive.delay, step)
-            left = step
-            while left > 1e-9 * step:
-                middle = q + 0.5 * left * v
-                pull = gain * (asked - middle)
-                stiffness = gain
-                if abs(pull) > drive.limit:
-                    pull = math.copysign(drive.limit, pull)
-                    stiffness = 0.0
-                carried = drive.compliance * (torque + slope * (middle - along))
-                pull -= carried + drive.offset
-                mass = drive.compliance * inertia + drive.inertia + 0.5 * left * drive.damping
-                mass += 0.25 * left**2 * max(stiffness + drive.compliance * slope, 0.0)
-                free = v + left * (pull - drive.damping * v) / mass
-                most = left * (drive.friction + drive.load_friction * abs(carried)) / mass
-                part = left
-                if v == 0.0:
-                    after = 0.0 if abs(free) <= most else free - math.copysign(most, free)
-                else:
-                    after = free - math.copysign(most, v)
-                    if after * v < 0.0 and most > 0.0:
-                        part = left * v / (v - after)
-                        after = 0.0
-                q += 0.5 * part * (v + after)
-                v = after
-                left -= part
-        motion[2, k] = (v - before) * rate
-
-
-@entry
 def simulate_joints(
     drives: FloatArray,
     mass: FloatArray,
@@ -156,10 +81,11 @@ def simulate_joints(
     state: FloatArray,
     motion: FloatArray,
 ) -> None:
-    """Follow the commands with all joints of a robot, coupled by its mass matrix.
+    """Follow the commands of a recording with joints that its mass matrix couples.
 
-    As `simulate_joint`, with the accelerations of a step found by projected Gauss-Seidel sweeps,
-    which converge for every positive definite mass matrix.
+    The step is a midpoint rule, implicit in stiffness and damping: it is stable for any drive. A
+    joint that stops stays until more than its dry friction pulls. Accelerations are found by
+    projected Gauss-Seidel sweeps, which converge for every positive definite mass matrix.
 
     Parameters
     ----------
@@ -169,11 +95,16 @@ def simulate_joints(
         (n_samples, n_joints, n_joints) kg m² and (n_samples, n_joints) each, as `Load`, the torque
         without any acceleration.
     command
-        (n_samples, n_joints) rad.
+        (n_samples, n_joints) rad at `rate` Hz, held from its sample to the next.
+    gain
+        Multiplies the command error before it saturates: 1 but where recordings of several gains
+        are told apart by it.
+    steps
+        In a sample.
     state
         (6, n_joints) position, speed, and four rows of workspace; overwritten.
     motion
-        (3, n_samples, n_joints), overwritten.
+        (2, n_samples, n_joints) position rad and speed rad/s, overwritten.
     """
     q, v, change, pull = state[0], state[1], state[2], state[3]
     stop, dry = state[4], state[5]
@@ -183,7 +114,6 @@ def simulate_joints(
         for j in range(joints):
             motion[0, k, j] = q[j]
             motion[1, k, j] = v[j]
-            motion[2, k, j] = change[j] / step
         if k == samples - 1:
             break
         for i in range(steps):
@@ -201,7 +131,7 @@ def simulate_joints(
                 carried = compliance * (load + bend * (middle - there))
                 pull[j] -= carried
                 dry[j] = drives[j, 3] + drives[j, 7] * abs(carried)
-            for _ in range(_SWEEPS):
+            for _ in range(_SWEEPS if joints > 1 else 1):
                 for j in range(joints):
                     compliance = drives[j, 0]
                     others = 0.0

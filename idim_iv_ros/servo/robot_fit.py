@@ -9,15 +9,15 @@ import scipy
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.servo.fit import (
     PARAMETERS,
-    STARTING,
     DriveEstimate,
+    Sampled,
     block_covariance,
     block_labels,
-    steps_of,
+    followed,
 )
-from idim_iv_ros.servo.loop_kernel import Drive, Load, simulate_joints
+from idim_iv_ros.servo.loop_kernel import Drive, Load
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _FINE = 200.0  # Hz, least rate of what the rigid bodies ask
 _STEP = 1e-4  # rad, of the slope of a torque with its joint's position
@@ -28,16 +28,12 @@ Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(Sampled):
     """One recording of all joints.
 
     Attributes
     ----------
     name : str
-    rate : float
-        Hz.
-    command, position : (n_samples, n_joints) rad
-    valid : (n_samples, n_joints) bool
     gain : float
         Of the loops, in parts of that for which K is asked.
     robot : RobotModel or None
@@ -45,10 +41,6 @@ class Motion:
     """
 
     name: str
-    rate: float
-    command: FloatArray
-    position: FloatArray
-    valid: BoolArray
     gain: float = 1.0
     robot: RobotModel | None = None
 
@@ -56,13 +48,6 @@ class Motion:
     def finer(self) -> int:
         """Samples of what the rigid bodies ask in one of the recording."""
         return max(int(np.ceil(_FINE / self.rate - 1e-6)), 1)
-
-    @property
-    def used(self) -> BoolArray:
-        """Samples (n_samples, n_joints) that are compared."""
-        used = self.valid.copy()
-        used[: int(np.ceil(STARTING * self.rate))] = False
-        return used
 
 
 @dataclass(frozen=True)
@@ -119,27 +104,11 @@ class RigidLoad:
             (n_joints, 8), as `Drive`.
         """
         rate = motion.rate * motion.finer
-        command = np.ascontiguousarray(np.repeat(motion.command, motion.finer, axis=0))
-        trajectory = np.empty((3, *command.shape))
-        state = np.zeros((6, command.shape[1]))
-        state[0] = motion.position[0]
-        position = np.ascontiguousarray(self.trajectory[0])
-        simulate_joints(
-            drives,
-            self.mass,
-            self.bias,
-            self.slope,
-            position,
-            command,
-            rate,
-            motion.gain,
-            steps_of(rate),
-            state,
-            trajectory,
-        )
+        load = (self.mass, self.bias, self.slope, self.trajectory[0])
+        command = np.repeat(motion.command, motion.finer, axis=0)
+        position, speed = followed(drives, load, command, rate, motion.gain, motion.position[0])
         # Of the speeds: what acts between two samples is the mean acceleration there.
-        trajectory[2] = np.gradient(trajectory[1], 1.0 / rate, axis=0)
-        return trajectory
+        return np.stack([position, speed, np.gradient(speed, 1.0 / rate, axis=0)])
 
 
 def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int) -> Trajectory:

@@ -55,11 +55,6 @@ def samples(
     )
 
 
-def part(stream: JointSamples, rows: slice) -> JointSamples:
-    named = None if stream.named is None else stream.named[rows]
-    return JointSamples(stream.time[rows], stream.values[rows], named)
-
-
 def play(live: LivePrediction, positions: JointSamples, efforts: JointSamples) -> list[Prediction]:
     """Hand over what arrives in each twentieth of a second, and predict."""
     predictions = []
@@ -68,6 +63,6 @@ def play(live: LivePrediction, positions: JointSamples, efforts: JointSamples) -
         # By the time of arrival: what is stamped before belongs to it, in the order that it has.
         first, last = np.searchsorted(np.maximum.accumulate(positions.time), [now - PERIOD, now])
         inside = slice(int(first), int(last))
-        live.add(part(positions, inside), part(efforts, inside), now)
+        live.add(positions.part(inside), efforts.part(inside), now)
         predictions.append(live.newest(now))
     return predictions

@@ -88,10 +88,10 @@ def test_signals_of_motors_are_brought_to_the_joints(identified, recording) -> N
     motors = replace(identified, transform=transform)
     positions, efforts = samples(recording, slice(0, 2))
     expected = play(LivePrediction(identified), positions, efforts)[-1]
-    found = play(
+    prediction = play(
         LivePrediction(motors),
         replace(positions, values=positions.values * ratio),
         replace(efforts, values=efforts.values / ratio / scale),
     )[-1]
-    assert found.measured == pytest.approx(expected.measured, abs=1e-6)
-    assert found.predicted == pytest.approx(expected.predicted, abs=1e-6, nan_ok=True)
+    assert prediction.measured == pytest.approx(expected.measured, abs=1e-6)
+    assert prediction.predicted == pytest.approx(expected.predicted, abs=1e-6, nan_ok=True)

@@ -17,7 +17,7 @@ from idim_iv_ros.signals import (
     zero_phase_butterworth,
 )
 from idim_iv_ros.types import FloatArray
-from tests.prediction.arm6 import PERIOD, START, part, play, samples
+from tests.prediction.arm6 import PERIOD, START, play, samples
 
 EIGHT = slice(0, 8)  # s: enough for everything but the statistics
 RATE = 1000.0
@@ -90,9 +90,9 @@ def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(
     # Both filters leave out the share CURVE_TOLERANCE of their impulse response. The reflection
     # that continues an effort errs by four times its size at most; that of a position has the
     # opposite acceleration, and errs by twice that of the motion.
-    found = np.array([prediction.measured for prediction in valid])
+    smoothed = np.array([prediction.measured for prediction in valid])
     peaks = np.abs(motion.signals.torque).max(axis=0)
-    assert np.all(np.abs(found - measured) < 4.0 * CURVE_TOLERANCE * peaks)
+    assert np.all(np.abs(smoothed - measured) < 4.0 * CURVE_TOLERANCE * peaks)
     error = np.array([prediction.predicted for prediction in valid]) - predicted
     assert np.isfinite(error).mean() > 0.5
     largest = _largest_effort(identified, motion, acceleration)
@@ -253,7 +253,7 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(
     shares = []
     for first in (0, 1):  # all joints at the stamps of the first three, and of the others
         whole = LivePrediction(identified)
-        play(whole, *(part(stream, slice(first, None, 2)) for stream in pair))
+        play(whole, *(stream.part(slice(first, None, 2)) for stream in pair))
         shares.append(whole.rows.share(1e9, 50))
     expected = np.concatenate([shares[0][:3], shares[1][3:]])
     assert split.rows.share(1e9, 50) == pytest.approx(expected, rel=0.05)

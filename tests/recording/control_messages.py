@@ -91,7 +91,7 @@ class ControlBag:
             sec=int(stamp), nanosec=int(stamp % 1 * 1e9)
         )
         arrays = [
-            np.array(each, dtype=float) for each in (position, velocity, acceleration, effort)
+            np.array(numbers, dtype=float) for numbers in (position, velocity, acceleration, effort)
         ]
         return types["trajectory_msgs/msg/JointTrajectoryPoint"](*arrays, since)
 
@@ -122,18 +122,18 @@ class ControlBag:
         """A dynamic_joint_states; `rows` holds one list of values for each joint."""
         types = self.store.types
         value = types["control_msgs/msg/InterfaceValue"]
-        held = [
+        values = [
             value(list(names), np.array(row, dtype=float))
             for names, row in zip(interfaces, rows, strict=True)
         ]
-        message = types[DYNAMIC](self.header(stamp), list(joints), held)
+        message = types[DYNAMIC](self.header(stamp), list(joints), values)
         self.add("/dynamic_joint_states", stamp, message)
 
     def joint_state(
         self, stamp: float, joints, position, velocity=(), effort=(), topic="/joint_states"
     ):
         kind = self.store.types["sensor_msgs/msg/JointState"]
-        arrays = [np.array(each, dtype=float) for each in (position, velocity, effort)]
+        arrays = [np.array(numbers, dtype=float) for numbers in (position, velocity, effort)]
         message = kind(self.header(stamp), list(joints), *arrays)
         if topic:
             self.add(topic, stamp, message)
@@ -145,7 +145,7 @@ class ControlBag:
     def write(self, folder: Path, storage=StoragePlugin.MCAP, late: float = 5.0) -> Path:
         with Writer(folder, version=9, storage_plugin=storage) as writer:
             connections = {}
-            for topic, stamp, message in sorted(self.messages, key=lambda each: each[1]):
+            for topic, stamp, message in sorted(self.messages, key=lambda message: message[1]):
                 kind = message.__msgtype__
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=self.store)

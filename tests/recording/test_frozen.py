@@ -29,12 +29,12 @@ def _counts(values: FloatArray, step: float) -> FloatArray:
     return np.asarray(np.round(values / step) * step)
 
 
-def _held(values: FloatArray, starts, length: int) -> tuple[FloatArray, NDArray[np.bool_]]:
-    held, where = values.copy(), np.zeros(len(values), dtype=bool)
+def _frozen(values: FloatArray, starts, length: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+    frozen, where = values.copy(), np.zeros(len(values), dtype=bool)
     for start in starts:
-        held[start : start + length] = held[start - 1]
+        frozen[start : start + length] = frozen[start - 1]
         where[start : start + length] = True
-    return held, where
+    return frozen, where
 
 
 @pytest.mark.parametrize("rate", [1000.0, 250.0, 50.0])
@@ -62,38 +62,38 @@ def test_an_effort_that_freezes_is_found_to_the_sample(step: float, length: int)
     speed = np.abs(position[length:] - position[:-length])
     starts = [start for start in range(200, 5800, 300) if speed[start] > 0.1 * speed.max()]
     assert len(starts) > 7
-    held, where = _held(effort, starts, length)
-    found = frozen_efforts(held, position, moving_speed(position))
+    frozen, where = _frozen(effort, starts, length)
+    marked = frozen_efforts(frozen, position, moving_speed(position))
     # By chance a coarse channel has the held value before and after, or soon again.
     close = where | np.roll(where, 2) | np.roll(where, -2)
-    assert found[where].mean() > (0.99 if step == 0.0 else 0.9)
-    assert not found[~close].any()
+    assert marked[where].mean() > (0.99 if step == 0.0 else 0.9)
+    assert not marked[~close].any()
 
 
 def test_a_freeze_in_motion_is_found_beside_one_at_rest() -> None:
     position, effort = _motion()
     effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
-    held, where = _held(effort, (5900, 6030), 70)
-    found = frozen_efforts(held, position, moving_speed(position))
-    assert found[5900:5970].all()
-    assert not found[6030:].any()
+    frozen, where = _frozen(effort, (5900, 6030), 70)
+    marked = frozen_efforts(frozen, position, moving_speed(position))
+    assert marked[5900:5970].all()
+    assert not marked[6030:].any()
     assert where.sum() == 140
 
 
 def test_an_encoder_that_freezes_is_found_by_its_jump() -> None:
     position = _counts(_motion()[0], 1e-4)
-    held, where = _held(position, STARTS[:1], 60)
-    found = frozen_positions(held, moving_speed(held))
-    assert found[where].all()
-    assert found.sum() <= where.sum() + 2
+    frozen, where = _frozen(position, STARTS[:1], 60)
+    marked = frozen_positions(frozen, moving_speed(frozen))
+    assert marked[where].all()
+    assert marked.sum() <= where.sum() + 2
 
 
 def test_a_driver_that_freezes_as_a_whole_is_found_in_both() -> None:
     position, effort = _motion()
     effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
     position = _counts(position, 1e-4)
-    position, where = _held(position, (2000,), 60)
-    effort, _ = _held(effort, (2000,), 60)
+    position, where = _frozen(position, (2000,), 60)
+    effort, _ = _frozen(effort, (2000,), 60)
     speed = moving_speed(position)
     assert frozen_positions(position, speed)[where].all()
     assert frozen_efforts(effort, position, speed)[where].all()
@@ -107,8 +107,8 @@ def test_an_effort_that_is_updated_more_slowly_than_it_is_published_is_not_froze
     assert not frozen_efforts(source, position, moving_speed(position)).any()
     late = np.sort(random.choice(len(effort), len(effort) // 4, replace=False))
     irregular = effort[late[np.maximum(np.searchsorted(late, np.arange(len(effort))) - 1, 0)]]
-    found = frozen_efforts(irregular, position, moving_speed(position))
-    assert found.mean() < 2e-3
+    marked = frozen_efforts(irregular, position, moving_speed(position))
+    assert marked.mean() < 2e-3
 
 
 def test_an_effort_at_its_limit_is_not_frozen() -> None:
@@ -143,20 +143,20 @@ def _recording(tmp_path: Path, effort: FloatArray, rate: float = 1000.0) -> Reco
 def test_frozen_samples_of_a_bag_are_invented_and_reported(tmp_path: Path) -> None:
     _, effort = _motion()
     effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
-    held, where = _held(effort, (2500, 5000), 60)
-    recording = _recording(tmp_path, held)
+    frozen, where = _frozen(effort, (2500, 5000), 60)
+    recording = _recording(tmp_path, frozen)
     np.testing.assert_array_equal(recording.effort.invented[:, 0], where)
     assert not recording.effort.invented[:, 1].any()
     assert not recording.position.invented.any()
     gap = np.linspace(0.0, 1.0, 62)[1:-1]
     bridge = effort[2499] + gap * (effort[2560] - effort[2499])
     np.testing.assert_allclose(recording.effort.values[2500:2560, 0], bridge, atol=1e-6)
-    (found,) = recording.frozen
-    assert (found.samples, found.stretches) == (120, 2)
-    assert found.first == pytest.approx(2.499, abs=1e-6)
-    assert found.longest == pytest.approx(0.06, abs=1e-6)
+    (stretches,) = recording.frozen
+    assert (stretches.samples, stretches.stretches) == (120, 2)
+    assert stretches.first == pytest.approx(2.499, abs=1e-6)
+    assert stretches.longest == pytest.approx(0.06, abs=1e-6)
     for words in ("effort of a on /joint_states", "2 times", "2.499 s", "120 samples (0.5 %)"):
-        assert words in found.sentence
+        assert words in stretches.sentence
 
 
 def test_a_bag_without_frozen_channels_says_nothing(tmp_path: Path) -> None:

@@ -24,6 +24,10 @@ def messages(first: int, count: int) -> list[Message]:
     return [(k, TOPIC.name, raw, k, k) for k in range(first, first + count)]
 
 
+def full(*_: object) -> int:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
 def counts(bag: Path) -> tuple[int, int]:
     """Messages that metadata.yaml promises, and that the files hold."""
     with Reader(bag) as reader:
@@ -33,19 +37,19 @@ def counts(bag: Path) -> tuple[int, int]:
 @pytest.fixture
 def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[int, int]]:
     """Counts before and after everything that changes what is on disk."""
-    found: list[tuple[int, int]] = []
+    seen: list[tuple[int, int]] = []
 
     def watched(change: Callable) -> Callable:
         def changed(*arguments):
             if (tmp_path / "bag" / "metadata.yaml").exists():
-                found.append(counts(tmp_path / "bag"))
+                seen.append(counts(tmp_path / "bag"))
             return change(*arguments)
 
         return changed
 
     for name in ("pwrite", "replace", "close"):
         monkeypatch.setattr(os, name, watched(getattr(os, name)))
-    return found
+    return seen
 
 
 def test_at_no_instant_a_file_holds_more_than_metadata_says(tmp_path: Path, looked) -> None:
@@ -60,7 +64,7 @@ def test_at_no_instant_a_file_holds_more_than_metadata_says(tmp_path: Path, look
     bag.add(messages(31, 5))
     bag.close()
     assert len(looked) > 10
-    assert all(promised >= held for promised, held in looked), looked
+    assert all(promised >= stored for promised, stored in looked), looked
     assert counts(bag.folder) == (35, 35)
 
 
@@ -71,10 +75,6 @@ def test_what_a_full_disk_refuses_is_not_promised(
     bag.add(messages(1, 10))
     bag.commit()
     bag.add(messages(11, 10))
-
-    def full(*_: object) -> int:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     with monkeypatch.context() as patched:
         patched.setattr(os, "pwrite", full)
         with pytest.raises(OSError, match="No space"):
@@ -87,9 +87,6 @@ def test_what_a_full_disk_refuses_is_not_promised(
 def test_a_bag_that_cannot_begin_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> int:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     monkeypatch.setattr(os, "pwrite", full)
     with pytest.raises(OSError, match="No space"):
         GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])

@@ -38,7 +38,7 @@ def ros1_bag(path: Path, compression: str | None = None, count: int = 200) -> Pa
         writer.set_compression(Ros1Writer.CompressionFormat[compression])
     with writer:
         states = writer.add_connection("/joint_states", _STATE, typestore=store)
-        own = writer.add_connection("/axes", _OWN, typestore=store)
+        axis_values = writer.add_connection("/axes", _OWN, typestore=store)
         for number in range(count):
             seconds = 1.0 + number / 100.0
             first = header(seq=number, stamp=_stamp(seconds), frame_id="base")
@@ -52,7 +52,7 @@ def ros1_bag(path: Path, compression: str | None = None, count: int = 200) -> Pa
             )
             time = round((5.0 + seconds) * 1e9)
             writer.write(states, time, store.serialize_ros1(state, _STATE))
-            writer.write(own, time, store.serialize_ros1(axes, _OWN))
+            writer.write(axis_values, time, store.serialize_ros1(axes, _OWN))
     return path
 
 
@@ -69,10 +69,10 @@ def test_a_bag_of_ros_1_is_read_as_the_same_one_of_ros_2(tmp_path: Path, compres
 
 def test_a_field_of_a_type_of_ros_1_that_only_the_bag_defines_is_read(tmp_path: Path) -> None:
     bag = ros1_bag(tmp_path / "run.bag")
-    (found,) = read_recordings(bag, joints=("a", "b"), reference="/axes#values")
-    assert found.position_reference is not None
-    expected = 2.0 * found.position.values
-    np.testing.assert_allclose(found.position_reference.values, expected, rtol=0, atol=1e-9)
+    (recording,) = read_recordings(bag, joints=("a", "b"), reference="/axes#values")
+    assert recording.position_reference is not None
+    expected = 2.0 * recording.position.values
+    np.testing.assert_allclose(recording.position_reference.values, expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("size", [0, 300, 20_000])

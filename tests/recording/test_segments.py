@@ -41,7 +41,7 @@ def test_a_bag_of_up_to_one_and_a_half_segments_is_read_whole(bag: Path) -> None
 def test_a_topic_that_ends_early_holds_nothing_back(tmp_path: Path) -> None:
     messages = steady(3000)
     reference = [("/ref", when, message) for _, when, message in messages[:900]]
-    path = write(tmp_path / "b", sorted(messages + reference, key=lambda each: each[1]))
+    path = write(tmp_path / "b", sorted(messages + reference, key=lambda message: message[1]))
     request = Request(list(NAMES), "/joint_states", "/joint_states", "/ref")
     first, second, *others = read_segments(Bag(path), request, seconds=5.0)
     assert first.duration == pytest.approx(4.99)

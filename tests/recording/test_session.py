@@ -36,15 +36,8 @@ def recording(name: str, start: float, seconds: float = 10.0, rate: float = RATE
 def test_recordings_follow_their_first_stamps_whatever_the_order_given(starts) -> None:
     recordings = [recording(f"{start:.0f}.mcap", start) for start in starts]
     sessions = [session_of(order) for order in permutations(recordings)]
-    assert len({(each.parts, each.sentences) for each in sessions}) == 1
-    assert [each.start for each in sessions[0].recordings] == sorted(starts)
-
-
-def test_equal_stamps_keep_the_order_given() -> None:
-    names = ["b", "a", "c"]
-    session = session_of([recording(name, 0.0) for name in names])
-    assert [part.bag for part in session.parts] == names
-    assert [part.start for part in session.parts] == pytest.approx([0.0, 10.0, 20.0])
+    assert len({(session.parts, session.sentences) for session in sessions}) == 1
+    assert [ordered.start for ordered in sessions[0].recordings] == sorted(starts)
 
 
 @pytest.mark.parametrize("starts", [(0.0, 0.0, 0.0), (0.0, 3.0, 20.0), (0.0, 10.0, 12.0)])
@@ -54,21 +47,23 @@ def test_time_of_the_session_increases_from_sample_to_sample(starts) -> None:
     assert np.diff(time).min() == pytest.approx(1.0 / RATE)
 
 
-def test_a_pause_keeps_its_length_up_to_an_hour() -> None:
-    a, b, c = recording("a", 0.0), recording("b", 130.0), recording("c", 1.7e9)
-    session = session_of([a, b, c])
-    assert [part.start for part in session.parts] == pytest.approx(
-        [0.0, 130.0, 140.0 + LONGEST_PAUSE]
-    )
-    assert any("3600 s at most" in sentence and "c" in sentence for sentence in session.sentences)
-
-
-def test_a_pause_counts_from_the_last_stamp_of_all_recordings_before() -> None:
-    """The second recording lies within the first one; the third starts 5 s after that ends."""
-    parts = session_of(
-        [recording("a", 0.0, 30.0), recording("b", 2.0, 4.0), recording("c", 35.0)]
-    ).parts
-    assert [part.start for part in parts] == pytest.approx([0.0, 30.0, 39.0])
+@pytest.mark.parametrize(
+    ("stamps", "expected"),
+    [
+        ([("b", 0.0, 10.0), ("a", 0.0, 10.0), ("c", 0.0, 10.0)], [0.0, 10.0, 20.0]),
+        ([("a", 0.0, 10.0), ("b", 130.0, 10.0), ("c", 1.7e9, 10.0)], [0.0, 130.0, 3740.0]),
+        # The second lies within the first one; the third starts 5 s after that ends.
+        ([("a", 0.0, 30.0), ("b", 2.0, 4.0), ("c", 35.0, 10.0)], [0.0, 30.0, 39.0]),
+    ],
+)
+def test_pauses_keep_their_length_up_to_an_hour_and_equal_stamps_their_order(
+    stamps, expected
+) -> None:
+    session = session_of([recording(*described) for described in stamps])
+    assert [part.bag for part in session.parts] == [name for name, _, _ in stamps]
+    assert [part.start for part in session.parts] == pytest.approx(expected)
+    shortened = [text for text in session.sentences if "3600 s at most" in text]
+    assert len(shortened) == (expected[-1] > LONGEST_PAUSE)
 
 
 def test_overlapping_stamps_are_named_and_one_recording_needs_no_words() -> None:

@@ -80,10 +80,13 @@ def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["q1,q2", "1,2", "q1,2"])
-def test_columns_are_named_by_the_header_or_by_numbers_from_0(tmp_path: Path, key: str) -> None:
+@pytest.mark.parametrize("comments", ["", "# "])
+def test_columns_are_named_by_the_header_or_by_numbers_from_0(
+    tmp_path: Path, key: str, comments: str
+) -> None:
     table = tmp_path / "t.csv"
     rows = np.column_stack([TIME, GOOD])
-    np.savetxt(table, rows, delimiter=",", header="t,q1,q2", comments="", fmt="%.17g")
+    np.savetxt(table, rows, delimiter=",", header="t,q1,q2", comments=comments, fmt="%.17g")
     convert(tmp_path, f"{table}:{key}", rate=None, time=f"{table}:0")
     (recording,) = read_recordings([tmp_path / "out.mcap"], joints=JOINTS)
     np.testing.assert_allclose(recording.position.values, GOOD, atol=1e-9)

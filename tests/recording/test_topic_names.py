@@ -81,15 +81,18 @@ def test_two_robots_in_one_bag_ask_which_is_meant(tmp_path: Path) -> None:
 
 
 def test_who_asks_gets_the_robot_of_its_namespace(tmp_path: Path) -> None:
-    own = {name: f"/right/{name}" for name in ("joint_states", "joint_reference")}
+    node_topics = {name: f"/right/{name}" for name in ("joint_states", "joint_reference")}
     bag = bag_of(tmp_path, *LEFT, *RIGHT, *ROOT)
-    assert shifts(read(bag, own_topics=own)) == (100.0, 100.0)
+    assert shifts(read(bag, own_topics=node_topics)) == (100.0, 100.0)
     assert shifts(read(bag)) == (200.0, 200.0)
 
 
 def test_a_remapped_topic_is_found_by_who_remaps_it(tmp_path: Path) -> None:
-    own = {"joint_states": "/right/joint_states", "joint_reference": "/left/joint_reference"}
-    assert shifts(read(bag_of(tmp_path, *LEFT, *RIGHT), own_topics=own)) == (100.0, 0.0)
+    node_topics = {
+        "joint_states": "/right/joint_states",
+        "joint_reference": "/left/joint_reference",
+    }
+    assert shifts(read(bag_of(tmp_path, *LEFT, *RIGHT), own_topics=node_topics)) == (100.0, 0.0)
 
 
 def test_the_reference_of_another_robot_is_not_taken(tmp_path: Path) -> None:
@@ -110,7 +113,7 @@ def test_a_name_is_no_end_of_a_word(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("topics", "found"),
+    ("topics", "expected"),
     [
         ([*LEFT, "/robot_description"], "/left/robot_description"),
         ([*LEFT[:2], "/robot_description"], "/robot_description"),
@@ -118,9 +121,9 @@ def test_a_name_is_no_end_of_a_word(tmp_path: Path) -> None:
     ],
 )
 def test_description_is_that_of_the_namespace_else_the_global_one(
-    tmp_path: Path, topics: list[str], found: str | None
+    tmp_path: Path, topics: list[str], expected: str | None
 ) -> None:
-    assert read(bag_of(tmp_path, *topics)).robot_description == found
+    assert read(bag_of(tmp_path, *topics)).robot_description == expected
 
 
 def test_descriptions_are_looked_for_from_the_inside_out() -> None:
@@ -182,8 +185,8 @@ def test_names_that_no_topic_of_a_robot_has_are_refused(tmp_path: Path, name: st
 
 def test_names_of_a_node_are_no_part_of_the_document() -> None:
     configuration = Configuration.model_validate({"robot": {"joints": ["a"]}})
-    own = configuration.with_own_topics({"joint_states": "/left/joint_states"})
-    assert own.own_topics == {"joint_states": "/left/joint_states"}
+    with_topics = configuration.with_own_topics({"joint_states": "/left/joint_states"})
+    assert with_topics.own_topics == {"joint_states": "/left/joint_states"}
     assert configuration.own_topics == {}
-    assert own.model_dump() == configuration.model_dump()
-    assert own.signals.joint_states == "joint_states"
+    assert with_topics.model_dump() == configuration.model_dump()
+    assert with_topics.signals.joint_states == "joint_states"

@@ -55,8 +55,8 @@ def test_cutoff_lies_below_the_edge_of_the_filter() -> None:
     ],
 )
 def test_every_rate_has_its_own_factor_to_one_rate_of_rows(rates, factors, row_rate) -> None:
-    found = common_factors(rates, 10.0, 0.95)
-    assert found == (factors, pytest.approx(row_rate))
+    factors_and_rate = common_factors(rates, 10.0, 0.95)
+    assert factors_and_rate == (factors, pytest.approx(row_rate))
     for rate, factor in zip(rates, factors, strict=True):
         assert rate / factor == pytest.approx(row_rate, rel=0.01)
         assert 0.5 * 0.95 * row_rate >= 10.0
@@ -64,8 +64,8 @@ def test_every_rate_has_its_own_factor_to_one_rate_of_rows(rates, factors, row_r
 
 @pytest.mark.parametrize(("slow", "together"), [(997.0, True), (980.0, True), (970.0, False)])
 def test_rates_of_one_rig_count_as_one_up_to_two_percent(slow: float, together: bool) -> None:
-    found = common_factors([1000.0, slow, 1000.0], 40.0, 0.95)
-    assert found == (((11, 11, 11), slow / 11) if together else None)
+    factors_and_rate = common_factors([1000.0, slow, 1000.0], 40.0, 0.95)
+    assert factors_and_rate == (((11, 11, 11), slow / 11) if together else None)
 
 
 def test_rates_without_a_common_one_have_no_factors() -> None:

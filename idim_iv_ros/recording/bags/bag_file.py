@@ -4,9 +4,10 @@ import os
 import tempfile
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import IO, Protocol
 
@@ -16,6 +17,7 @@ from idim_iv_ros.recording.bags.definitions import SchemaText
 # What is fetched at once: an object store takes some ten milliseconds to answer at all, in which it
 # could have sent about this much.
 READ_AHEAD = 1 << 20
+_TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their bytes
 
 
 class ByteSource(Protocol):
@@ -60,6 +62,23 @@ def copied(source: ByteSource) -> Iterator[IO[bytes]]:
             file.write(source.read(first, min(first + READ_AHEAD, source.size)))
         file.flush()
         yield file
+
+
+def in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str, MessageBatch]]:
+    """Put messages (topic, log time in ns, content) of each topic together, some at a time."""
+    remaining = iter(messages)
+    while True:
+        by_topic: dict[str, list[tuple[int, bytes]]] = {}
+        size = 0
+        for topic, stamp, data in islice(remaining, _TOGETHER):
+            by_topic.setdefault(topic, []).append((stamp, data))
+            size += len(data)
+            if size > _BYTES_TOGETHER:
+                break
+        if not by_topic:
+            return
+        for topic, given in by_topic.items():
+            yield topic, MessageBatch.of(sorted(given, key=lambda message: message[0]))
 
 
 @dataclass

@@ -25,6 +25,7 @@ from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
     CHUNK,
     DAMAGED,
+    DAMAGED_CONTENT,
     DATA_END,
     FOOTER,
     HEAD,
@@ -33,10 +34,11 @@ from idim_iv_ros.recording.bags.mcap_records import (
     MESSAGE,
     MESSAGE_HEAD,
     SCHEMA,
+    McapDescription,
     Record,
+    read_summary,
     records,
 )
-from idim_iv_ros.recording.bags.mcap_summary import DAMAGED_CONTENT, McapDescription, read_summary
 from idim_iv_ros.types import IntArray
 
 _READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
@@ -58,7 +60,7 @@ class McapFile(BagFile):
 
     source: ByteSource | None = None
     _description: McapDescription = field(default_factory=McapDescription)
-    _found: Counter[int] = field(default_factory=Counter)
+    _seen: Counter[int] = field(default_factory=Counter)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, chunk by chunk; otherwise as `BagFile`."""
@@ -220,7 +222,7 @@ class McapFile(BagFile):
     ) -> Iterator[tuple[str, MessageBatch]]:
         """Messages of one channel whose records begin at `places` (k,)."""
         topic = self._description.channels.get(channel)
-        self._found[channel] += len(places)
+        self._seen[channel] += len(places)
         if topic in wanted and len(places):
             sizes = integers(buffer, places + 1) - MESSAGE_HEAD
             arrival = integers(buffer, places + HEAD + 6)
@@ -263,7 +265,7 @@ class McapFile(BagFile):
         self.counted = True
         for channel, topic in self._description.channels.items():
             if topic in wanted:
-                self.missing[topic] += max(0, counts.get(channel, 0) - self._found[channel])
+                self.missing[topic] += max(0, counts.get(channel, 0) - self._seen[channel])
         if self.missing.total() and not self.truncated:
             self.damaged = max(self.damaged, 1)
 

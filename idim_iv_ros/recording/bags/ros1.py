@@ -1,7 +1,7 @@
 """ROS 1's .bag files, through rosbags: message by message, as ROS 2 would have serialised them."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rosbags.interfaces import Connection
@@ -9,11 +9,10 @@ from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile
+from idim_iv_ros.recording.bags.bag_file import BagFile, in_batches
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
-_MESSAGES, _BYTES = 20_000, 1 << 26  # of a batch
 _HEADER = (
     *("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration", "std_msgs/msg/Header"),
 )
@@ -35,33 +34,31 @@ class Ros1File(BagFile):
             ]
             if not connections:
                 return
-            serialise = {connection.id: _serialiser(connection) for connection in connections}
             self.missing = Counter()
             for connection in connections:
                 self.missing[connection.topic] += connection.msgcount
-            waiting: dict[str, list[tuple[int, bytes]]] = {}
-            size = 0
-            messages = reader.messages(connections)
-            while True:
-                try:
-                    connection, stamp, raw = next(messages)
-                except StopIteration:
-                    break
-                except Exception:  # what rosbags and decompressors raise has no common class
-                    self.damaged += 1
-                    break
-                try:
-                    data = serialise[connection.id](raw)
-                except Exception:
-                    self.damaged += 1
-                    continue
-                self.missing[connection.topic] -= 1
-                waiting.setdefault(connection.topic, []).append((stamp, data))
-                size += len(data)
-                if size > _BYTES or len(waiting[connection.topic]) >= _MESSAGES:
-                    yield from ((topic, MessageBatch.of(given)) for topic, given in waiting.items())
-                    waiting, size = {}, 0
-            yield from ((topic, MessageBatch.of(given)) for topic, given in waiting.items())
+            yield from in_batches(self._messages(reader, connections))
+
+    def _messages(
+        self, reader: Reader, connections: Sequence[Connection]
+    ) -> Iterator[tuple[str, int, bytes]]:
+        serialise = {connection.id: _serialiser(connection) for connection in connections}
+        messages = reader.messages(connections)
+        while True:
+            try:
+                connection, stamp, raw = next(messages)
+            except StopIteration:
+                return
+            except Exception:  # what rosbags and decompressors raise has no common class
+                self.damaged += 1
+                return
+            try:
+                data = serialise[connection.id](raw)
+            except Exception:
+                self.damaged += 1
+                continue
+            self.missing[connection.topic] -= 1
+            yield connection.topic, stamp, data
 
     @contextmanager
     def _opened(self) -> Iterator[Reader]:

@@ -6,28 +6,24 @@ computes (views, virtual tables, generated columns).
 
 import os
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile
+from idim_iv_ros.recording.bags.bag_file import BagFile, in_batches
 from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
-_ROWS = 20_000
 _TOPICS = 10_000
 _LONGEST_ROW = 1 << 28  # bytes
-_BATCH = 1 << 26  # bytes
 # After a damaged page reading goes on this many rows later, then twice as many, …
 _FIRST_STEP, _MOST_HOLES = 1, 200
 _COLUMNS = {
     "topics": {"id", "name", "type", "serialization_format"},
     "messages": {"topic_id", "timestamp", "data"},
 }
-
-_Row = tuple[int, object, object, object]
 
 
 def _has_log(path: Path) -> bool:
@@ -49,7 +45,7 @@ class SqliteFile(BagFile):
             with closing(sqlite3.connect(address, uri=True)) as connection:
                 numbers = self._open(connection)
                 topics = {number: name for number, name in numbers.items() if name in wanted}
-                yield from self._read(connection, topics)
+                yield from in_batches(self._messages(connection, topics))
                 self.counted = not (self.truncated or self.damaged)
         except (sqlite3.Error, UnicodeDecodeError) as error:  # a damaged name is no text
             raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
@@ -104,47 +100,27 @@ class SqliteFile(BagFile):
             listed = ", ".join(absent)
             raise DataError(f"{self.path}: not a rosbag2 database: {table} has no column {listed}")
 
-    def _read(
+    def _messages(
         self, connection: sqlite3.Connection, topics: dict[int, str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        if not topics:
-            return
-        marks = ", ".join("?" * len(topics))
+    ) -> Iterator[tuple[str, int, bytes]]:
         query = (
             "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED "
-            f"WHERE rowid > ? AND topic_id IN ({marks}) ORDER BY rowid"
+            f"WHERE rowid > ? AND topic_id IN ({', '.join('?' * len(topics))}) ORDER BY rowid"
         )
         last, step = -1, _FIRST_STEP
-        while True:
-            block: list[_Row] = []
-            size = 0
+        while topics:
             try:
                 for row in connection.execute(query, (last, *topics)):
-                    block.append(row)
-                    last, step = row[0], _FIRST_STEP
-                    size += len(row[3]) if isinstance(row[3], bytes) else 0
-                    if len(block) >= _ROWS or size > _BATCH:
-                        yield from self._batches(block, topics)
-                        block, size = [], 0
-                yield from self._batches(block, topics)
+                    last, number, stamp, data = row
+                    step = _FIRST_STEP
+                    if isinstance(stamp, int) and isinstance(data, bytes):
+                        yield topics[number], stamp, data
+                    else:
+                        self.damaged += 1
                 return
             except sqlite3.DatabaseError:
-                yield from self._batches(block, topics)
                 self.damaged += 1 if step == _FIRST_STEP else 0
                 last, step = last + step, 2 * step
                 if step > 1 << 40 or self.damaged > _MOST_HOLES:
                     self.truncated = True
                     return
-
-    def _batches(
-        self, rows: Sequence[_Row], topics: dict[int, str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        by_topic: dict[str, list[tuple[int, bytes]]] = {}
-        for _, number, stamp, data in rows:
-            if isinstance(number, int) and isinstance(stamp, int) and isinstance(data, bytes):
-                by_topic.setdefault(topics[number], []).append((stamp, data))
-            else:
-                self.damaged += 1
-        for topic, messages in by_topic.items():
-            messages.sort(key=lambda message: message[0])
-            yield topic, MessageBatch.of(messages)
