@@ -62,7 +62,7 @@ def replay_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     from idim_iv_ros.report import write_replay_report
-    from idim_iv_ros.report.picture import write_replay_picture
+    from idim_iv_ros.report.picture import write_picture
     from idim_iv_ros.report.replay import error_rows, headline
     from idim_iv_ros.simulators.mujoco_video import require_video, write_video
     from idim_iv_ros.simulators.replay import replay_bags, replayed_robot
@@ -73,7 +73,7 @@ def replay_command(
             bags, configuration, model=model, effects=effects, progress=progress
         ),
         partial(write_replay_report, force=force, config=config, bags=bags),
-        write_replay_picture,
+        write_picture,
         out=out,
         names=(REPLAY, REPORT),
         picture=picture,
