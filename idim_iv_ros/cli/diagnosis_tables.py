@@ -133,11 +133,11 @@ def _print_contrast(
     rows = [
         (
             f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}",
-            _parameters(cause.parameters),
+            _parameters(cause.parameters, 4 if whole else 2),
             "\n".join(
                 f"{torque.joint}: {torque.rms:.3g} {torque_unit(result, torque.joint)} "
                 f"({100.0 * torque.share_of_torque:.3g} %)"
-                for torque in cause.torques
+                for torque in cause.torques[: None if whole else 2]
             ),
             _alternatives(cause.indistinguishable_from, cause.joint),
         )
@@ -145,11 +145,9 @@ def _print_contrast(
     ]
     if rows:
         print_table(console, "What changed, largest torque first", _CHANGES, rows)
-    if not (whole or contrast.differs):
-        return
-    rows = contrast_rows(result, contrast)
-    print_table(console, "Torque left in the second set, rms", _LEFT, rows)
     if whole:
+        rows = contrast_rows(result, contrast)
+        print_table(console, "Torque left in the second set, rms", _LEFT, rows)
         print_marked(console, "Note", contrast.notes)
 
 
