@@ -146,8 +146,8 @@ def _print_contrast(
     if rows:
         print_table(console, "What changed, largest torque first", _CHANGES, rows)
     if whole:
-        rows = contrast_rows(result, contrast)
-        print_table(console, "Torque left in the second set, rms", _LEFT, rows)
+        left = contrast_rows(result, contrast)
+        print_table(console, "Torque left in the second set, rms", _LEFT, left)
         print_marked(console, "Note", contrast.notes)
 
 

@@ -57,15 +57,7 @@ _MOST_STEPS = 3
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to do.
-
-    Attributes
-    ----------
-    words : str
-        An imperative.
-    code : str
-        The command to run, or what to write into which file; may have several lines.
-    """
+    """One thing to do, and the commands to run or what to write into which file."""
 
     words: str
     code: str
@@ -204,15 +196,17 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     sizes = [
         parameter.relative_std_percent
         for parameter in result.parameters
-        if parameter.essential and is_number(parameter.relative_std_percent)
+        if parameter.essential
+        and parameter.relative_std_percent is not None
+        and is_number(parameter.relative_std_percent)
     ]
-    known = ()
+    precision: tuple[str, ...] = ()
     if sizes and colour != "bad":
         half = percent(INTERVAL * float(np.median(sizes)))
-        known = (
+        precision = (
             f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %).",
         )
-    return believed, f"The model misses {error} of the torque.{state}", *known
+    return believed, f"The model misses {error} of the torque.{state}", *precision
 
 
 def _has_reference(result: IdentificationResult) -> bool:

@@ -22,17 +22,7 @@ _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)  # of the flat drawin
 
 @dataclass(frozen=True)
 class ShadedRobot:
-    """What is drawn.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-    joints : tuple of str
-    values : tuple of float or None
-        Percent, one for each joint.
-    title : str
-        Of the colour bar.
-    """
+    """A robot, a value in percent for each joint, and the title of the colour bar."""
 
     skeleton: Skeleton
     joints: tuple[str, ...]

@@ -41,14 +41,9 @@ _MOST_NUMBERS = 4  # of a hint
 
 @dataclass(frozen=True)
 class TrackingChange:
-    """Tracking error of a cause.
+    """Tracking error before and after a cause, rad (m); None where it is not known.
 
-    Attributes
-    ----------
-    gap : Gap or None
-        Before and after, rad (m); None where it is not known.
-    words : str
-        What it is the change of, or why it is not known; empty where it is the cause's own.
+    `words` say what it is the change of, or why it is not known; empty where it is the cause's own.
     """
 
     gap: Gap | None
