@@ -131,7 +131,7 @@ def outline(
     }
 
 
-def band(x: tuple[float, float], y: tuple[float, float], **options: object) -> dict[str, Any]:
+def band(x: tuple[object, object], y: tuple[float, float], **options: object) -> dict[str, Any]:
     """Return a shaded rectangle below the traces."""
     return {
         "type": "rect",
