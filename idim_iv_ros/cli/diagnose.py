@@ -11,7 +11,7 @@ from typer.core import TyperCommand
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import GAP, REPORT
+from idim_iv_ros.files import GAP
 
 AGAINST = "--against"
 
@@ -81,16 +81,12 @@ def diagnose_command(
 
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
-    from functools import partial
-
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
     from idim_iv_ros.cli.identify import print_physical
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.diagnosis.diagnose import diagnose
     from idim_iv_ros.effects.registry import EFFECTS
-    from idim_iv_ros.report import write_gap_report
-    from idim_iv_ros.report.picture import write_picture
 
     output = Output(quiet=quiet, as_json=as_json)
     names = tuple(dict.fromkeys(without or ()))
@@ -107,12 +103,12 @@ def diagnose_command(
             nominal=nominal,
             progress=progress,
         ),
-        partial(write_gap_report, force=force, config=config, bags=[*bags, *(against or ())]),
-        write_picture,
-        out=out,
-        names=(GAP, REPORT),
+        GAP,
+        out,
         picture=picture,
         force=force,
+        config=config,
+        bags=[*bags, *(against or ())],
     )
     print_diagnosis(output.console, result, whole=verbose)
     # Without a named cause the export would change nothing else.

@@ -26,7 +26,7 @@ from idim_iv_ros.report.gap_words import (
     untestable,
 )
 from idim_iv_ros.report.numerals import measured
-from idim_iv_ros.report.sections.causes import contrast_badge
+from idim_iv_ros.report.sections.causes import contrast_badge, contrast_rows, hint_row
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 # Columns of the tables.
@@ -36,13 +36,13 @@ _CHANGES = (
     *("what changed", "second set less reference (± 95 %)", "torque that it makes"),
     "indistinguishable from",
 )
-_HINTS = ("would be", "chosen in folds", "why it is only a hint")
+_HINTS = ("would be", "with", "chosen in folds", "why it is only a hint")
 _LEFT = (
     *("joint", ">model of the reference", ">with what changed", ">with its own model"),
-    ">not explained",
+    *(">difference", ">not explained"),
 )
 _STAGES = ("joint", "model", ">torque", ">simulation")
-_UNTESTABLE = ("effect", "joint", "why", "record this next")
+_UNTESTABLE = ("effect", "joint", "why", "seen from", "record this next")
 
 _MOST_NAMES = 4  # of hints, without --verbose
 
@@ -114,21 +114,10 @@ def _print_what_is_left(console: Console, result: GapResult) -> None:
 def _print_details(console: Console, result: GapResult) -> None:
     """Print hints with their reasons, what could not be tested, and notes."""
     if result.hints:
-        rows = [
-            (
-                effect_at(hint.effect, hint.joint, hint.other_joint),
-                hint.chosen_in_folds or "–",
-                hint.reason,
-            )
-            for hint in result.hints
-        ]
+        rows = [hint_row(result, hint) for hint in result.hints]
         print_table(console, "Hints, no causes", _HINTS, rows)
-    untested = [
-        (effect_words(effect), joints or "all", reason, needed)
-        for effect, joints, reason, _, needed in untestable(result)
-    ]
-    if untested:
-        print_table(console, "Not testable on this recording", _UNTESTABLE, untested)
+    if result.not_testable:
+        print_table(console, "Not testable on this recording", _UNTESTABLE, untestable(result))
     print_marked(console, "Note", result.notes)
 
 
@@ -144,11 +133,11 @@ def _print_contrast(
     rows = [
         (
             f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}",
-            _parameters(cause.parameters),
+            _parameters(cause.parameters, 4 if whole else 2),
             "\n".join(
                 f"{torque.joint}: {torque.rms:.3g} {torque_unit(result, torque.joint)} "
                 f"({100.0 * torque.share_of_torque:.3g} %)"
-                for torque in cause.torques
+                for torque in cause.torques[: None if whole else 2]
             ),
             _alternatives(cause.indistinguishable_from, cause.joint),
         )
@@ -156,15 +145,9 @@ def _print_contrast(
     ]
     if rows:
         print_table(console, "What changed, largest torque first", _CHANGES, rows)
-    if not (whole or contrast.differs):
-        return
-    joints = []
-    for joint in contrast.joints:
-        torques = (joint.before, joint.after, joint.own, joint.unexplained)
-        unit = torque_unit(result, joint.joint)
-        joints.append((joint.joint, *(f"{torque:.3g} {unit}" for torque in torques)))
-    print_table(console, "Torque left in the second set, rms", _LEFT, joints)
     if whole:
+        left = contrast_rows(result, contrast)
+        print_table(console, "Torque left in the second set, rms", _LEFT, left)
         print_marked(console, "Note", contrast.notes)
 
 

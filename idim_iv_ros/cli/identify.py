@@ -36,26 +36,22 @@ def identify_command(
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
-    from functools import partial
-
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.files import REPORT, RESULT
+    from idim_iv_ros.files import RESULT
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     with output.progress():  # while the libraries are loaded
         from idim_iv_ros.identification.identify import identify
-        from idim_iv_ros.report import write_report
-        from idim_iv_ros.report.picture import write_picture
     result, numbers, page = output.produce(
         lambda progress: identify(bags, configuration, estimator=estimator, progress=progress),
-        partial(write_report, force=force, config=config, bags=bags),
-        write_picture,
-        out=out,
-        names=(RESULT, REPORT),
+        RESULT,
+        out,
         picture=picture,
         force=force,
+        config=config,
+        bags=bags,
     )
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result, whole=verbose)

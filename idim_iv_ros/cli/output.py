@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from rich import progress as bars
 from rich.console import Console
@@ -21,14 +21,8 @@ from idim_iv_ros.progress import Progress
 INTERVAL = 5.0  # s between lines where stderr is not a terminal
 
 
-class Result(Protocol):
-    """What a command computes and prints as JSON."""
-
-    def to_document(self) -> dict[str, object]:
-        """Return plain values for JSON."""
-
-
-AnyResult = TypeVar("AnyResult", bound=Result)
+# What a command computes: one of `idim_iv_ros.report.write.Written`, which is not loaded here.
+AnyResult = TypeVar("AnyResult", bound=Any)
 
 
 class Output:
@@ -45,39 +39,40 @@ class Output:
     def produce(
         self,
         compute: Callable[[Progress], AnyResult],
-        write: Callable[[AnyResult, Path], tuple[Path, Path | None]],
-        draw: Callable[[AnyResult, Path], object],
-        *,
+        name: str,
         out: Path | None,
-        names: Sequence[str],
-        picture: Path | None,
+        *,
+        picture: Path | None = None,
         force: bool,
+        config: Path,
+        bags: Sequence[Path],
     ) -> tuple[AnyResult, Path | None, Path | None]:
-        """Compute a result, write its files and its picture, and print it for a program.
+        """Compute a result, write its numbers, page and picture, and print it for a program.
 
-        `write` writes the files `names` into the folder `out` and returns the paths of numbers and
-        page, which are returned with the result; they are None without --out.
+        The numbers are written to the file `name` in the folder `out`. Returned are the result,
+        and the paths of numbers and page, which are None without --out.
 
         Raises
         ------
         UsageError
             There is no place for a file, or neither --out nor --json: nothing was computed.
         """
-        from idim_iv_ros.report import require_writable
-        from idim_iv_ros.report.picture import require_picture
+        from idim_iv_ros.files import REPORT
+        from idim_iv_ros.report import require_writable, write_report
+        from idim_iv_ros.report.picture import require_picture, write_picture
 
         numbers = page = None
         require_picture(picture, force=force)
         if out is None and not self.as_json:
             raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
-        with nullcontext() if out is None else require_writable(out, names, force=force):
+        with nullcontext() if out is None else require_writable(out, (name, REPORT), force=force):
             with self.progress() as progress:
                 result = compute(progress)
             if out is not None:
                 with report_warnings():
-                    numbers, page = write(result, out)
+                    numbers, page = write_report(result, out, force=force, config=config, bags=bags)
             if picture is not None:
-                draw(result, picture)
+                write_picture(result, picture)
         self.document(result.to_document())
         return result, numbers, page
 
@@ -156,21 +151,17 @@ def _lines() -> Iterator[Progress]:
 def report_warnings() -> Iterator[None]:
     """Print each `ReportWarning` as one line on stderr; other warnings as without this context."""
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    with warnings.catch_warnings():
-        otherwise = warnings.showwarning
-
-        def show(
-            message: Warning | str, category: type[Warning], *place: Any, **named: Any
-        ) -> None:
-            if issubclass(category, ReportWarning):
-                text = escape(" ".join(str(message).split()))
-                console.print(f"[bold yellow]idim-iv: warning:[/] {text}")
-            else:
-                otherwise(message, category, *place, **named)
-
-        warnings.showwarning = show
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ReportWarning)
         yield
+    for warning in caught:
+        if issubclass(warning.category, ReportWarning):
+            text = escape(" ".join(str(warning.message).split()))
+            console.print(f"[bold yellow]idim-iv: warning:[/] {text}")
+        else:
+            warnings.warn_explicit(
+                warning.message, warning.category, warning.filename, warning.lineno
+            )
 
 
 def print_marked(console: Console, mark: str, texts: Iterable[str], style: str = "") -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.files import REPLAY, REPORT
+from idim_iv_ros.files import REPLAY
 
 _TITLES = {
     "tracking": "Position, simulation less recording (rms, ± half of the 95 % interval)",
@@ -53,16 +53,12 @@ def replay_command(
 
     Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
     """
-    from functools import partial
-
     from idim_iv_ros.cli.output import Output
     from idim_iv_ros.cli.table import print_table
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    from idim_iv_ros.report import write_replay_report
-    from idim_iv_ros.report.picture import write_replay_picture
     from idim_iv_ros.report.replay import error_rows, headline
     from idim_iv_ros.simulators.mujoco_video import require_video, write_video
     from idim_iv_ros.simulators.replay import replay_bags, replayed_robot
@@ -72,12 +68,12 @@ def replay_command(
         lambda progress: replay_bags(
             bags, configuration, model=model, effects=effects, progress=progress
         ),
-        partial(write_replay_report, force=force, config=config, bags=bags),
-        write_replay_picture,
-        out=out,
-        names=(REPLAY, REPORT),
+        REPLAY,
+        out,
         picture=picture,
         force=force,
+        config=config,
+        bags=bags,
     )
     if video is not None:
         write_video(result, replayed_robot(bags, configuration), video)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.files import REPORT, SERVO
+from idim_iv_ros.files import SERVO
 
 
 def servo_command(
@@ -51,9 +51,6 @@ def servo_command(
     settings = None if gains is None else shared.numbers("--gains", gains)
     if settings is not None and not all(setting > 0.0 for setting in settings):
         raise UsageError(f"--gains {gains}: gains are above zero")
-    from functools import partial
-
-    from idim_iv_ros.report import write_report
     from idim_iv_ros.report.servo import (
         SUMMARY_COLUMNS,
         error_rows,
@@ -71,12 +68,11 @@ def servo_command(
         lambda progress: identify_servos(
             bags, configuration, gains=settings, model_error=model_error, progress=progress
         ),
-        partial(write_report, force=force, config=config, bags=bags),
-        lambda result, path: None,
-        out=out,
-        names=(SERVO, REPORT),
-        picture=None,
+        SERVO,
+        out,
         force=force,
+        config=config,
+        bags=bags,
     )
     columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"

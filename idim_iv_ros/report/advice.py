@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.result import (
     RecordingAgreement,
     Unexplained,
 )
-from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.files import GAP, RESULT
@@ -28,7 +28,15 @@ from idim_iv_ros.report.gap_words import (
     torque_unit,
     unnamed_error,
 )
-from idim_iv_ros.report.numerals import INTERVAL, THIN, is_number, measured, number, percent
+from idim_iv_ros.report.numerals import (
+    INTERVAL,
+    THIN,
+    is_number,
+    measured,
+    number,
+    percent,
+    sentence,
+)
 from idim_iv_ros.report.section import Files, Report
 from idim_iv_ros.statistics.verdict import Verdict
 
@@ -49,15 +57,7 @@ _MOST_STEPS = 3
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to do.
-
-    Attributes
-    ----------
-    words : str
-        An imperative.
-    code : str
-        The command to run, or what to write into which file; may have several lines.
-    """
+    """One thing to do, and the commands to run or what to write into which file."""
 
     words: str
     code: str
@@ -93,11 +93,8 @@ def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
     first = apart[0]
     more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
     difference = first.differences[0]
-    by = effect_at(difference.effect, difference.joint)
-    for name, parameter in surest(difference.parameters, 1).items():
-        number_words = parameter_words(difference.effect, name)
-        size = _value(parameter.value, parameter.std, parameter.unit)
-        by += f", {number_words}: {size}" + (" (95 %)" if parameter.std else "")
+    size = _size_words(difference.effect, difference.parameters)
+    by = ", ".join(filter(None, (effect_at(difference.effect, difference.joint), size)))
     return (
         f"The recordings disagree: {first.bag} differs by "
         f"{percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}{more}.",
@@ -134,11 +131,8 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
         first = result.causes[0]
         if first.probability is not None:
             return f"That cause is {probability_words(first)} probable."
-        for name, parameter in surest(first.parameters, 1).items():
-            if parameter.std:
-                size = _value(parameter.value, parameter.std, parameter.unit)
-                return f"Its {parameter_words(first.effect, name)}: {size} (95 %)."
-        return ""
+        size = _size_words(first.effect, first.parameters)
+        return f"Its {size}." if size else ""
     last = result.stages[-1] if result.stages else None
     interval = None if last is None else last.torque_ci95.get(worst.joint)
     if last is None or interval is None or not all(map(is_number, interval)):
@@ -148,6 +142,19 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
     low, high = map(number, interval)
     noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
     return f"Held out, the {stage_words(last.name)} leaves {left} ({low} to {high}, 95 %{noise})."
+
+
+def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
+    """The number by which a cause is recognised, with its interval; empty where none has one.
+
+    A number that may be zero is passed over for one that may not.
+    """
+    numbers = {name: by for name, by in surest(parameters, 2).items() if by.std}
+    clear = [name for name, by in numbers.items() if abs(by.value) > INTERVAL * (by.std or 0.0)]
+    for name in (*clear, *numbers):
+        by = numbers[name]
+        return f"{parameter_words(effect, name)}: {_value(by.value, by.std, by.unit)} (95 %)"
+    return ""
 
 
 def _corrected(result: GapResult, joint: str) -> str:
@@ -189,15 +196,17 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     sizes = [
         parameter.relative_std_percent
         for parameter in result.parameters
-        if parameter.essential and is_number(parameter.relative_std_percent)
+        if parameter.essential
+        and parameter.relative_std_percent is not None
+        and is_number(parameter.relative_std_percent)
     ]
-    known = ()
+    precision: tuple[str, ...] = ()
     if sizes and colour != "bad":
         half = percent(INTERVAL * float(np.median(sizes)))
-        known = (
+        precision = (
             f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %).",
         )
-    return believed, f"The model misses {error} of the torque.{state}", *known
+    return believed, f"The model misses {error} of the torque.{state}", *precision
 
 
 def _has_reference(result: IdentificationResult) -> bool:
@@ -328,14 +337,12 @@ def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
         name = effect_at(first.effect, first.joint)
         others = f", with {more} more" if more else ""
         words = [f"From the reference to the second set changed: {name}{others}."]
-        for number_name, parameter in surest(first.parameters, 1).items():
-            size = _value(parameter.value, parameter.std, parameter.unit)
-            torques = [
-                f"{percent(100.0 * torque.share_of_torque)} of the torque at {torque.joint}"
-                for torque in first.torques[:1]
-            ]
-            by = parameter_words(first.effect, number_name)
-            words.append(f"By {', '.join([f'{by} {size} (95 %)', *torques])}.")
+        torques = [
+            f"{percent(100.0 * torque.share_of_torque)} of the torque at {torque.joint}"
+            for torque in first.torques[:1]
+        ]
+        sizes = filter(None, (_size_words(first.effect, first.parameters), *torques))
+        words.append(sentence(", ".join(sizes)))
         rivals = [
             f"{effect_at(rival.effect, rival.joint)} ({percent(100.0 * rival.weight)})"
             for rival in first.indistinguishable_from[:1]

@@ -29,22 +29,10 @@ _DRIVES = {"Ia": "drive inertia", "Fv": "viscous friction", "Fc": "Coulomb frict
 class ChangedValue:
     """One value of the nominal model and what the recording says of it.
 
-    Attributes
-    ----------
-    name : str
-        The standard or base parameter; empty where it is neither.
-    key : str
-        Element of the URDF or key of the configuration; empty where there is none.
-    file : str
-        ``URDF``, ``configuration`` or empty.
-    words : str
-        What it is; for a sum, its grouped expression.
-    given, new : float or None
-    std : float or None
-        Of `new`.
-    unit : str
-    source : str
-        `RECORDING`, `SUM` or the cause that attributes it.
+    `name` is that of a standard or base parameter, `key` the element of the URDF or the key of the
+    configuration (`file`); they are empty where there is none. `words` say what it is, of a sum its
+    grouped expression; `std` is that of `new`; `source` is `RECORDING`, `SUM` or the cause that
+    attributes it.
     """
 
     name: str

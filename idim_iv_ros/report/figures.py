@@ -29,19 +29,9 @@ _DOTS = 200  # of one cloud
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure and its place in the page.
+    """A figure and its place in the page: plotly's traces and layout, height in pixels.
 
-    Attributes
-    ----------
-    anchor : str
-        Identifier, unique in the page.
-    height : int
-        Pixels.
-    description : str
-        What is shown, for those who cannot see it.
-    data : list of dict
-        Traces.
-    layout : dict
+    `anchor` is unique in the page; `description` is for those who cannot see it.
     """
 
     anchor: str
@@ -91,13 +81,7 @@ def line(
     hover: str,
     **options: object,
 ) -> dict[str, Any]:
-    """Return a trace of a line.
-
-    Parameters
-    ----------
-    x : array or dict
-        Of `typed`, or ``{"same": k}`` for the abscissa of the k-th trace of the figure.
-    """
+    """Return a trace of a line; ``{"same": k}`` is the abscissa of the figure's k-th trace."""
     return {
         "type": "scatter",
         "mode": "lines",
@@ -143,6 +127,21 @@ def outline(
         "fill": "toself",
         "fillcolor": colour,
         "hoverinfo": "skip",
+        **options,
+    }
+
+
+def band(x: tuple[object, object], y: tuple[float, float], **options: object) -> dict[str, Any]:
+    """Return a shaded rectangle below the traces."""
+    return {
+        "type": "rect",
+        "x0": x[0],
+        "x1": x[1],
+        "y0": y[0],
+        "y1": y[1],
+        "fillcolor": SHADE,
+        "line": {"width": 0},
+        "layer": "below",
         **options,
     }
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
@@ -48,14 +49,8 @@ def fleet_html(
 ) -> str:
     """Return the report of a fleet as one self-contained HTML document.
 
-    Parameters
-    ----------
-    result : FleetResult
-        What `fleet_result` found.
-    reports : mapping of str to str, optional
-        Address of each robot's own report, relative to the page, by the name of the robot.
-    files : Files, optional
-        As commands on the page name them; its recordings are the source of the fleet.
+    `reports` has the address of each robot's own report, relative to the page, by the name of the
+    robot; the recordings of `files` are the source of the fleet.
     """
     bags = plural(len(result.bags), "bag")
     return page_html(
@@ -87,7 +82,6 @@ def _subtitle(result: FleetResult) -> str:
 
 
 def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) -> dict[str, Any]:
-    ordinary = sum(robot.attention == "none" for robot in result.robots)
     differs = sum(any(q.differs for q in robot.quantities) for robot in result.robots)
     changed = sum(bool(robot.changes) for robot in result.robots)
     unsteady = sum(any(q.unsteady for q in robot.quantities) for robot in result.robots)
@@ -96,18 +90,13 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
     missing = sum(bag.status == "missing" for bag in result.bags)
     why = f"{corrupt} corrupt, {missing} missing" if missing else f"{corrupt} corrupt"
     rows = [_row(robot, reports) for robot in result.robots]
-    urgent = [
-        row for row, robot in zip(rows, result.robots, strict=True) if robot.attention != "none"
-    ]
-    rest = [
-        row for row, robot in zip(rows, result.robots, strict=True) if robot.attention == "none"
-    ]
+    calm = [robot.attention == "none" for robot in result.robots]
     return {
         "badge": _badge(result),
         "headlines": _headlines(result),
         "steps": steps(result, reports, files),
         "tiles": [
-            ("Robots", count(len(result.robots)), f"{ordinary} ordinary"),
+            ("Robots", count(len(result.robots)), f"{sum(calm)} ordinary"),
             ("Differ from their type", count(differs), "in a parameter or a residual"),
             ("Changed over time", count(changed), "a step or a ramp"),
             ("Unsteady from bag to bag", count(unsteady), "more than the others"),
@@ -115,8 +104,8 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
             ("Bags not used", count(unused), why),
         ],
         "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
-        "urgent": urgent,
-        "rest": rest,
+        "urgent": [row for row, ordinary_row in zip(rows, calm, strict=True) if not ordinary_row],
+        "rest": [row for row, ordinary_row in zip(rows, calm, strict=True) if ordinary_row],
     }
 
 
@@ -172,10 +161,16 @@ def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> lis
         after = [uri for time, uri in dated if time >= begin][-_MOST_BAGS:]
     if not (before and after and all(map(is_local, (*before, *after)))):
         return []
-    first, second = ([str(local_path(uri)) for uri in uris] for uris in (before, after))
+    first, second = ([_short(local_path(uri)) for uri in uris] for uris in (before, after))
     line = files.command("diagnose", *first, "--against", *second, out="changed")
     other = f"{ordinary[0].robot}, an ordinary robot" if ordinary else "what it was"
     return [Step(f"See in what {robot.robot} differs from {other}:", line)]
+
+
+def _short(path: Path) -> str:
+    """Return a path as one would write it where the page is made."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def headline(result: FleetResult) -> str:

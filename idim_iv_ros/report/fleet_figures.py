@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.fleet.result import FleetRobot, FleetType, ParameterChange, TypeQuantity
-from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Figure, axis, layout
+from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band, layout
 from idim_iv_ros.report.numerals import number
 
 _ROW = 26  # pixels of one quantity
@@ -88,18 +88,8 @@ def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict
     )
     shapes: list[dict[str, Any]] = []
     if math.isfinite(low) and math.isfinite(high):
-        shapes.append(
-            {
-                "type": "rect",
-                "x0": max(low, -_FARTHEST),
-                "x1": min(high, _FARTHEST),
-                "y0": height - 0.36,
-                "y1": height + 0.36,
-                "line": {"width": 0},
-                "fillcolor": SHADE,
-                "layer": "below",
-            }
-        )
+        ends = max(low, -_FARTHEST), min(high, _FARTHEST)
+        shapes.append(band(ends, (height - 0.36, height + 0.36)))
     shapes.append(
         {
             "type": "line",
@@ -159,20 +149,10 @@ def change_figure(change: ParameterChange, anchor: str) -> Figure:
         fitted["x"] = [times[0], change.begin, change.begin, times[-1]]
         fitted["y"] = [change.before, change.before, change.fitted[before], change.fitted[-1]]
         fitted["line"] = {"color": ORANGE, "width": 2}
-    band = {
-        "type": "rect",
-        "x0": change.begin_low,
-        "x1": change.begin_high,
-        "y0": 0.0,
-        "y1": 1.0,
-        "yref": "paper",
-        "line": {"width": 0},
-        "fillcolor": SHADE,
-        "layer": "below",
-    }
+    begin = band((change.begin_low, change.begin_high), (0.0, 1.0), yref="paper")
     axes = {
         "xaxis": axis("", type="date"),
         "yaxis": axis(f"{change.name}, {change.unit}", nticks=6),
     }
     words = f"{change.name} of each bag over time, and the change that was found"
-    return Figure(anchor, 250, words, [dots, fitted], layout(axes, shapes=[band]))
+    return Figure(anchor, 250, words, [dots, fitted], layout(axes, shapes=[begin]))

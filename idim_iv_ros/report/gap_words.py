@@ -27,6 +27,7 @@ from idim_iv_ros.report.numerals import (
     percent,
     plural,
     round_number,
+    sentence,
 )
 
 Result = IdentificationResult | GapResult
@@ -159,12 +160,13 @@ def untestable(result: GapResult) -> list[tuple[str, str, str, str, str]]:
         groups.setdefault((limit.effect, limit.reason, limit.excitation_needed), []).append(limit)
     rows = []
     for (effect, reason, needed), group in groups.items():
-        joints = ", ".join(limit.joint for limit in group if limit.joint)
+        joints = ", ".join(limit.joint for limit in group if limit.joint) or "all"
         smallest = group[0].smallest
         if any(limit.smallest != smallest for limit in group):
             smallest = ", ".join(f"{limit.joint}: {limit.smallest or 'at no size'}"
                                  for limit in group)  # fmt: skip
-        rows.append((effect, joints, reason, smallest, needed))
+        why, motion = (sentence(words, result.joints) for words in (reason, needed))
+        rows.append((effect_words(effect), joints, why, smallest or "at no size", motion))
     return rows
 
 

@@ -68,14 +68,8 @@ _METHODS = {"idim-iv": "IDIM-IV", "idim-ls": "IDIM-LS"}
 def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     """Return the report of an identification as one self-contained HTML document.
 
-    A section that fails leaves its place with one line, and a `ReportWarning`.
-
-    Parameters
-    ----------
-    result : IdentificationResult
-        What `identify` found.
-    files : Files
-        As commands in the report name them.
+    A section that fails leaves its place with one line, and a `ReportWarning`. Commands on the page
+    name `files`.
     """
     seconds = sum(bag.duration for bag in result.bags)
     method = _METHODS.get(result.estimator, result.estimator)
@@ -89,17 +83,7 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
 
 
 def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
-    """Return the report of a diagnosis as one self-contained HTML document.
-
-    A section that fails leaves its place with one line, and a `ReportWarning`.
-
-    Parameters
-    ----------
-    result : GapResult
-        What `diagnose` found.
-    files : Files
-        As commands in the report name them.
-    """
+    """Return the report of a diagnosis as one self-contained HTML document, as `report_html`."""
     return page_html(
         result.robot,
         "sim-to-real gap",

@@ -2,8 +2,7 @@
 
 import struct
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -37,18 +36,19 @@ WIDTH, HEIGHT = 1200, 630
 _LETTERS = 84  # of a line of the headline
 _MOST_BARS = 9
 _BARS_WIDTH = 300.0
+_COLOURS = {
+    "given": "#8a94a3",
+    "refit": "#d55e00",
+    NOMINAL: "#8a94a3",
+    CORRECTED: "#d55e00",
+    WITH_EFFECTS: "#0072b2",
+}
+_EFFECT, _NOISE = "#0072b2", "#b9c1cc"
 _ROBOT = (420.0, 330.0)
 _PNG_HEADER = 33  # bytes of the signature and the first chunk
 
-
-@dataclass(frozen=True)
-class PictureBar:
-    """One bar: its name, length in pixels, colour and value in words."""
-
-    name: str
-    length: float
-    colour: str
-    value: str
+# Name, size, colour, and the size in words, of a bar.
+Bar = tuple[str, float, str, str]
 
 
 def require_picture(path: FilePath | None, *, force: bool = False) -> None:
@@ -70,7 +70,7 @@ def require_picture(path: FilePath | None, *, force: bool = False) -> None:
     require_file_place([Path(path)], force=force)
 
 
-def write_picture(result: IdentificationResult | GapResult, path: FilePath) -> Path:
+def write_picture(result: IdentificationResult | GapResult | ReplayResult, path: FilePath) -> Path:
     """Write the summary of a result as an SVG or PNG picture, in the place of any file there.
 
     Raises
@@ -78,12 +78,7 @@ def write_picture(result: IdentificationResult | GapResult, path: FilePath) -> P
     UsageError
         A PNG without the library for it, or the file cannot be written.
     """
-    return save_picture(picture_svg(result), path)
-
-
-def save_picture(svg: str, path: FilePath) -> Path:
-    """Write a picture, as it is or as PNG; raises as `write_picture`."""
-    path = Path(path)
+    svg, path = picture_svg(result), Path(path)
     try:
         if path.suffix.lower() == ".png":
             png = _signed(_rasteriser(path)(svg_string=svg, width=2 * WIDTH))
@@ -114,34 +109,45 @@ def _signed(png: bytes) -> bytes:
     return png[:_PNG_HEADER] + chunk + png[_PNG_HEADER:]
 
 
-def picture_svg(result: IdentificationResult | GapResult) -> str:
+def picture_svg(result: IdentificationResult | GapResult | ReplayResult) -> str:
     """Return the picture as the text of an SVG file."""
-    report: Report[Any] = Report(result)
-    robot = shaded_robot(report)
-    if isinstance(result, GapResult):
-        badge, headline = VERDICTS[result.verdict], diagnosis_headline(result)
-        title, shown = _stages(result)
+    robot, missing = None, ""
+    if isinstance(result, ReplayResult):
+        badge: tuple[str, str, str] = ("fair", "", "replay in MuJoCo")
+        sentences: tuple[str, ...] = (headline(result),)
+        title, bars = _tracking_errors(result)
     else:
-        badge, headline = verdict_badge(result.verdict.verdict), identification_headline(result)
-        title, shown = _errors(result)
+        report: Report[Any] = Report(result)
+        robot, missing = shaded_robot(report), report.nominal.missing
+        if isinstance(result, GapResult):
+            badge, sentences = VERDICTS[result.verdict], diagnosis_headline(result)
+            title, bars = _stages(result)
+        else:
+            badge = verdict_badge(result.verdict.verdict)
+            sentences = identification_headline(result)
+            title, bars = "Relative error of the torque", _torque_errors(result)
+    largest = max((size for _, size, *_ in bars), default=0.0) or 1.0
     return environment().get_template("picture.svg.j2").render(
         generator=Markup(GENERATOR),
         robot_name=result.robot,
         badge=badge,
-        lines=textwrap.wrap(" ".join(headline), _LETTERS),
+        lines=textwrap.wrap(" ".join(sentences), _LETTERS),
         bars_title=title,
-        bars=shown,
+        bars=[
+            (name, round(_BARS_WIDTH * size / largest, 1), colour, value)
+            for name, size, colour, value in bars
+        ],
         robot=None if robot is None else flat_robot(robot, *_ROBOT),
         robot_title="" if robot is None else f"{robot.title}, %",
         largest="" if robot is None else number(robot.largest, 2),
         stops=colour_bar(),
-        missing=report.nominal.missing,
+        missing=missing,
         width=WIDTH,
         height=HEIGHT,
     )  # fmt: skip
 
 
-def _stages(result: GapResult) -> tuple[str, list[PictureBar]]:
+def _stages(result: GapResult) -> tuple[str, list[Bar]]:
     """The models at the joint with the widest gap."""
     worst = max(result.joint_gaps, key=lambda gap: gap.share, default=None)
     if worst is None:
@@ -151,71 +157,34 @@ def _stages(result: GapResult) -> tuple[str, list[PictureBar]]:
     named = [(name, size) for name, size in sizes if size is not None and is_number(size)]
     if len(named) > _MOST_BARS:
         named = [*named[:2], *named[-_MOST_BARS + 2 :]]
-    colours = {"given": "#8a94a3", "refit": "#d55e00"}
     rows = [
-        (stage_words(name), size, colours.get(name, "#0072b2"), f"{number(size)} {unit}")
+        (stage_words(name), size, _COLOURS.get(name, _EFFECT), f"{number(size)} {unit}")
         for name, size in named
     ]
     if worst.noise_floor is not None:
-        value = f"{number(worst.noise_floor)} {unit}"
-        rows.append(("noise floor", worst.noise_floor, "#b9c1cc", value))
-    return f"Torque gap at {worst.joint}, rms on held-out data", bars(rows)
+        rows.append(
+            ("noise floor", worst.noise_floor, _NOISE, f"{number(worst.noise_floor)} {unit}")
+        )
+    return f"Torque gap at {worst.joint}, rms on held-out data", rows
 
 
-def _errors(result: IdentificationResult) -> tuple[str, list[PictureBar]]:
-    """The relative error of each joint."""
+def _torque_errors(result: IdentificationResult) -> list[Bar]:
     errors = result.fit.joint_relative_error_percent
-    rows = [
-        (joint, error, "#0072b2", percent(error))
+    return [
+        (joint, error, _EFFECT, percent(error))
         for joint, error in list(errors.items())[:_MOST_BARS]
         if error is not None and is_number(error)
     ]
-    return "Relative error of the torque", bars(rows)
 
 
-def bars(rows: Sequence[tuple[str, float, str, str]]) -> list[PictureBar]:
-    """Bars of (name, size, colour, value in words), the largest over the whole width."""
-    largest = max((size for _, size, *_ in rows), default=0.0) or 1.0
-    return [
-        PictureBar(name, round(_BARS_WIDTH * size / largest, 1), colour, value)
-        for name, size, colour, value in rows
-    ]
-
-
-_REPLAY_COLOURS = {NOMINAL: "#8a94a3", CORRECTED: "#d55e00", WITH_EFFECTS: "#0072b2"}
-
-
-def write_replay_picture(result: ReplayResult, path: FilePath) -> Path:
-    """Write the summary of a replay as an SVG or PNG picture; raises as `write_picture`."""
-    return save_picture(replay_svg(result), path)
-
-
-def replay_svg(result: ReplayResult) -> str:
-    """Return the picture as the text of an SVG file: the joint that is farthest off at first."""
-    title, rows = "", []
-    done = [stage for stage in result.stages if stage.tracking is not None]
-    if done:
-        errors = done[0].tracking or {}
-        worst = max(result.joints, key=lambda joint: errors[joint].rms)
-        unit = unit_at("mrad", result.joint_types[result.joints.index(worst)])
-        title = f"Position of {worst}, simulation less recording (rms)"
-        sizes = [
-            (s.name, 1e3 * (s.tracking or {})[worst].rms, _REPLAY_COLOURS[s.name]) for s in done
-        ]
-        sizes.append(("noise", 1e3 * result.tracking_noise[worst], "#b9c1cc"))
-        rows = [(name, size, colour, f"{number(size)} {unit}") for name, size, colour in sizes]
-    return environment().get_template("picture.svg.j2").render(
-        generator=Markup(GENERATOR),
-        robot_name=result.robot,
-        badge=("fair", "", "replay in MuJoCo"),
-        lines=textwrap.wrap(headline(result), _LETTERS),
-        bars_title=title,
-        bars=bars(rows),
-        robot=None,
-        robot_title="",
-        largest="",
-        stops=[],
-        missing="",
-        width=WIDTH,
-        height=HEIGHT,
-    )  # fmt: skip
+def _tracking_errors(result: ReplayResult) -> tuple[str, list[Bar]]:
+    """Every stage at the joint that is farthest off at first."""
+    errors = [(stage.name, stage.tracking) for stage in result.stages if stage.tracking is not None]
+    if not errors:
+        return "", []
+    worst = max(result.joints, key=lambda joint: errors[0][1][joint].rms)
+    unit = unit_at("mrad", result.joint_types[result.joints.index(worst)])
+    sizes = [(name, 1e3 * tracking[worst].rms, _COLOURS[name]) for name, tracking in errors]
+    sizes.append(("noise", 1e3 * result.tracking_noise[worst], _NOISE))
+    rows = [(name, size, colour, f"{number(size)} {unit}") for name, size, colour in sizes]
+    return f"Position of {worst}, simulation less recording (rms)", rows

@@ -22,17 +22,7 @@ _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)  # of the flat drawin
 
 @dataclass(frozen=True)
 class ShadedRobot:
-    """What is drawn.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-    joints : tuple of str
-    values : tuple of float or None
-        Percent, one for each joint.
-    title : str
-        Of the colour bar.
-    """
+    """A robot, a value in percent for each joint, and the title of the colour bar."""
 
     skeleton: Skeleton
     joints: tuple[str, ...]
@@ -142,31 +132,12 @@ def _with_breaks(lines: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
     return np.array([point for start, end in lines for point in (start, end, apart)])
 
 
-@dataclass(frozen=True)
-class FlatJoint:
-    """A joint in the plane, pixels: its place, the ends of its axis, its colour and words.
+def flat_robot(robot: ShadedRobot, width: float, height: float) -> dict[str, list[Any]]:
+    """Return the robot as a flat drawing that fits into a rectangle with its lower left at 0, 0.
 
-    `side`: 1 where the words stand to the right, -1 to the left.
+    Lines are (x1, y1, x2, y2), pixels, y downwards. Of a joint: its place, the ends of its axis,
+    its colour and words, and the side of the words, 1 to the right, -1 to the left.
     """
-
-    x: float
-    y: float
-    axis: tuple[float, float, float, float]
-    colour: str
-    label: str
-    side: int
-
-
-@dataclass(frozen=True)
-class FlatRobot:
-    """The robot from one side; lines are (x1, y1, x2, y2), pixels, y downwards."""
-
-    lines: tuple[tuple[float, float, float, float], ...]
-    joints: tuple[FlatJoint, ...]
-
-
-def flat_robot(robot: ShadedRobot, width: float, height: float) -> FlatRobot:
-    """Return the robot as a flat drawing that fits into a rectangle with its lower left at 0, 0."""
     segments = [(_flat(start), _flat(end)) for start, end in robot.skeleton.segments]
     axes = [tuple(map(_flat, robot.axis_of(joint))) for joint in range(len(robot.joints))]
     points = np.array([point for line in [*segments, *axes] for point in line])
@@ -178,15 +149,21 @@ def flat_robot(robot: ShadedRobot, width: float, height: float) -> FlatRobot:
         x, y = shift + scale * (point - low)
         return round(float(x), 1), round(float(height - y), 1)
 
-    joints: list[FlatJoint] = []
+    joints: list[dict[str, Any]] = []
     for joint, (start, end) in enumerate(axes):
         x, y = place(_flat(robot.skeleton.origins[joint]))
-        taken = any(joint.side > 0 and abs(joint.y - y) < _LABEL for joint in joints)
-        colour = _colour((robot.values[joint] or 0.0) / robot.largest)
-        ends = (*place(start), *place(end))
-        joints.append(FlatJoint(x, y, ends, colour, robot.label(joint), -1 if taken else 1))
-    lines = tuple((*place(start), *place(end)) for start, end in segments)
-    return FlatRobot(lines, tuple(joints))
+        taken = any(other["side"] > 0 and abs(other["y"] - y) < _LABEL for other in joints)
+        joints.append(
+            {
+                "x": x,
+                "y": y,
+                "axis": (*place(start), *place(end)),
+                "colour": _colour((robot.values[joint] or 0.0) / robot.largest),
+                "label": robot.label(joint),
+                "side": -1 if taken else 1,
+            }
+        )
+    return {"lines": [(*place(start), *place(end)) for start, end in segments], "joints": joints}
 
 
 def _flat(point: FloatArray) -> FloatArray:

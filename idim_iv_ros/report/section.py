@@ -31,16 +31,7 @@ R = TypeVar("R", IdentificationResult, GapResult, Result)
 
 @dataclass(frozen=True)
 class Nominal:
-    """What the configuration of a result and its URDF say.
-
-    Attributes
-    ----------
-    configuration : Configuration or None
-    model : InverseModel or None
-    skeleton : Skeleton or None
-    missing : str
-        Why there is no model; empty where there is one.
-    """
+    """What the configuration of a result and its URDF say, or why there is no model."""
 
     configuration: Configuration | None
     model: InverseModel | None
@@ -82,14 +73,7 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
 class Files:
     """Files as the commands of a page name them, so that they run where the page was made.
 
-    Attributes
-    ----------
-    config : str
-        The robot's configuration file.
-    folder : str
-        Of the page and its numbers.
-    bags : tuple of str
-        Paths of the recordings; of a fleet its source.
+    `folder` is that of the page and its numbers; `bags` are the recordings, of a fleet its source.
     """
 
     config: str = CONFIGURATION
@@ -122,13 +106,7 @@ UNPLACED = Files()
 
 @dataclass(frozen=True)
 class Report(Generic[R]):
-    """A result as its page shows it.
-
-    Attributes
-    ----------
-    result : IdentificationResult or GapResult
-    files : Files
-    """
+    """A result as its page shows it."""
 
     result: R
     files: Files = UNPLACED
@@ -151,21 +129,10 @@ class Report(Generic[R]):
 
 @dataclass(frozen=True)
 class Section(Generic[R]):
-    """One section.
+    """One section: title, place (anchor) and template under ``templates/``.
 
-    Attributes
-    ----------
-    title : str
-        In the navigation.
-    anchor : str
-        Its identifier in the page.
-    template : str
-        File under ``templates/``.
-    context : callable
-        Returns what the template shows; None where the section does not apply to a result.
-    about : str
-        What is in it, of a section that is folded until the reader wants it; empty where it is
-        always open.
+    `context` returns what the template shows, None where the section does not apply to a result.
+    `about` says what is in a section that is folded until the reader wants it.
     """
 
     title: str

@@ -24,14 +24,9 @@ _NUMBERED = 20
 
 @dataclass(frozen=True)
 class SessionAxis:
-    """Where the recordings of a session are drawn.
+    """Where the recordings of a session are drawn: the start of each on the axis, s.
 
-    Attributes
-    ----------
-    parts : tuple of SessionPart
-        In their order; empty where nothing is known of them.
-    drawn : tuple of float
-        Start of each recording on the axis, s.
+    Both are empty where nothing is known of the recordings.
     """
 
     parts: tuple[SessionPart, ...]

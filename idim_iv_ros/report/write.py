@@ -64,15 +64,13 @@ def write_report(
 
     Parameters
     ----------
-    result : IdentificationResult, GapResult, ReplayResult, ServoResult or FleetResult
     out : str or Path
         Folder; created if it does not exist.
     force : bool
         Replace files there that this program did not write.
-    config : str or Path
-        The robot's configuration file as commands and instructions on the page name it.
-    bags : sequence of str or Path
-        Paths of the recordings, for commands on the page too; of a fleet its source.
+    config, bags : str or Path, sequence of them
+        The robot's configuration file and the recordings as commands on the page name them; of a
+        fleet its source.
     reports : mapping of str to str, optional
         Of a fleet: address of each robot's own report, relative to `out`, by the robot's name.
 
@@ -126,14 +124,8 @@ def require_writable(
     The folder is created if it does not exist, and removed again (with the parents that were
     created for it) if the work inside the ``with`` fails and left nothing in it.
 
-    Parameters
-    ----------
-    out : Path
-        Folder of the results.
-    names : sequence of str
-        Of the files that will be written there.
-    force : bool
-        Let files there be replaced whoever wrote them.
+    `names` are those of the files that will be written into `out`; with `force` files there may be
+    replaced whoever wrote them.
 
     Raises
     ------

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from idim_iv_ros.errors import ReportWarning, UsageError
-from idim_iv_ros.files import GAP, REPORT
 from idim_iv_ros.report import page, require_writable, write_gap_report, write_report
 from idim_iv_ros.report.section import Section
 from tests.report.sample_gap import sample_gap
@@ -149,22 +148,8 @@ def _files(folder: Path) -> dict[str, bytes]:
 def test_a_diagnosis_does_not_replace_the_report_of_an_identification(tmp_path: Path) -> None:
     write_report(sample_result(1), tmp_path)
     before = _files(tmp_path)
-    with (
-        pytest.raises(UsageError, match=r"`idim-iv identify`.*give another --out") as refusal,
-        require_writable(tmp_path, (GAP, REPORT)),
-    ):
-        pytest.fail("the work was started")
-    assert "\n" not in str(refusal.value)
     with pytest.raises(UsageError, match=r"holds result\.json"):
         write_gap_report(sample_gap(2, "none"), tmp_path)
-    assert _files(tmp_path) == before
-
-
-def test_an_identification_does_not_replace_the_report_of_a_diagnosis(tmp_path: Path) -> None:
-    write_gap_report(sample_gap(2, "none"), tmp_path)
-    before = _files(tmp_path)
-    with pytest.raises(UsageError, match="`idim-iv diagnose`"):
-        write_report(sample_result(1), tmp_path)
     assert _files(tmp_path) == before
 
 

@@ -41,14 +41,9 @@ _MOST_NUMBERS = 4  # of a hint
 
 @dataclass(frozen=True)
 class TrackingChange:
-    """Tracking error of a cause.
+    """Tracking error before and after a cause, rad (m); None where it is not known.
 
-    Attributes
-    ----------
-    gap : Gap or None
-        Before and after, rad (m); None where it is not known.
-    words : str
-        What it is the change of, or why it is not known; empty where it is the cause's own.
+    `words` say what it is the change of, or why it is not known; empty where it is the cause's own.
     """
 
     gap: Gap | None
@@ -107,6 +102,11 @@ def _error(result: GapResult, stage: Stage, joint: str | None) -> float | None:
     return math.sqrt(sum(error**2 for error in errors.values()))
 
 
+def _in_words(cause: Cause | ContrastCause) -> dict[str, EffectParameter]:
+    """The numbers of a cause by what they are."""
+    return {parameter_words(cause.effect, name): by for name, by in cause.parameters.items()}
+
+
 def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
     title = effect_at(cause.effect, cause.joint, cause.other_joint)
     tracking = tracking_change(result, cause)
@@ -119,10 +119,7 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
         "kind": ("bad" if cause.kind == "structural" else "fair", "", cause.kind),
         "structural": cause.kind == "structural",
         "sentence": sentence(cause.sentence, result.joints),
-        "parameters": {
-            parameter_words(cause.effect, name): parameter
-            for name, parameter in cause.parameters.items()
-        },
+        "parameters": _in_words(cause),
         "unsure": any(parameter.std is None for parameter in cause.parameters.values()),
         "facts": _evidence(cause),
         "place": cause.joint or "all joints",
@@ -140,7 +137,7 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
     }
 
 
-def _hint(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
+def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
     """Effect and place, its numbers, in how many folds it was chosen, and why it is a hint."""
     title = effect_at(hint.effect, hint.joint, hint.other_joint)
     numbers = ", ".join(
@@ -237,7 +234,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     return {
         "without": ", ".join(effect_words(effect) for effect in result.without),
         "causes": [_card(result, cause) for cause in result.causes],
-        "hints": [_hint(result, hint) for hint in result.hints],
+        "hints": [hint_row(result, hint) for hint in result.hints],
         "unexplained": rest,
         "family": "" if rest is None else FAMILIES[rest.family],
         "errors": [
@@ -261,19 +258,8 @@ _CONTRAST_WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class ChangeCard:
+def _change_card(result: GapResult, cause: ContrastCause) -> dict[str, Any]:
     """One thing that changed: its name, its numbers in words, and what they are numbers of."""
-
-    name: str
-    sentence: str
-    numbers: dict[str, EffectParameter]
-    of: str
-    facts: tuple[tuple[str, str], ...]
-
-
-def change_card(result: GapResult, cause: ContrastCause) -> ChangeCard:
-    """Return a change as it is shown."""
     facts = [
         (
             f"Torque at {torque.joint}, rms",
@@ -288,16 +274,23 @@ def change_card(result: GapResult, cause: ContrastCause) -> ChangeCard:
         effect_at(rival.effect, rival.joint) for rival in cause.indistinguishable_from
     )
     facts.append(("Indistinguishable from", others or "–"))
-    return ChangeCard(
-        effect_at(cause.effect, cause.joint, cause.other_joint),
-        sentence(cause.sentence),
-        {
-            parameter_words(cause.effect, name): parameter
-            for name, parameter in cause.parameters.items()
-        },
-        _CONTRAST_WORDS[cause.change],
-        tuple(facts),
-    )
+    return {
+        "name": effect_at(cause.effect, cause.joint, cause.other_joint),
+        "sentence": sentence(cause.sentence),
+        "numbers": _in_words(cause),
+        "of": _CONTRAST_WORDS[cause.change],
+        "facts": facts,
+    }
+
+
+def contrast_rows(result: GapResult, contrast: ContrastResult) -> list[tuple[str, ...]]:
+    """Joint, what each model leaves of the second set, share of the difference, not explained."""
+    rows = []
+    for joint in contrast.joints:
+        unit, share = torque_unit(result, joint.joint), percent(100.0 * joint.share_of_torque)
+        left = (with_unit(value, unit) for value in (joint.before, joint.after, joint.own))
+        rows.append((joint.joint, *left, share, with_unit(joint.unexplained, unit)))
+    return rows
 
 
 def contrast_badge(contrast: ContrastResult) -> tuple[str, str, str]:
@@ -321,19 +314,8 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
         "steps": contrast_steps(contrast, report.files),
         "reference": ", ".join(contrast.reference),
         "against": ", ".join(contrast.against),
-        "cards": [change_card(result, cause) for cause in contrast.causes],
-        "joints": [
-            (
-                joint.joint,
-                *(
-                    f"{number(value)} {torque_unit(result, joint.joint)}"
-                    for value in (joint.before, joint.after, joint.own)
-                ),
-                percent(100.0 * joint.share_of_torque),
-                with_unit(joint.unexplained, torque_unit(result, joint.joint)),
-            )
-            for joint in contrast.joints
-        ],
+        "cards": [_change_card(result, cause) for cause in contrast.causes],
+        "joints": contrast_rows(result, contrast),
         "common": contrast.common,
         "notes": contrast.notes,
     }

@@ -1,8 +1,7 @@
 """The parameters: value, interval, and what least squares and the nominal model say."""
 
 import re
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from idim_iv_ros.identification.result import (
     IMPOSSIBLE,
@@ -47,8 +46,7 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """A number as text, and what its column is sorted by."""
 
     text: str

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.identification.result import BagSummary, IdentificationResult
-from idim_iv_ros.report.gap_words import effect_words, unit_in, untestable
+from idim_iv_ros.report.gap_words import unit_in, untestable
 from idim_iv_ros.report.numerals import count, exact, percent, sentence, with_unit
 from idim_iv_ros.report.section import Report, Section
 
@@ -84,19 +84,7 @@ GLOSSARY: Section[Any] = Section(
 
 
 def _limits(report: Report[GapResult]) -> dict[str, Any]:
-    result = report.result
-    return {
-        "untestable": [
-            (
-                effect_words(effect),
-                joints or "all",
-                sentence(reason, result.joints),
-                smallest or "at no size",
-                sentence(needed, result.joints),
-            )
-            for effect, joints, reason, smallest, needed in untestable(result)
-        ],
-    }
+    return {"untestable": untestable(report.result)}
 
 
 LIMITS = Section(

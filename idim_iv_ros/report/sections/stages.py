@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from idim_iv_ros.diagnosis.result import GapResult, Regime, Stage
@@ -13,13 +12,8 @@ from idim_iv_ros.report.section import Report, Section
 _COLOURS = {"given": "given", "refit": "refit"}
 
 
-@dataclass(frozen=True)
-class Bar:
-    """Part of a bar: class, start and length in percent of the widest."""
-
-    css: str
-    start: float
-    length: float
+# Part of a bar: class, start and length in percent of the widest.
+Bar = dict[str, str | float]
 
 
 def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
@@ -78,7 +72,8 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> di
 
 def bar(css: str, low: float, high: float) -> Bar:
     """Part of a bar from one share of its length to another."""
-    return Bar(css, round(100.0 * low, 2), round(100.0 * (high - low), 2))
+    start, length = round(100.0 * low, 2), round(100.0 * (high - low), 2)
+    return {"css": css, "start": start, "length": length}
 
 
 def _remarks(stages: tuple[Stage, ...]) -> list[str]:

@@ -14,6 +14,7 @@ from idim_iv_ros.report.figures import (
     Figure,
     Mark,
     axis,
+    band,
     layout,
     line,
     typed,
@@ -127,17 +128,7 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
         data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))
     bound = float(residual.acf_bound)
     everything = np.concatenate([residual.acf[1:], residual.acf_whitened[1:], [-bound]])
-    band = {
-        "type": "rect",
-        "xref": "paper",
-        "x0": 0,
-        "x1": 1,
-        "y0": -bound,
-        "y1": bound,
-        "fillcolor": SHADE,
-        "line": {"width": 0},
-        "layer": "below",
-    }
+    white = band((0, 1), (-bound, bound), xref="paper")
     axes = {
         "xaxis": axis("Lag, samples", range=[-0.6, len(residual.acf) - 0.4], showgrid=False),
         "yaxis": axis(
@@ -148,7 +139,7 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
         ),
     }
     words = f"Autocorrelation of the residual of {residual.joint}"
-    return Figure(f"acf-{index}", _HEIGHT, words, data, layout(axes, shapes=[band]))
+    return Figure(f"acf-{index}", _HEIGHT, words, data, layout(axes, shapes=[white]))
 
 
 def _stems(
