@@ -112,7 +112,7 @@ def parametric_causes(
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
     left, before, causes = list(explanation.numbers), first, []
     while left:
-        judgement = _next(explanation, left, gap)
+        judgement = _largest_error(explanation, left, gap)
         left = [other for other in left if other is not judgement]
         gap = _without(gap, judgement.term)
         after = _rms(gap)
@@ -130,8 +130,10 @@ def parametric_causes(
     )
 
 
-def _next(explanation: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]) -> JudgedTerm:
-    """The number that takes most of a gap; before it what the configuration itself leaves out."""
+def _largest_error(
+    explanation: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]
+) -> JudgedTerm:
+    """Choose what the configuration leaves out, then the number that takes most of a gap."""
     comparison = explanation.selection.comparison
 
     def rank(judgement: JudgedTerm) -> tuple[bool, float]:

@@ -47,7 +47,7 @@ def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatA
 
 
 def shrunk(scores: FloatArray, information: FloatArray, misfit: float) -> FloatArray:
-    """Share (w,) of each score that its prior leaves, for one candidate."""
+    """Factors (w,), 0 to 1, by which the prior of its size draws one option's scores to zero."""
     logs = by_size(scores[None], information[None], np.array([misfit]))[0]
     weights = np.exp(logs - logs.max())
     variance = (misfit + float(weights @ SIZES**2) / float(weights.sum())) * information

@@ -115,7 +115,7 @@ class RecordingSession:
 
     @property
     def waits(self) -> bool:
-        """Whether nothing can be recorded yet, for log time is not known."""
+        """Whether nothing can be recorded yet, because no clock has said the time."""
         return self._clock() == 0
 
     @property
