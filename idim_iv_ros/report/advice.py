@@ -358,7 +358,7 @@ def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
              "as from the rest of its own set."]  # fmt: skip
     if left is not None:
         size = f"{number(left.after)} {torque_unit(result, left.joint)}"
-        words.append(f"A change that makes {size} rms or more at {left.joint} would be seen.")
+        words.append(f"Changes far below the {size} rms left at {left.joint} may hide in it.")
     return words
 
 
