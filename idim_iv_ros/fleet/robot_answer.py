@@ -18,11 +18,13 @@ from idim_iv_ros.fleet.result import (
 )
 from idim_iv_ros.fleet.statistics.quantities import agreement, stamp_of
 from idim_iv_ros.fleet.statistics.robots import ComparedType
+from idim_iv_ros.model.parameters import words_of_name
 
 # Share of a robot's bags that cannot be used from which on its recordings need attention.
 _MANY_UNUSED = 0.2
 _GROUPS = {"off": "torque offsets"} | dict.fromkeys(("Fv", "Fc", "Fvm", "Fcm"), "friction")
 _INERTIA = "inertia and gravity"
+_RESIDUAL = "residual "  # what names of a joint's residual begin with
 
 
 def fleet_robot(
@@ -41,8 +43,11 @@ def fleet_robot(
         key=lambda pair: -abs(pair[0].distance),
     )
     unsteady = ", ".join(q.name for q in quantities if q.unsteady)
-    reasons = [_difference_words(*pair) for pair in differing]
-    reasons += [_change_words(change) for change in changes]
+    joints = [
+        usual.name.removeprefix(_RESIDUAL) for usual in type_quantities if usual.kind == "residual"
+    ]
+    reasons = [_difference_words(*pair, joints) for pair in differing]
+    reasons += [_change_words(change, joints) for change in changes]
     if unsteady:
         reasons.append(
             f"{unsteady}: bags differ from each other more than those of the other robots do"
@@ -170,37 +175,37 @@ def _unused_words(unused: Sequence[BagResult], used: int) -> str:
     return f"{len(unused)} of {len(unused) + used} bags could not be used{detail}"
 
 
-def _difference_words(quantity: RobotQuantity, usual: TypeQuantity) -> str:
+def _difference_words(quantity: RobotQuantity, usual: TypeQuantity, joints: Sequence[str]) -> str:
     """Say in what and how far a robot differs from its type."""
     far = math.isfinite(quantity.distance)
     distance = f"{abs(quantity.distance):.3g} standard deviations" if far else ""
     side = "above" if quantity.distance > 0.0 else "below"
     if usual.kind == "residual":
         factor = quantity.value / usual.mean if usual.mean > 0.0 else math.nan
-        joint = usual.name.removeprefix("residual ")
+        joint = usual.name.removeprefix(_RESIDUAL)
         return (
             f"the residual of {joint} is {factor:.3g} times that of the type "
             f"({_number(quantity.value)} {usual.unit}; {distance} {side})"
         )
     when = " before it changed" if quantity.changed else ""
     return (
-        f"{quantity.name}{when} is {distance} {side} the other robots: {_number(quantity.value)} "
-        f"{usual.unit}, the type has {_number(usual.mean)} ± {_number(usual.sigma, 2)} from robot "
-        "to robot"
+        f"{_parameter_words(quantity.name, joints)}{when} is {distance} {side} the other robots: "
+        f"{_number(quantity.value)} {usual.unit}, the type has {_number(usual.mean)} ± "
+        f"{_number(usual.sigma, 2)} from robot to robot"
     )
 
 
-def _change_words(change: ParameterChange) -> str:
+def _change_words(change: ParameterChange, joints: Sequence[str]) -> str:
     """Say what changed, when, and by how much."""
     first, last = change.begin_low[:10], change.begin_high[:10]
     when = f"on {first}" if first == last else f"between {first} and {last}"
-    what = change.name
+    what = _parameter_words(change.name, joints)
     numbers = (
         f"from {_number(change.before)} to {_number(change.after)} {change.unit} (change "
         f"{change.size:+.3g}, {change.size_low:+.3g} to {change.size_high:+.3g})"
     )
-    if what.startswith("residual "):
-        what = f"the residual of {what.removeprefix('residual ')}"
+    if change.name.startswith(_RESIDUAL):
+        what = f"the residual of {change.name.removeprefix(_RESIDUAL)}"
         numbers = (
             f"by a factor of {change.size:.3g} ({change.size_low:.3g} to {change.size_high:.3g}), "
             f"to {_number(change.after)} {change.unit}"
@@ -208,6 +213,12 @@ def _change_words(change: ParameterChange) -> str:
     if change.kind == "step":
         return f"{what} changed {numbers} at once, {when}"
     return f"{what} has been changing {numbers} since a time {when}"
+
+
+def _parameter_words(name: str, joints: Sequence[str]) -> str:
+    """Say what a base parameter is, with its name in the tables: “link mass at joint_2 (M2)”."""
+    words = words_of_name(name, joints)
+    return words if words == name else f"{words} ({name})"
 
 
 def _number(value: float, digits: int = 4) -> str:
