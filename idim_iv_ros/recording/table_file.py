@@ -62,6 +62,8 @@ def one_line_errors(path: Path) -> Iterator[None]:
             yield
     except (UsageError, DataError):
         raise
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: no text in UTF-8; save it as UTF-8") from error
     except MemoryError as error:
         raise UsageError(f"{path}: claims more numbers than fit into memory") from error
     except Exception as error:
@@ -195,6 +197,11 @@ class TextTable:
     names : list of str
         Of the columns; their numbers where there are none. A comment before numbers of as many
         columns holds names, too: NumPy writes them so.
+
+    Raises
+    ------
+    UsageError
+        There is nothing but comments.
     """
 
     def __init__(self, path: Path, text_format: TextFormat | None = None) -> None:
@@ -204,6 +211,8 @@ class TextTable:
             if first := self._without_comment(line):
                 break
             comment = line.strip().removeprefix(self._format.comment)
+        if not first:
+            raise UsageError(f"{path}: holds no row of a table; give another file")
         signs = [sign for sign in (",", ";", "\t", "|") if sign != self._format.decimal]
         self._delimiter = self._format.delimiter or max(signs, key=first.count)
         cells, described = (
@@ -274,6 +283,8 @@ class TextTable:
     def _values(self, column: int, cells: list[str], *, dates: bool) -> FloatArray:
         # Where the decimal sign is a comma, a point is a sign of something else.
         plain = [c.translate(_COMMA) for c in cells] if self._format.decimal == "," else cells
+        with suppress(ValueError):  # mostly no cell is empty
+            return np.array(plain, dtype=float)
         with suppress(ValueError):
             return np.array(["nan" if c.strip() in _EMPTY else c for c in plain], dtype=float)
         if dates:
