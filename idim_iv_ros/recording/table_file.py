@@ -225,11 +225,11 @@ class TextTable:
 
     def _lines(self) -> Iterator[str]:
         with self._path.open(encoding="utf-8-sig", newline="") as file:
-            yield from (line for line in file if line.strip())
+            yield from (line for line in file if not line.isspace())
 
     def _without_comment(self, line: str) -> str:
         sign = self._format.comment
-        return "" if sign and line.lstrip().startswith(sign) else line
+        return "" if sign and sign in line and line.lstrip().startswith(sign) else line
 
     def number(self, column: str) -> int:
         """Number of a column by its name, or by its number from 0.
@@ -269,8 +269,8 @@ class TextTable:
         for _ in range(self._headed):
             next(rows)
         while block := list(islice(rows, _ROWS_AT_ONCE)):
-            odd = next((row for row in block if len(row) != len(self.names)), None)
-            if odd is not None:
+            if set(map(len, block)) != {len(self.names)}:
+                odd = next(row for row in block if len(row) != len(self.names))
                 raise DataError(
                     f"{self._path}: not a table: a row of {len(odd)} columns, where the first has "
                     f"{len(self.names)}: {self._delimiter.join(odd)[:60]!r}"
