@@ -37,7 +37,7 @@ def read_mapping(path: Path) -> dict[Any, Any]:
         # Dates that are none, integers of thousands of digits, keys that cannot be compared.
         raise UsageError(f"{path}: not a configuration: {shortened(str(error))}") from error
     if not isinstance(data, dict):
-        raise UsageError(f"{path}: a mapping with the key 'robot' is expected")
+        raise UsageError(f"{path}: a mapping of keys is needed, lines of KEY: VALUE")
     return data
 
 

@@ -62,6 +62,8 @@ def one_line_errors(path: Path) -> Iterator[None]:
             yield
     except (UsageError, DataError):
         raise
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: no text in UTF-8; save it as UTF-8") from error
     except MemoryError as error:
         raise UsageError(f"{path}: claims more numbers than fit into memory") from error
     except Exception as error:
@@ -195,6 +197,11 @@ class TextTable:
     names : list of str
         Of the columns; their numbers where there are none. A comment before numbers of as many
         columns holds names, too: NumPy writes them so.
+
+    Raises
+    ------
+    UsageError
+        There is nothing but comments.
     """
 
     def __init__(self, path: Path, text_format: TextFormat | None = None) -> None:
@@ -204,6 +211,8 @@ class TextTable:
             if first := self._without_comment(line):
                 break
             comment = line.strip().removeprefix(self._format.comment)
+        if not first:
+            raise UsageError(f"{path}: holds no row of a table; give another file")
         signs = [sign for sign in (",", ";", "\t", "|") if sign != self._format.decimal]
         self._delimiter = self._format.delimiter or max(signs, key=first.count)
         cells, described = (
@@ -216,11 +225,11 @@ class TextTable:
 
     def _lines(self) -> Iterator[str]:
         with self._path.open(encoding="utf-8-sig", newline="") as file:
-            yield from (line for line in file if line.strip())
+            yield from (line for line in file if not line.isspace())
 
     def _without_comment(self, line: str) -> str:
         sign = self._format.comment
-        return "" if sign and line.lstrip().startswith(sign) else line
+        return "" if sign and sign in line and line.lstrip().startswith(sign) else line
 
     def number(self, column: str) -> int:
         """Number of a column by its name, or by its number from 0.
@@ -260,8 +269,8 @@ class TextTable:
         for _ in range(self._headed):
             next(rows)
         while block := list(islice(rows, _ROWS_AT_ONCE)):
-            odd = next((row for row in block if len(row) != len(self.names)), None)
-            if odd is not None:
+            if set(map(len, block)) != {len(self.names)}:
+                odd = next(row for row in block if len(row) != len(self.names))
                 raise DataError(
                     f"{self._path}: not a table: a row of {len(odd)} columns, where the first has "
                     f"{len(self.names)}: {self._delimiter.join(odd)[:60]!r}"
@@ -274,6 +283,8 @@ class TextTable:
     def _values(self, column: int, cells: list[str], *, dates: bool) -> FloatArray:
         # Where the decimal sign is a comma, a point is a sign of something else.
         plain = [c.translate(_COMMA) for c in cells] if self._format.decimal == "," else cells
+        with suppress(ValueError):  # mostly no cell is empty
+            return np.array(plain, dtype=float)
         with suppress(ValueError):
             return np.array(["nan" if c.strip() in _EMPTY else c for c in plain], dtype=float)
         if dates:

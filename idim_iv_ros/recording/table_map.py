@@ -321,10 +321,10 @@ def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[s
 
     def readable(decimal: str, columns: list[str], *, dates: bool = False) -> bool:
         text = TextTable(table, TextFormat(decimal=decimal))
-        numbers = [text.number(name) for name in columns]
         try:
+            numbers = [text.number(name) for name in columns]
             text.columns(numbers, numbers[0] if dates else None)
-        except DataError:
+        except (DataError, UsageError):  # with another decimal sign other columns are cut
             return False
         return True
 

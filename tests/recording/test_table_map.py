@@ -154,3 +154,18 @@ def test_what_is_wrong_has_one_line(tmp_path: Path, changed: tuple[str, str], wo
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize("text", ["", "# a comment\n"])
+def test_a_text_without_rows_is_no_table(tmp_path: Path, text: str) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises(UsageError, match="no row"):
+        proposed_map(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("damage", ["9,9\n", "0,0,0,0\n"])
+def test_a_map_is_proposed_for_a_table_with_a_row_of_another_length(
+    tmp_path: Path, damage: str
+) -> None:
+    (tmp_path / "log.csv").write_text("time,pos_1,tau_1\n0.0,1.0,2.0\n" + damage)
+    assert "position: 'pos_1'" in proposed_map(tmp_path / "log.csv")
