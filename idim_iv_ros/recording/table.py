@@ -293,7 +293,10 @@ def _checked_stamps(stamps: FloatArray, time: str, samples: int, source: str) ->
         raise DataError(f"{time}: not every stamp is a number")
     if np.any(np.diff(stamps) <= 0.0):
         row = int(np.argmax(np.diff(stamps) <= 0.0)) + 1
-        raise DataError(f"{time}: time does not advance at row {row} (counted from 0)")
+        raise DataError(
+            f"{time}: time does not advance at row {row} (counted from 0); remove rows that repeat "
+            "a stamp, and sort the others by it"
+        )
     if stamps[0] < 0.0 or stamps[-1] > _LAST_STAMP:
         raise DataError(
             f"{time}: stamps from {stamps[0]:.4g} s to {stamps[-1]:.4g} s; from 0 to "

@@ -136,7 +136,7 @@ def read_array(path: Path, name: str) -> Any:
 
 
 def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatArray:
-    """One column of parquet files, (n_samples, n_columns); one of lists has several.
+    """One column of parquet files, (n_samples, n_columns): of lists several, of dates s since 1970.
 
     Parameters
     ----------
@@ -151,6 +151,9 @@ def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatAr
     parquet = needs_tables(paths[0], "pyarrow.parquet")
     _variables(paths[0], parquet.read_schema(paths[0]).names, name)
     tables = [parquet.read_table(path, columns=[name], **options) for path in paths]
+    if tables[0].schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
+        stamps = [table[name].cast("timestamp[ns]").cast("int64").to_numpy() for table in tables]
+        return np.concatenate(stamps)[:, None] * 1e-9
     rows = [row for table in tables for row in table[name].to_pylist()]
     return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
 

@@ -12,6 +12,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.lerobot import import_lerobot
 from idim_iv_ros.recording.table import import_table
+from idim_iv_ros.recording.table_file import parquet_columns
 
 NAMES = ["pan.pos", "lift.pos", "gripper.pos"]
 FRAMES, RATE = 90, 30.0
@@ -83,6 +84,15 @@ def test_column_that_is_not_there(data_set, tmp_path):
 def test_episode_that_is_not_there(data_set, tmp_path):
     with pytest.raises(UsageError, match="episode 7"):
         import_lerobot(tmp_path / "run.mcap", data_set, episode=7)
+
+
+def test_dates_of_a_parquet_file_are_stamps(tmp_path):
+    seconds = 1.7e9 + 0.01 * np.arange(5)
+    stamps = pa.array(np.round(1e6 * seconds).astype("datetime64[us]"))
+    parquet.write_table(pa.table({"t": stamps}), tmp_path / "d.parquet")
+    np.testing.assert_allclose(
+        parquet_columns([tmp_path / "d.parquet"], "t")[:, 0], seconds, rtol=0.0, atol=1e-6
+    )
 
 
 def test_columns_of_a_parquet_file(tmp_path):
