@@ -31,6 +31,10 @@ _NO_MOTION = {
         "no motion does: dry friction that differs between the directions is a constant torque "
         "beside its mean. Measure the torque without the drive's friction, behind the gear"
     ),
+    frozenset({"position_ripple", "gain_ripple"}): (
+        "no motion does in which the torque of the joint hardly changes: record the same positions "
+        "once more under another load"
+    ),
 }
 
 

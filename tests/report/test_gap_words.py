@@ -95,6 +95,7 @@ def test_stages_are_named_in_words(stage: str, words: str) -> None:
         (("elasticity", "time_delay"), "multisine"),  # segments that reveal both are named
         (("payload", "link_inertia"), "take it off"),
         (("link_inertia", "payload"), "take it off"),
+        (("position_ripple", "gain_ripple"), "under another load"),
     ],
 )
 def test_motions_that_separate_two_effects(pair: tuple[str, str], words: str) -> None:
