@@ -36,6 +36,7 @@ FilePaths = FilePath | Iterable[FilePath]
 PROGRAM = "idim_iv_ros"
 IDENTIFICATION_FORMAT: Final = "idim_iv_ros/identification/1"  # of result.json
 GAP_FORMAT: Final = "idim_iv_ros/gap/1"
+ANY_GAP: Final = "idim_iv_ros/gap/"  # of any version: what is said of another is of its kind
 CHECK_FORMAT: Final = "idim_iv_ros/check/1"
 IMPORT_FORMAT = f"{PROGRAM}/import/1"
 INIT_FORMAT = f"{PROGRAM}/init/1"

@@ -10,7 +10,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, NominalModel
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import GAP_FORMAT, FilePath, read_text
+from idim_iv_ros.files import ANY_GAP, FilePath, read_text
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, kinematics_digest
 from idim_iv_ros.types import FloatArray
@@ -39,7 +39,7 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
     """
     text = read_text(Path(path), "the nominal model", megabytes=_LARGEST_FILE)
     name = str(path)
-    kind = GapResult if GAP_FORMAT in text else IdentificationResult
+    kind = GapResult if ANY_GAP in text else IdentificationResult
     document: GapResult | IdentificationResult = kind.from_json(text, name)
     left_out: tuple[str, ...] = ()
     if isinstance(document, GapResult):

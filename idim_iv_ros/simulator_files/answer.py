@@ -10,7 +10,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result import Cause, GapResult, ParameterError
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import GAP_FORMAT, read_text
+from idim_iv_ros.files import ANY_GAP, read_text
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, RobotModel, build_inverse_model, kinematics_digest
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
@@ -83,7 +83,7 @@ def read_answer(
         cause that is to be left out.
     """
     text = read_text(path, "the result", megabytes=_LARGEST)
-    kind = GapResult if GAP_FORMAT in text else IdentificationResult
+    kind = GapResult if ANY_GAP in text else IdentificationResult
     result: Result = kind.from_json(text, str(path))
     _require_same_joints(path, result, configuration)
     model = build_inverse_model(configuration, urdf, source)

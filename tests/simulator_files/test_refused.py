@@ -78,6 +78,12 @@ def test_what_is_no_result(arm: Case, tmp_path: Path, content: str) -> None:
     refused(arm, tmp_path / "out", str(arm.path))
 
 
+def test_a_diagnosis_of_another_version_is_to_be_made_again(arm: Case, tmp_path: Path) -> None:
+    text = arm.path.read_text(encoding="utf-8")
+    arm.path.write_text(text.replace("idim_iv_ros/gap/1", "idim_iv_ros/gap/0"), encoding="utf-8")
+    refused(arm, tmp_path / "out", "idim_iv_ros/gap/0.*`idim-iv diagnose`")
+
+
 def test_a_folder_that_cannot_be_written(arm: Case, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(UsageError, match=r"cannot be written: .*; give another --out"):
