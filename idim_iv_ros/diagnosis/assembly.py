@@ -13,6 +13,7 @@ from idim_iv_ros.diagnosis.answer.causes import (
     hints_of,
     parametric_causes,
     remaining,
+    signal_notes,
     strongest_first,
     structural_causes,
     verdict_of,
@@ -136,7 +137,7 @@ def concluded(
     )
     notes = [
         refit.shift.sentence(data.joints),
-        *explanation.selection.notes(data.joints),
+        *signal_notes(data.joints, explanation.selection.terms),
         refit.softened and refit.softened.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
         *(sentences.transmission(measured.result) for measured in transmissions),

@@ -9,7 +9,7 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
-from idim_iv_ros.diagnosis.answer.causes import structural_causes
+from idim_iv_ros.diagnosis.answer.causes import signal_notes, structural_causes
 from idim_iv_ros.diagnosis.answer.explained import explained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
@@ -87,8 +87,18 @@ def test_a_gain_that_ripples_is_no_torque_that_ripples(
     assert term.key[:2] == ("gain_ripple" if of_gain else "position_ripple", 0)
     assert term.shape is not None and term.shape.numbers[0] == pytest.approx(31.0, rel=0.01)
     assert np.hypot(*term.coefficients) == pytest.approx(0.04 if of_gain else 0.4, rel=0.2)
-    said = selection.notes(data.joints)
+    said = signal_notes(data.joints, selection.terms)
     assert len(said) == of_gain and all("joint_1" in note for note in said)
+
+
+def test_a_note_says_what_the_signal_s_error_may_be_instead(data: Baseline) -> None:
+    wave = world(data, 20, 0, lambda m: 0.04 * m.torque[:, 0] * np.sin(31.0 * m.position[:, 0]))
+    (term,) = selected(data, wave).terms
+    rival = ("position_ripple", *term.key[1:])
+    as_likely = replace(term, rivals=((term.key, 0.55), (rival, 0.45)))
+    (alone,), (note,) = (signal_notes(data.joints, [each]) for each in (term, as_likely))
+    assert "position ripple" not in alone
+    assert "position ripple of joint_1 (45 %)" in note
 
 
 def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:

@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.answer.numbers import numbers_of, parameters_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
+from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import shrinkage
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
@@ -41,6 +42,18 @@ def rivals_of(joints: Sequence[str], terms: Sequence[Term]) -> tuple[Indistingui
         Indistinguishable(effect, None if joint is None else joints[joint], weight)
         for (effect, joint), weight in weights.items()
     )
+
+
+def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
+    """What a report says of errors of the signals, which are no causes, and what they may be."""
+    notes = []
+    for term in terms:
+        effect = term.candidate.effect
+        if isinstance(effect, SignalError) and term.shape is not None:
+            joint = joints[term.place.joint]
+            said = effect.note(joint, term.shape, term.coefficients, term.deviations)
+            notes.append(said and said + sentences.or_else(rivals_of(joints, [term])))
+    return notes
 
 
 def structural_causes(

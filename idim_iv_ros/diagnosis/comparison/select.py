@@ -24,7 +24,6 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import (
 from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
-from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _MOST_TERMS = 8  # besides errors of signals, which every joint may have
@@ -57,14 +56,6 @@ class Selection:
     def model(self) -> ModelWithTerms:
         """The nominal errors with the terms and the curves."""
         return ModelWithTerms(self.comparison.nominal, (*self.terms, *self.curves))
-
-    def notes(self, joints: Sequence[str]) -> list[str]:
-        """What a report says of errors of the signals, which are no causes."""
-        return [
-            effect.note(joints[term.place.joint], term.shape, term.coefficients, term.deviations)
-            for term in self.terms
-            if isinstance(effect := term.candidate.effect, SignalError) and term.shape is not None
-        ]
 
 
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
