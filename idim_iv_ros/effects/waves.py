@@ -3,12 +3,14 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
 _MOST_WAVES = 3
@@ -134,3 +136,42 @@ def wave_parameters(
         for i, name in enumerate(("sine", "cosine"), start=2 * k):
             numbers[f"{name}_{k + 1}"] = (coefficients[i], deviations[i])
     return numbers
+
+
+class WaveEffect(StructuralEffect[Waves]):
+    """Base of an effect whose torque is a sum of waves over the position of its joint.
+
+    Attributes
+    ----------
+    periods : float
+        In the range of the joint, at least: fewer are a spring.
+    """
+
+    periods: ClassVar[float] = 2.5
+
+    def grid(self, place: Place, covered: OperatingRange) -> list[Waves]:
+        """One wave."""
+        return wave_grid(place, covered, self.periods)
+
+    def neighbours(
+        self, shape: Waves, step: float, place: Place, covered: OperatingRange
+    ) -> list[Waves]:
+        """Nearby wave numbers."""
+        return near_waves(shape, step, covered.span(place.joint))
+
+    def longer(
+        self, shape: Waves, place: Place, covered: OperatingRange
+    ) -> list[tuple[Waves, Waves]]:
+        """One wave more."""
+        return one_wave_more(shape, self.grid(place, covered))
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Waves) -> dict[int, FloatArray]:
+        """Sine and cosine of each wave."""
+        return self.torques(motion, place, [shape])[0]
+
+    def torques(
+        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]
+    ) -> list[dict[int, FloatArray]]:
+        """Sine and cosine of each wave of many shapes."""
+        made = wave_columns(motion.position[:, place.joint], shapes)
+        return [{place.joint: columns} for columns in made]

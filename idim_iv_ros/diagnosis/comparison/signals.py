@@ -12,14 +12,13 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
-from idim_iv_ros.effects.waves import Waves, near_waves, one_wave_more, wave_columns, wave_grid
+from idim_iv_ros.effects.waves import WaveEffect, Waves
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 
 _LONGEST_SHIFT = 0.02  # s
 # Weight at a joint, as a share of that at the others, below which its axis is vertical.
 _NO_WEIGHT = 1e-6
-_PERIODS = 2.5  # of a gain that ripples, in the range of the joint, at least
 _LARGEST_RIPPLE = 0.1  # of the gain
 
 
@@ -29,7 +28,7 @@ class SignalError(Effect):
     family: ClassVar[Family] = "load"
     excitation = ""
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, place: Place, covered: OperatingRange) -> Sequence[Shape]:
         """Return one shape, which has no numbers."""
         return [Shape()]
 
@@ -96,7 +95,7 @@ class CommonShift(SignalError):
         return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}
 
 
-class GainRipple(SignalError):
+class GainRipple(WaveEffect, SignalError):
     """An effort whose gain ripples over the position: the torque times 1 + Σ a sin n q + b cos n q.
 
     Slots, poles and the sensors of the phase currents make the torque of a unit current depend on
@@ -107,33 +106,13 @@ class GainRipple(SignalError):
     name = "gain_ripple"
     family: ClassVar[Family] = "position"
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Waves]:  # type: ignore[override]
-        """One wave."""
-        return wave_grid(place, covered, _PERIODS)
-
-    def neighbours(
-        self, shape: Waves, step: float, place: Place, covered: OperatingRange
-    ) -> list[Waves]:
-        """Nearby wave numbers."""
-        return near_waves(shape, step, covered.span(place.joint))
-
-    def longer(
-        self, shape: Waves, place: Place, covered: OperatingRange
-    ) -> list[tuple[Waves, Waves]]:
-        """One wave more."""
-        return one_wave_more(shape, self.grid(place, covered))
-
-    def columns(self, motion: RobotMotion, place: Place, shape: Waves) -> dict[int, FloatArray]:
-        """Torque times sine and cosine of each wave."""
-        return self.torques(motion, place, [shape])[0]
-
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]
     ) -> list[dict[int, FloatArray]]:
-        """The same of many waves."""
-        joint = place.joint
-        made = wave_columns(motion.position[:, joint], shapes)
-        return [{joint: columns * motion.torque[:, [joint]]} for columns in made]
+        """Torque of the joint times sine and cosine of each wave."""
+        torque = motion.torque[:, [place.joint]]
+        waves = super().torques(motion, place, shapes)
+        return [{joint: columns * torque for joint, columns in wave.items()} for wave in waves]
 
     def admissible(self, shape: Waves, coefficients: FloatArray) -> bool:
         """Amplitudes that sensors and motors have."""
@@ -146,6 +125,6 @@ class GainRipple(SignalError):
         percent, half = 100.0 * size, 100.0 * settings.NORMAL_95 * deviation
         return (
             f"the gain of the effort of {joint} ripples over the position by {percent:.2g} ± "
-            f"{half:.1g} %, {shape.numbers[0]:.4g} rad of phase for each rad of the joint: a "
+            f"{half:.1g} %, {shape.numbers[0]:.4g} rad of phase for each rad (m) of the joint: a "
             "property of the measured effort, on which no cause is built"
         )
