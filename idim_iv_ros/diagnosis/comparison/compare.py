@@ -1,11 +1,12 @@
 """The best option beside a model: evidence by blocks of time, size, what physics allows."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import Options
@@ -39,6 +40,14 @@ class Prior:
         self.log = np.log(weight[options.key] / shapes[options.key])
         self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
         self.nothing = float(np.log(_NOTHING))
+        self._keys = options.keys
+        self._of_key = np.array(
+            [self.of_presence[options.key == number][0] for number in range(len(options.keys))]
+        )
+
+    def odds_of_presence(self, key: Key) -> float:
+        """Logarithm of the prior odds of an effect at a place against nothing more."""
+        return float(self._of_key[self._keys.index(key)]) - self.nothing
 
 
 class Comparison:
@@ -76,6 +85,75 @@ class Comparison:
         """Tempered evidence of a whole model less what its terms cost."""
         level = ModelWithTerms(self.nominal, tuple(terms)).level / settings.TEMPER
         return level - sum(self.prior.nothing - term.log_prior for term in terms)
+
+    def weighed(self, term: Term, others: Sequence[Term]) -> Term:
+        """A term of any shape with its evidence, presence, size and dispersion beside others."""
+        model = ModelWithTerms(self.nominal, tuple(others))
+        inner, score, crossed = model.left_of(term)
+        values, vectors = np.linalg.eigh(inner)
+        seen = values > 1e-5 * max(float(values[-1]), 1e-300)
+        values, vectors = values[seen], vectors[:, seen]
+        z = (vectors.T @ score) / np.sqrt(values)
+        unit = vectors @ (z / np.sqrt(values))
+        products = self.nominal.products_of(term)
+        moved = products.moved @ term.basis
+        plain = {joint: table @ term.basis for joint, table in term.columns.items()}
+        white = {joint: table @ term.basis for joint, table in products.white.items()}
+        blocks, by_rows = self.dispersion(
+            model,
+            model.residuals(white=True),
+            model.uncovered(moved, white, crossed, white=True),
+            unit,
+        )
+        dispersion = max(min(term.dispersion, blocks), by_rows)
+        misfit = self.misfit(model.terms)[list(term.candidate.joints)].mean(keepdims=True)
+        evidence = float(
+            log_bayes_factor(z[None] / np.sqrt(dispersion), values[None] / dispersion, misfit)[0]
+        )
+        odds = evidence + self.prior.odds_of_presence(term.key)
+        left = model.uncovered(moved, plain, crossed, white=False)
+        return replace(
+            term,
+            evidence=evidence,
+            presence=_logistic(odds),
+            visible=self.shares(term.candidate, others, plain, left, unit)[1],
+            dispersion=dispersion,
+        )
+
+    def shares(
+        self,
+        candidate: Candidate,
+        others: Sequence[Term],
+        plain: dict[int, FloatArray],
+        uncovered: dict[int, FloatArray],
+        unit: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Shares of the torque (n_joints,) that an option has, and that counts beside others.
+
+        Parameters
+        ----------
+        plain, uncovered
+            (r_j, w) columns of unit size as they are, and less what the model takes of them.
+        unit
+            (w,) coefficients.
+        """
+        sizes = self.options.ledger.sizes
+        whole, visible = np.zeros((2, len(sizes)))
+        for joint, size in enumerate(sizes):
+            if joint in plain:
+                whole[joint] = _rms(plain[joint] @ unit) / size
+            visible[joint] = _rms(uncovered[joint] @ unit) / size
+        if candidate.kind is not Kind.EFFECT:
+            visible = np.where(_taken(others, len(sizes)), visible, whole)
+        return whole, visible
+
+    def misfit(self, terms: Sequence[Term]) -> FloatArray:
+        """τ₀² (n_joints,): what shapes of the catalogue miss, alone and beside other effects."""
+        others = np.zeros(len(self.options.ledger.joints))
+        for term in terms:
+            if term.candidate.kind is Kind.EFFECT:
+                others += term.visible**2
+        return settings.MISFIT**2 + settings.MISFIT_OF_OTHERS**2 * others
 
     def _visible_one(self, model: ModelWithTerms) -> Term | None:
         ranking = _Ranking(self, model, curves=False)
@@ -215,11 +293,7 @@ class _Ranking:
     def _misfit(self) -> FloatArray:
         """τ₀² of each option in the order."""
         options = self.comparison.options
-        others = np.zeros(len(options.ledger.joints))
-        for term in self.model.terms:
-            if term.candidate.kind is Kind.EFFECT:
-                others += term.visible**2
-        square = settings.MISFIT**2 + settings.MISFIT_OF_OTHERS**2 * others
+        square = self.comparison.misfit(self.model.terms)
         joints = [options.candidates[options.candidate[k]].joints for k in self.order]
         return np.array([float(np.mean(square[list(where)])) for where in joints])
 
@@ -335,15 +409,10 @@ class _Ranking:
         w, place = int(options.width[option]), self.place[option]
         basis = comparison.nominal.basis[w][place]
         row = kept[0][1]
-        sizes = options.ledger.sizes
         plain = self._columns(option, white=False)
-        whole = np.array(
-            [_rms(plain[j] @ unit) / size if j in plain else 0.0 for j, size in enumerate(sizes)]
+        whole, visible = comparison.shares(
+            candidate, self.model.terms, plain, self._uncovered(option, white=False), unit
         )
-        uncovered = self._uncovered(option, white=False)
-        visible = np.array([_rms(uncovered[j] @ unit) / size for j, size in enumerate(sizes)])
-        if candidate.kind is not Kind.EFFECT:
-            visible = np.where(_taken(self.model.terms, len(sizes)), visible, whole)
         score = np.array([self.score[number] for _, number in kept])
         weights = np.exp(score - score.max())
         keys: dict[Key, float] = {}
@@ -365,7 +434,7 @@ class _Ranking:
             size=float(np.linalg.norm(unit) / np.sqrt(w)),
             log_prior=float(prior.log[option]),
             evidence=float(self.capped[row]),
-            presence=float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0)))),
+            presence=_logistic(odds),
             whole=whole,
             visible=visible,
             rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
@@ -380,6 +449,10 @@ def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
         if term.candidate.kind is Kind.EFFECT and term.candidate.place is not None:
             there[list(term.candidate.place.joints)] = True
     return there
+
+
+def _logistic(odds: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0))))
 
 
 def _rms(values: FloatArray) -> float:

@@ -296,6 +296,22 @@ class ModelWithTerms:
             change = change - products.moved @ self.coefficients[start:end]
         return np.asarray(change)
 
+    def left_of(self, term: Term) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Products (w, w), score (w,) and products (w, q) with the terms of one term more.
+
+        In coefficients of unit size, beside the nominal errors; the first two beside the terms.
+        """
+        products, basis = self.nominal.products_of(term), term.basis
+        inner, score = products.between(products), products.score
+        crossed = np.zeros((term.width, 0))
+        if self.terms:
+            crossed = np.hstack([products.between(other) for other in self._products])
+            root, scores, _ = self._solved
+            taken = crossed @ root
+            inner = inner - taken @ taken.T
+            score = score - taken @ (root.T @ scores)
+        return basis.T @ inner @ basis, basis.T @ score, basis.T @ crossed
+
     def options_left(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Products (m_w, w, w) and scores (m_w, w) of the options of each width, unit size."""
         nominal = self.nominal

@@ -24,6 +24,10 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     for number, term in enumerate(kept):
         if term.shape is not None and term.shape.numbers:
             kept[number] = _refined(comparison, kept, number)
+    kept = [
+        comparison.weighed(term, [*kept[:number], *kept[number + 1 :]])
+        for number, term in enumerate(kept)
+    ]
     return together(comparison, kept)
 
 
