@@ -1,13 +1,13 @@
 """The autoregressive model of a residual: fit it, whiten rows with it, undo that."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy
 
-from idim_iv_ros.signals.autoregression_kernel import burg, whiten_lines
+from idim_iv_ros.signals.autoregression_kernel import burg, whiten_lines, whiten_lines_adjoint
 from idim_iv_ros.types import FloatArray, IntArray
 
 _ROWS_PER_COEFFICIENT = 10
@@ -101,7 +101,12 @@ class AutoregressiveModel:
 
     def standardized(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
         """Whiten rows (r, …) so that the residual has unit variance; see `whiten`."""
-        return self._whitened(rows, segments, float(np.divide(1.0, self.sigma)))
+        return self._filtered(rows, segments, float(np.divide(1.0, self.sigma)), whiten_lines)
+
+    def standardized_adjoint(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
+        """Wᵀ rows (r, …), W being what `standardized` does: xᵀ (Wᵀ y) = (W x)ᵀ y."""
+        scale = float(np.divide(1.0, self.sigma))
+        return self._filtered(rows, segments, scale, whiten_lines_adjoint)
 
     def _autocorrelation(self) -> FloatArray:
         """(p + 1,) of lags 0 … p, from the recursion that gave the reflections."""
@@ -148,16 +153,22 @@ class AutoregressiveModel:
         -------
         ndarray of the shape of `rows`.
         """
-        return self._whitened(rows, segments, 1.0)
+        return self._filtered(rows, segments, 1.0, whiten_lines)
 
-    def _whitened(self, rows: FloatArray, segments: Sequence[slice], scale: float) -> FloatArray:
+    def _filtered(
+        self,
+        rows: FloatArray,
+        segments: Sequence[slice],
+        scale: float,
+        kernel: Callable[..., None],
+    ) -> FloatArray:
         starts = _starts(segments, len(rows))
         if self.order == 0 or rows.size == 0:
             return np.asarray(scale * rows, dtype=np.float64)
         lines = np.ascontiguousarray(rows.reshape(len(rows), -1).T, dtype=np.float64)
-        whitened = np.empty(lines.shape)
-        whiten_lines(lines, starts, self._predictors[-1], self._start, scale, whitened)
-        return whitened.T.reshape(rows.shape)
+        made = np.empty(lines.shape)
+        kernel(lines, starts, self._predictors[-1], self._start, scale, made)
+        return made.T.reshape(rows.shape)
 
     def shaping_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
         """Apply the transposed shaping filter 1/C to rows zero-filled on their regular grid.

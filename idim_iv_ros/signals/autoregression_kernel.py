@@ -50,6 +50,33 @@ def whiten_lines(
 
 
 @entry
+def whiten_lines_adjoint(
+    lines: FloatArray,
+    starts: IntArray,
+    polynomial: FloatArray,
+    start: FloatArray,
+    scale: float,
+    drawn: FloatArray,
+) -> None:
+    """Apply the transpose of the filter of `whiten_lines` to lines; arguments as there."""
+    order = len(polynomial) - 1
+    for k in range(len(lines)):
+        line, made = lines[k], drawn[k]
+        made[:] = 0.0
+        for m in range(len(starts) - 1):
+            first, end = starts[m], starts[m + 1]
+            head = min(first + order, end)
+            for lag in range(order + 1):
+                weight = scale * polynomial[lag]
+                for t in range(head, end):
+                    made[t - lag] += weight * line[t]
+            for row in range(head - first):
+                weight = scale * line[first + row]
+                for column in range(row + 1):
+                    made[first + column] += weight * start[row, column]
+
+
+@entry
 def burg(
     forward: FloatArray,
     backward: FloatArray,

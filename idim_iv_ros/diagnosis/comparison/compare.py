@@ -324,17 +324,17 @@ class _Ranking:
 
     def _columns(self, option: int, *, white: bool) -> dict[int, FloatArray]:
         """(r_j, w) columns of an option, of unit size."""
-        comparison, options = self.comparison, self.comparison.options
+        options, nominal = self.comparison.options, self.comparison.nominal
         w, place = int(options.width[option]), self.place[option]
-        basis = comparison.nominal.basis[w][place]
-        lines = comparison.nominal.white.lines if white else options.lines
-        counted = comparison.nominal.white.counted
         columns = options.columns[w][place]
-        candidate = options.candidates[options.candidate[option]]
         made = {}
-        for joint in candidate.joints:
-            table = lines[joint][options.at[joint][columns]]
-            made[joint] = (table * counted[joint] if white else table).T.astype(float) @ basis
+        for joint in options.candidates[options.candidate[option]].joints:
+            table = options.lines[joint][options.at[joint][columns]].T @ nominal.basis[w][place]
+            if white:
+                segments = options.ledger.joints[joint].segments
+                table = nominal.white.noise[joint].standardized(table, segments)
+                table = table * nominal.white.counted[joint][:, None]
+            made[joint] = table
         return made
 
     def _uncovered(self, option: int, *, white: bool) -> dict[int, FloatArray]:

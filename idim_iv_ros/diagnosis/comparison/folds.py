@@ -8,7 +8,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Key
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
-from idim_iv_ros.diagnosis.comparison.options import counted_alone
+from idim_iv_ros.diagnosis.comparison.options import without_parts
 from idim_iv_ros.diagnosis.comparison.select import Selection, climb
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -48,9 +48,9 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
         count, folds = ledger.block_count, int(settings.FOLDS)
         part = np.arange(count) * folds // max(count, folds)
     keys, gains = [], []
-    for fold in range(int(part.max()) + 1):
-        counted: list[BoolArray] = [part[block] != fold for block in ledger.blocks]
-        white = counted_alone(options, nominal.white, counted)
+    parts = [part[block] for block in ledger.blocks]
+    for fold, white in enumerate(without_parts(options, nominal.white, parts)):
+        counted: list[BoolArray] = [number != fold for number in parts]
         fitted = Comparison(
             comparison.catalogue,
             NominalErrors(options, white, nominal.torques, nominal.errors),
@@ -58,7 +58,7 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
         )
         keys.append(frozenset(term.key for term in climb(fitted, ())))
         gains.append(_gains(fitted, selection, counted))
-        del white, fitted  # before the next one is made
+        del fitted  # before the next one is made
     return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
 
 

@@ -126,8 +126,14 @@ class RowNoise:
 
     def standardized(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
         """Whiten rows (r, …) so that the noise has unit variance."""
-        scale = self.scale.reshape(-1, *(1,) * (rows.ndim - 1))
-        return self.model.standardized(rows / scale, segments)
+        return self.model.standardized(rows / self._scale(rows), segments)
+
+    def drawn_back(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
+        """Wᵀ rows (r, …), W being the whitening: xᵀ (Wᵀ y) = (W x)ᵀ y without whitening x."""
+        return self.model.standardized_adjoint(rows, segments) / self._scale(rows)
+
+    def _scale(self, rows: FloatArray) -> FloatArray:
+        return self.scale.reshape(-1, *(1,) * (rows.ndim - 1))
 
 
 def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[RowNoise, ...]:

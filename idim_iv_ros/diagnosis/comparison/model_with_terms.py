@@ -5,7 +5,6 @@ errors is aᵀb − (Xᵀa)ᵀ M Mᵀ (Xᵀb). Terms of a model are random effec
 in the same way, so that what they change is of their own low rank.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, products_with_model
 from idim_iv_ros.effects.effect import Effect, Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.types import FloatArray, SingleArray
+from idim_iv_ros.types import FloatArray
 
 _ROUNDING = 1e-5  # of a direction's energy before the errors are taken out: single precision
 _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as good as free
@@ -113,15 +112,12 @@ class Torques:
             for rows, size in zip(ledger.joints, ledger.sizes, strict=True)
         ]
 
-        def lines() -> Iterator[SingleArray]:  # one joint's copy at a time
-            for table, scale in zip(options.lines, self.scales, strict=True):
-                yield table * np.float32(scale)
-
         model = [
             rows.matrix * scale for rows, scale in zip(ledger.joints, self.scales, strict=True)
         ]
-        self.inner = options.inner_products(lines())
-        self.normal, self.shared = products_with_model(options, model, lines())
+        right = [table * scale for table, scale in zip(model, self.scales, strict=True)]
+        self.inner = options.inner_products(self.scales)[0]
+        self.normal, self.shared = products_with_model(options, model, right)
 
 
 class NominalErrors:
@@ -151,7 +147,7 @@ class NominalErrors:
         )
         self.projected = self.root.T @ white.shared  # (k, p)
         self.moved = self.root @ self.projected  # (b, p): errors beside a unit of each column
-        left = options.products(white.lines, [gap[:, None] for gap in white.gap])[:, 0]
+        left = white.with_options(options, [gap[:, None] for gap in white.gap])[:, 0]
         score = left - self.projected.T @ self.explained
         twice = torques.normal @ self.moved - 2.0 * torques.shared
         self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
@@ -211,7 +207,7 @@ class _TermProducts:
             options = nominal.options
             nothing = [np.zeros((len(rows), len(self.score))) for rows in options.ledger.joints]
             rows = [self.white.get(joint, zeros) for joint, zeros in enumerate(nothing)]
-            crossed = options.products(nominal.white.lines, rows)
+            crossed = nominal.white.with_options(options, rows)
             crossed -= nominal.projected.T @ self.projected
             self._crossed = {
                 w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])

@@ -1,6 +1,6 @@
 """All options of all candidates side by side, and their products with each other and the model."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,30 +71,49 @@ class Options:
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
     def inner_products(
-        self, lines: Iterable[SingleArray], counted: Sequence[BoolArray] | None = None
-    ) -> dict[int, FloatArray]:
-        """Products (m_w, w, w) of the columns of each option, over all joints.
+        self,
+        weights: Sequence[float] | Sequence[RowNoise],
+        parts: Sequence[IntArray] | None = None,
+    ) -> list[dict[int, FloatArray]]:
+        """Products (m_w, w, w) of the columns of each option, over all joints, for each part.
 
         Parameters
         ----------
-        counted
-            Rows (r_j,) of each joint that count; None: all.
+        weights
+            Of each joint: a factor of its rows, or the noise by which they are whitened.
+        parts
+            Part (r_j,) that each row of a joint belongs to; None: one for all.
         """
-        made = {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
-        for joint, (place, table) in enumerate(zip(self.at, lines, strict=True)):
+        count = 1 if parts is None else 1 + max(int(part.max(initial=0)) for part in parts)
+        made = [
+            {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
+            for _ in range(count)
+        ]
+        for joint, (place, table, weight) in enumerate(
+            zip(self.at, self.lines, weights, strict=True)
+        ):
             for w, columns in self.columns.items():
                 there = np.flatnonzero(place[columns[:, 0]] >= 0)
                 for start in range(0, len(there), _AT_ONCE):
                     some = there[start : start + _AT_ONCE]
-                    rows = table[place[columns[some]]]
-                    right = rows if counted is None else rows * counted[joint]
-                    made[w][some] += np.matmul(rows, right.transpose(0, 2, 1))
+                    rows = self._weighed(joint, table[place[columns[some]]], weight)
+                    for k in range(count):
+                        part = rows if parts is None else rows[:, :, parts[joint] == k]
+                        made[k][w][some] += np.matmul(part, part.transpose(0, 2, 1))
         return made
 
-    def products(self, lines: Sequence[SingleArray], right: Sequence[FloatArray]) -> FloatArray:
+    def _weighed(self, joint: int, lines: SingleArray, weight: float | RowNoise) -> SingleArray:
+        """Lines (m, w, r) times a factor, or whitened."""
+        if not isinstance(weight, RowNoise):
+            return lines * np.float32(weight)
+        flat = lines.reshape(-1, lines.shape[2]).T
+        white = weight.standardized(flat, self.ledger.joints[joint].segments)
+        return white.T.astype(np.float32).reshape(lines.shape)
+
+    def products(self, right: Sequence[FloatArray]) -> FloatArray:
         """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
         made = np.zeros((self.count, right[0].shape[1]))
-        for place, table, rows in zip(self.at, lines, right, strict=True):
+        for place, table, rows in zip(self.at, self.lines, right, strict=True):
             if len(table) and rows.any():
                 there = np.flatnonzero(place >= 0)
                 made[there] += (table @ rows.astype(np.float32))[place[there]]
@@ -103,15 +122,16 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Whitened:
-    """Rows of model, gap and options with the noise of each joint at unit variance.
+    """Rows of model and gap with the noise of each joint at unit variance, and their products.
+
+    The columns of the options, which are by far the most, are not kept whitened: (W x)ᵀ y is
+    xᵀ (Wᵀ y).
 
     Attributes
     ----------
     noise : tuple of RowNoise
     model : tuple of (r_j, c_j)
     gap : tuple of (r_j,)
-    lines : tuple of (p_j, r_j) float32
-        Of all rows, whether they count or not.
     counted : tuple of (r_j,) bool
         Rows that count; those of model and gap that do not are zero.
     normal : (b, b)
@@ -125,67 +145,80 @@ class Whitened:
     noise: tuple[RowNoise, ...]
     model: tuple[FloatArray, ...]
     gap: tuple[FloatArray, ...]
-    lines: tuple[SingleArray, ...]
     counted: tuple[BoolArray, ...]
     normal: FloatArray
     shared: FloatArray
     inner: dict[int, FloatArray]
 
+    def with_options(self, options: Options, rows: Sequence[FloatArray]) -> FloatArray:
+        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q)."""
+        return options.products(_drawn_back(options, self.noise, rows))
+
 
 def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
     """Whiten everything; rows of a joint that is left out weigh nothing."""
     ledger = options.ledger
-    model, gap, lines = [], [], []
+    model, gap = [], []
     for joint, (rows, left) in enumerate(zip(ledger.joints, ledger.gap, strict=True)):
         kept = float(not rows.left_out)
         both = kept * noise[joint].standardized(np.column_stack([rows.matrix, left]), rows.segments)
-        table = options.lines[joint]
-        white = np.empty_like(table)
-        for start in range(0, len(table), _AT_ONCE):
-            part = table[start : start + _AT_ONCE].astype(float)
-            white[start : start + _AT_ONCE] = (
-                noise[joint].standardized(part.T, rows.segments).T * kept
-            )
         model.append(both[:, :-1])
         gap.append(both[:, -1])
-        lines.append(white)
-    counted = tuple(np.full(len(rows), not rows.left_out) for rows in ledger.joints)
-    normal, shared = products_with_model(options, model, lines)
+    normal, shared = products_with_model(options, model, _drawn_back(options, noise, model))
     return Whitened(
         noise=tuple(noise),
         model=tuple(model),
         gap=tuple(gap),
-        lines=tuple(lines),
-        counted=counted,
+        counted=tuple(np.full(len(rows), not rows.left_out) for rows in ledger.joints),
         normal=normal,
         shared=shared,
-        inner=options.inner_products(lines),
+        inner=options.inner_products(noise)[0],
     )
 
 
-def counted_alone(options: Options, white: Whitened, counted: Sequence[BoolArray]) -> Whitened:
-    """Return the same where only some of the rows (r_j,) count."""
-    kept = tuple(one & two for one, two in zip(white.counted, counted, strict=True))
-    model = tuple(rows * some[:, None] for rows, some in zip(white.model, kept, strict=True))
-    gap = tuple(left * some for left, some in zip(white.gap, kept, strict=True))
-    normal, shared = products_with_model(options, model, white.lines)
-    inner = options.inner_products(white.lines, kept)
-    return replace(
-        white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=inner
-    )
+def without_parts(
+    options: Options, white: Whitened, parts: Sequence[IntArray]
+) -> Iterator[Whitened]:
+    """Yield the same without the rows of each part in turn, whose numbers (r_j,) are given."""
+    inner = options.inner_products(white.noise, parts)
+    for part, inner_of_part in enumerate(inner):
+        kept = tuple(
+            one & (number != part) for one, number in zip(white.counted, parts, strict=True)
+        )
+        model = tuple(rows * some[:, None] for rows, some in zip(white.model, kept, strict=True))
+        gap = tuple(left * some for left, some in zip(white.gap, kept, strict=True))
+        normal, shared = products_with_model(
+            options, model, _drawn_back(options, white.noise, model)
+        )
+        left = {w: white.inner[w] - inner_of_part[w] for w in white.inner}
+        yield replace(
+            white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=left
+        )
+
+
+def _drawn_back(
+    options: Options, noise: Sequence[RowNoise], rows: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Wᵀ rows (r_j, q), of what differs from zero."""
+    return [
+        one.drawn_back(table, joint.segments) if table.any() else table
+        for one, table, joint in zip(noise, rows, options.ledger.joints, strict=True)
+    ]
 
 
 def products_with_model(
-    options: Options, model: Sequence[FloatArray], lines: Iterable[SingleArray]
+    options: Options, model: Sequence[FloatArray], right: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """XᵀX (b, b), and Xᵀ with all columns (b, p)."""
+    """XᵀX (b, b) of the model (r_j, c_j), and the products (b, p) of all columns with `right`."""
     b = options.ledger.parameters
     normal, shared = np.zeros((b, b)), np.zeros((b, options.count))
-    for joint, (rows, table, place) in enumerate(zip(model, lines, options.at, strict=True)):
+    for joint, (rows, drawn, table, place) in enumerate(
+        zip(model, right, options.lines, options.at, strict=True)
+    ):
         columns: IntArray = options.ledger.joints[joint].columns
         normal[np.ix_(columns, columns)] += rows.T @ rows
         if len(table):
             there = np.flatnonzero(place >= 0)
-            product = (table @ rows.astype(np.float32))[place[there]]
+            product = (table @ drawn.astype(np.float32))[place[there]]
             shared[np.ix_(columns, there)] += product.T
     return normal, shared
