@@ -59,13 +59,8 @@ class Count(_Declared, int):
 WIDEST_BAND = Setting(25.0, "Hz",
     "decimation cut-off that is proposed at most: arms have no rigid-body torque beyond, and "
     "loops are slower", PHYSICS)
-NARROWEST_BAND = Setting(0.5, "decimation cut-off of the identification",
-    "the same at least, where no loop can be simulated and the encoders' noise asks for less",
-    CHOSEN)
 POSITION_OVER_DECIMATION = Setting(2.5, "",
     "cut-off of the positions over that of the decimation", PAPER)
-ACCELERATION_NOISE = Setting(2.0, "standard deviation of the torque's noise",
-    "what noise of the acceleration may add in the band that is proposed", CHOSEN)
 LEAST_SPEED_SHARE = Setting(0.005, "largest speed of the joint",
     "speed below which the direction of a joint is unknown, where the configuration names none",
     CHOSEN)

@@ -19,7 +19,7 @@ from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.types import FloatArray
 
-_FLANKS = (12.0, 25.0, 50.0)  # Hz, of the link on a flank
+_FLANKS = (12.0, 40.0, 130.0)  # Hz, of the link on a flank
 # Of the bending of the flanks under the largest load.
 _LEAST_GAP = 0.3
 _WIDEST = 0.04  # rad, four times that of worn gears; the widest that is tried

@@ -1,6 +1,6 @@
 """The processing that the diagnosis proposes where the user leaves it open.
 
-The band in which candidates are looked for is as wide as the encoders' noise allows.
+The band in which candidates are looked for is wider than that of the identification.
 
 Rows beside a reversal count only where it is known when joints stick and slip. There dry friction
 crosses from one level to the other while the joint sticks. A simulated closed loop shows when;
@@ -10,23 +10,15 @@ friction, and the decimation filter smears that over the rows around.
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-from scipy.signal import welch
-
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
-from idim_iv_ros.estimation.least_squares import solve_least_squares
-from idim_iv_ros.estimation.observation import observation_rows
-from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
+from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
-from idim_iv_ros.simulation import joint_inertia
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.signals import REVERSAL_MARGIN
 
 _NYQUIST_MARGIN = 1.3  # of half of the sampling rate over the proposed cut-off of the positions
 _HIGHEST_CUTOFF = 0.4  # of the sampling rate: cut-off of the positions that is proposed at most
-_NOISE_SEGMENT = 2.0  # s of the spectrum from which the noise of the sensors is read
 
 
 def proposals(
@@ -37,43 +29,28 @@ def proposals(
     Parameters
     ----------
     sets
-        Recordings that are refitted apart from one another in one band: a simulator without noise
-        shows its motion up to any frequency, and the encoders of a robot do not.
+        Recordings that are refitted apart from one another in one band.
     """
-    if all(recording.position_reference is not None for part in sets for recording in part):
-        yield _proposed(sets, configuration, simulated=True)
-    yield _proposed(sets, configuration, simulated=False)
-
-
-def _proposed(
-    sets: Sequence[Sequence[Recording]], configuration: Configuration, *, simulated: bool
-) -> Configuration:
-    """Processing of the set with the narrowest band; reversals count in a simulated loop."""
-    options = [widened(part, configuration, simulated=simulated).processing for part in sets]
+    options = [widened(part, configuration).processing for part in sets]
     narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
     positions = [option.position_cutoff for option in options if option.position_cutoff is not None]
     if positions and configuration.processing.position_cutoff is None:
         position = max(min(positions), narrow.decimation_cutoff or 0.0)
         narrow = narrow.model_copy(update={"position_cutoff": position})
-    if simulated and narrow.reversal_margin is None:
-        narrow = narrow.model_copy(update={"reversal_margin": 0.0})
-    return configuration.model_copy(update={"processing": narrow})
+    if all(recording.position_reference is not None for part in sets for recording in part):
+        counting = narrow
+        if narrow.reversal_margin is None:
+            counting = narrow.model_copy(update={"reversal_margin": 0.0})
+        yield configuration.model_copy(update={"processing": counting})
+    yield configuration.model_copy(update={"processing": narrow})
 
 
-def widened(
-    recordings: Sequence[Recording], configuration: Configuration, *, simulated: bool
-) -> Configuration:
+def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
     """Propose a decimation cut-off for the diagnosis where the user names none.
 
-    What distinguishes effects (ripple, shafts, delays) lies higher than what identifies inertias.
-    White noise of standard deviation σ_q at the positions gives the torque of an inertia J the
-    density J² σ_q² (2πf)⁴; up to f its power is a share s² of the torque's own noise for
-    (2πf)² = √5 s σ_τ / (J σ_q).
-
-    Where no loop is `simulated`, the acceleration of the whole band is the measured one. Above
-    the motion's own band it is noise, which is in the torque of the inertias and, differentiated
-    again, in the candidates: a torque that follows its rate of change would be seen. There the band
-    only becomes narrower.
+    What distinguishes effects (ripple, shafts, play, delays) lies higher than what identifies
+    inertias. Encoders' noise, which grows as f² in the acceleration, costs nothing there: it is in
+    the noise by whose spectrum the rows are weighted.
     """
     processing = configuration.processing
     if processing.decimation_cutoff is not None:
@@ -81,20 +58,15 @@ def widened(
     prepared = prepare(recordings, configuration)
     rate = min(motion.signals.rate for motion in prepared.motions)
     measured = min(rate, *map(_effort_rate, recordings))
-    highest = min(
+    cutoff = min(
         settings.WIDEST_BAND,
         measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN),
     )
-    cutoff = min(_noise_limit(prepared), highest)
-    if simulated:
-        cutoff = max(cutoff, prepared.cutoffs.decimation)
-    else:
-        motion_band = prepared.cutoffs.decimation
-        cutoff = float(np.clip(cutoff, settings.NARROWEST_BAND * motion_band, motion_band))
+    cutoff = max(cutoff, prepared.cutoffs.decimation)
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
     if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
-        factor += -factor % settings.SAMPLES_PER_ROW
+        factor = settings.SAMPLES_PER_ROW * round(factor / settings.SAMPLES_PER_ROW)
     cutoff = edge * rate / (2.0 * factor)
     position = processing.position_cutoff
     if position is None:
@@ -110,33 +82,6 @@ def _effort_rate(recording: Recording) -> float:
     """Hz at which efforts are measured: those of a slower topic are interpolated to the grid."""
     topic = recording.effort.origin.rpartition(" ")[0]
     return next((clock.rate for clock in recording.clocks if clock.topic == topic), recording.rate)
-
-
-def _noise_limit(prepared: PreparedRegression) -> float:
-    """Hz, the least over the joints."""
-    model, motions = prepared.model, prepared.motions
-    rows = observation_rows(model, motions)
-    require_excitation(prepared, rows)
-    values = solve_least_squares(rows, len(model.base.columns)).values
-    position = motions[0].position
-    sample = position[:: max(1, len(position) // 50)]
-    inertia = np.abs(joint_inertia(model.robot, model.dynamic_parameters(values), sample))
-    noise_of_inertia = np.maximum(inertia * _noise(motions, "position"), 1e-30)
-    ratio = _noise(motions, "torque") / noise_of_inertia
-    return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)
-
-
-def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
-    """Standard deviation (n_joints,) of the noise in single samples: the upper half of the band."""
-    variances = []
-    for motion in motions:
-        values = getattr(motion.signals, quantity)
-        rate = motion.signals.rate
-        segment = min(len(values), max(64, int(_NOISE_SEGMENT * rate)))
-        frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
-        upper = density[frequency > 0.25 * rate]
-        variances.append(np.median(upper, axis=0) * rate / 2.0)
-    return np.asarray(np.sqrt(np.mean(variances, axis=0)))
 
 
 def reason_for_margin(
