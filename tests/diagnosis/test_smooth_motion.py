@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, record
@@ -12,7 +11,6 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
-from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
@@ -119,24 +117,16 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
         np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
 
 
-def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques() -> None:
-    """(2πf)² = √5 · 2 σ_τ / (J σ_q), J the largest inertia along the motion."""
+def test_band_is_as_wide_as_the_sampling_allows_whatever_the_noise_of_the_encoders() -> None:
+    """25 Hz at most, and a fifth of the Nyquist frequency of the recorded positions or torques."""
     arm = arm2(seconds=SECONDS)
-    model = arm.robot.pinocchio
-    links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
-    inertia = np.max(links, axis=0) + arm.truth.drive_inertia
     for noise in (4e-4, 1.6e-3):
-        changed = widened(
-            [recorded(arm, 1, position_noise=noise)], arm.configuration, simulated=True
-        )
-        cutoff = changed.processing.decimation_cutoff
-        assert cutoff is not None
-        limit = np.sqrt(np.sqrt(5.0) * 2.0 * np.array([0.45, 0.175]) / (inertia * noise))
-        # Inertias and both noises are estimates, and one sample in a multiple of five is kept.
-        assert cutoff == pytest.approx(float(limit.min()) / (2 * np.pi), rel=0.15)
+        changed = widened([recorded(arm, 1, position_noise=noise)], arm.configuration).processing
+        assert changed.decimation_cutoff == pytest.approx(25.0, rel=0.15)
+        assert changed.position_cutoff == pytest.approx(2.5 * changed.decimation_cutoff, rel=1e-6)
     named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})
     configured = arm.configuration.model_copy(update={"processing": named})
-    assert widened([recorded(arm, 1)], configured, simulated=True) is configured
+    assert widened([recorded(arm, 1)], configured) is configured
 
 
 def beside_reversals(data: Baseline) -> int:
@@ -273,15 +263,3 @@ def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm: SimulatedArm)
     assert beside_reversals(data) > 0
     configured = baseline([recorded(arm, 1)], arm.configuration)
     assert data.row_rate == configured.row_rate
-
-
-@pytest.mark.parametrize("world", [unreferenced, unstable])
-def test_without_a_simulated_loop_the_band_is_no_wider_than_the_motion(
-    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]]
-) -> None:
-    """Above the motion's own band its acceleration is noise, which then is in every column."""
-    recording, configuration = world(arm)
-    of_motion = prepare([recording], configuration).cutoffs.decimation
-    simulated = baseline([recorded(arm, 1)], arm.configuration).prepared.cutoffs.decimation
-    proposed = baseline([recording], configuration).prepared.cutoffs.decimation
-    assert proposed <= of_motion < simulated

@@ -192,3 +192,14 @@ def test_white_noise_bounds_what_the_past_predicts():
     model = fit_autoregression(series, whole(series), max_order=2)
     assert model.predictable_share > 0.99
     assert model.with_white_noise(0.1).predictable_share < 0.91
+
+
+def test_adjoint_gives_the_products_of_whitened_rows():
+    """One segment is shorter than the order."""
+    model = fit_autoregression(autocorrelated(11, AR4, 400), [slice(0, 400)], max_order=4)
+    random = np.random.default_rng(12)
+    columns, rows = random.standard_normal((60, 3)), random.standard_normal((60, 2))
+    segments = [slice(0, 2), slice(2, 35), slice(35, 60)]
+    expected = model.standardized(columns, segments).T @ rows
+    drawn = model.standardized_adjoint(rows, segments)
+    np.testing.assert_allclose(columns.T @ drawn, expected, rtol=1e-9, atol=1e-12)
