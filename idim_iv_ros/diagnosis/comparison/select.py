@@ -30,7 +30,6 @@ _MOST_TERMS = 8  # besides errors of signals, which every joint may have
 _ROUNDS = 18  # of adding one term
 _RESTARTS = 3
 _NOISE_VISITS = 3
-_ERROR_VISITS = 2  # the noise of the first is that of new numbers, too small
 _MOST_ERRORS = 5  # sizes of the nominal errors that are climbed with
 _MOST_CURVES = 3
 _ROWS_PER_COLUMN = 4
@@ -68,11 +67,10 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
         white = whitened(options, noise)
-        if visit < _ERROR_VISITS:
+        if errors is None:
             comparison, terms = _with_likely_errors(catalogue, options, white, torques, prior)
             errors = comparison.nominal.errors
         else:
-            assert errors is not None
             comparison = Comparison(
                 catalogue, NominalErrors(options, white, torques, errors), prior
             )
