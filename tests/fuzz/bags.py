@@ -86,7 +86,7 @@ def _places(content: bytes, kind: str, random: np.random.Generator, count: int) 
     if kind == "lengths":
         chosen = [records[int(k)] for k in random.integers(0, len(records), count)]
         return [start + 1 + int(random.integers(8)) for _, start, _ in chosen]
-    fitting = [each for each in records if _RECORDS.get(each[0]) == kind] or records
+    fitting = [record for record in records if _RECORDS.get(record[0]) == kind] or records
     chosen = [fitting[int(k)] for k in random.integers(0, len(fitting), count)]
     # The fields of a chunk are before its compressed messages.
     return [start + int(random.integers(min(size, 80))) for _, start, size in chosen]
@@ -184,7 +184,7 @@ def _content_case(name: str, change: Change, seed: int, what: str) -> Case:
     return Case(name, build)
 
 
-def _each(change: Callable[[State, int, np.random.Generator], object]) -> Change:
+def _every_state(change: Callable[[State, int, np.random.Generator], object]) -> Change:
     """Change every message in its place; the function gets its number."""
 
     def apply(all_states: list[State], random: np.random.Generator) -> list[State]:
@@ -196,11 +196,11 @@ def _each(change: Callable[[State, int, np.random.Generator], object]) -> Change
 
 
 def _set(**values: object) -> Change:
-    return _each(lambda state, _, __: [setattr(state, k, v) for k, v in values.items()])
+    return _every_state(lambda state, _, __: [setattr(state, k, v) for k, v in values.items()])
 
 
 def _sometimes(change: Callable[[State, np.random.Generator], object]) -> Change:
-    return _each(lambda s, _, random: change(s, random) if random.uniform() < 0.1 else None)
+    return _every_state(lambda s, _, random: change(s, random) if random.uniform() < 0.1 else None)
 
 
 def _swap(state: State, random: np.random.Generator) -> None:
@@ -213,7 +213,7 @@ _CONTENTS: dict[str, Change] = {
     "permuted": _sometimes(_swap),
     "names-alone-permuted": _set(names=JOINTS[::-1]),
     "doubled-name": _set(names=("joint_1", "joint_1")),
-    "third-joint": _each(
+    "third-joint": _every_state(
         lambda s, _, __: [setattr(s, "names", (*JOINTS, "joint_1")),
                           setattr(s, "position", np.append(s.position, 1.0)),
                           setattr(s, "effort", np.append(s.effort, 1.0)) if len(s.effort) else 0]
@@ -245,12 +245,12 @@ _CONTENTS: dict[str, Change] = {
 
 
 def _stamps(function: Callable[[float, int], float]) -> Change:
-    return _each(lambda s, number, _: setattr(s, "stamp", function(s.stamp, number)))
+    return _every_state(lambda s, number, _: setattr(s, "stamp", function(s.stamp, number)))
 
 
 _STAMPS: dict[str, Change] = {
     "zero-stamps": _stamps(lambda t, k: 0.0),
-    "same-stamp-everywhere": _each(lambda s, _, __: [setattr(s, "stamp", 7.0),
+    "same-stamp-everywhere": _every_state(lambda s, _, __: [setattr(s, "stamp", 7.0),
                                                       setattr(s, "arrival", 7.0)]),
     "backward": _stamps(lambda t, k: 10.0 - t),
     "back-and-forth": _stamps(lambda t, k: t if k % 2 else 4.0 - t),
@@ -267,12 +267,12 @@ _STAMPS: dict[str, Change] = {
     "years-apart": _stamps(lambda t, k: 2.5e6 * (k // 2)),
     "ever-slower": _stamps(lambda t, k: 1.01 ** (k // 2)),
     "in-pairs": _stamps(lambda t, k: 0.01 * (k // 4)),
-    "reference-a-year-ago": _each(
+    "reference-a-year-ago": _every_state(
         lambda s, _, __: setattr(s, "stamp", s.stamp - 3e7 * (s.topic == REFERENCE) + 4e7)
     ),
-    "arrival-zero": _each(lambda s, _, __: setattr(s, "arrival", 0.0)),
-    "arrival-huge": _each(lambda s, k, __: setattr(s, "arrival", 9.2e9)),
-    "arrival-backward": _each(lambda s, k, __: setattr(s, "arrival", 9.0 - s.stamp)),
+    "arrival-zero": _every_state(lambda s, _, __: setattr(s, "arrival", 0.0)),
+    "arrival-huge": _every_state(lambda s, k, __: setattr(s, "arrival", 9.2e9)),
+    "arrival-backward": _every_state(lambda s, k, __: setattr(s, "arrival", 9.0 - s.stamp)),
     "shuffled": lambda states, random: [states[k] for k in random.permutation(len(states))],
     "twice": lambda states, _: [*states, *states],
     "every-message-twice": lambda states, _: [s for s in states for _ in range(2)],
@@ -286,7 +286,7 @@ def _values(position: Callable | None = None, effort: Callable | None = None) ->
         if effort is not None and len(state.effort):
             state.effort = np.asarray(effort(state.effort, number), dtype=float)
 
-    return _each(change)
+    return _every_state(change)
 
 
 _REFERENCE_FACTOR = {STATES: 1.0, REFERENCE: np.nan}
@@ -314,10 +314,10 @@ _VALUES: dict[str, Change] = {
     "wrap": _values(lambda v, k: (3.0 * v + np.pi) % (2 * np.pi) - np.pi),
     "same-joints": _values(lambda v, k: v[[0, 0]], lambda v, k: v[[0, 0]]),
     "constant-effort": _values(effort=lambda v, k: 0.0 * v + 5.0),
-    "huge-reference": _each(
+    "huge-reference": _every_state(
         lambda s, _, __: setattr(s, "position", s.position * (1e300 if s.topic == REFERENCE else 1))
     ),
-    "nan-reference": _each(
+    "nan-reference": _every_state(
         lambda s, _, __: setattr(s, "position", s.position * _REFERENCE_FACTOR[s.topic])
     ),
 }  # fmt: skip
@@ -358,8 +358,8 @@ def _schemas() -> Iterator[Case]:
 
         def payload(folder: Path, good: Good, change=change) -> list[str]:
             raw = [
-                Raw(each.topic, each.arrival, change(each.payload, k), each.kind)
-                for k, each in enumerate(messages.raw(messages.states(good)))
+                Raw(message.topic, message.arrival, change(message.payload, k), message.kind)
+                for k, message in enumerate(messages.raw(messages.states(good)))
             ]
             return command("check", folder, [messages.write_mcap(folder / "bag.mcap", raw)])
 

@@ -70,14 +70,14 @@ _WITH_IDENTIFICATION = ("identification",)
 
 def keys(model: type[BaseModel] = Configuration, before: tuple[str, ...] = ()) -> list[tuple]:
     """Paths of all keys, sections too; `source` is no key of the file."""
-    found = []
+    paths = []
     for name, field in model.model_fields.items():
         if field.exclude:
             continue
-        found.append((*before, name))
+        paths.append((*before, name))
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            found += keys(field.annotation, (*before, name))
-    return found
+            paths += keys(field.annotation, (*before, name))
+    return paths
 
 
 def cases(seed: int) -> Iterator[Case]:

@@ -43,7 +43,8 @@ def _effect_case(name: str, effect: str, seed: int) -> Case:
         names = [spec.name.replace("_k", "_1") for spec in BY_NAME[effect].specs] or ["a"]
         wrong = random.choice(names)
         entries = {
-            each: Yaml(str(random.choice(_NUMBERS)) if each == wrong else "0.5") for each in names
+            parameter: Yaml(str(random.choice(_NUMBERS)) if parameter == wrong else "0.5")
+            for parameter in names
         }
         cause = {
             "effect": effect,

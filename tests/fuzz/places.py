@@ -207,7 +207,7 @@ def _out(text: str, how: str = "identify") -> Callable[[Path, Good], list[str]]:
     return lambda folder, good: _writing(how, folder, good, folder / text)
 
 
-def _holds(*names: str, how: str = "identify") -> Callable[[Path, Good], list[str]]:
+def _holding(*names: str, how: str = "identify") -> Callable[[Path, Good], list[str]]:
     """The folder for the results holds files that this program did not write."""
 
     def build(folder: Path, good: Good) -> list[str]:
@@ -222,7 +222,7 @@ def _holds(*names: str, how: str = "identify") -> Callable[[Path, Good], list[st
     return build
 
 
-def _over_its_own_input(folder: Path, good: Good) -> list[str]:
+def _over_the_configuration(folder: Path, good: Good) -> list[str]:
     config = write_configuration(folder)
     return ["simulate", "--config", str(config), "--out", str(config), "--duration", "1"]
 
@@ -265,9 +265,9 @@ _OUTPUTS: dict[str, Callable[[Path, Good], list[str]]] = {
     "import-of-245-bytes": _out("x" * 245 + ".mcap", "import"),
     "missing-folder-of-import": _out("none/o.mcap", "import"),
     "import-elsewhere": _out("o.bag", "import"),
-    "result-is-a-folder": _holds("result.json/"),
-    "report-is-a-folder": _holds("report.html/"),
-    "config-is-the-bag": _over_its_own_input,
+    "result-is-a-folder": _holding("result.json/"),
+    "report-is-a-folder": _holding("report.html/"),
+    "config-is-the-bag": _over_the_configuration,
     "table-is-the-bag": _import_over_its_table,
     "truth-is-a-folder": _truth_is_a_folder,
     "second-seed-is-a-folder": _second_seed_is_a_folder,

@@ -108,17 +108,17 @@ def _places_of_results(arguments: list[str]) -> list[str]:
 
 def faults(outcome: Outcome, *, refused: bool) -> list[str]:
     """Everything a user would call a defect, apart from files."""
-    found = []
+    defects = []
     if outcome.seconds > SECONDS or outcome.status == -signal.SIGKILL:
         return [f"took more than {SECONDS:g} s"]
     if outcome.status not in _STATUSES:
-        found.append(f"status {outcome.status}")
+        defects.append(f"status {outcome.status}")
     elif refused and outcome.status == 0 and "Warning" not in outcome.out + outcome.error:
-        found.append("accepted in silence")
+        defects.append("accepted in silence")
     if outcome.memory > MEMORY:
-        found.append(f"took {outcome.memory / MEMORY:.1f} GB")
+        defects.append(f"took {outcome.memory / MEMORY:.1f} GB")
     text = outcome.out + outcome.error
-    found += [f"says {word!r}" for word in _FORBIDDEN if word in text]
+    defects += [f"says {word!r}" for word in _FORBIDDEN if word in text]
     lines = [line for line in outcome.error.splitlines() if line.strip()]
     panel = [line for line in lines if _USAGE_PANEL.match(line)]
     said = [line for line in lines if line.startswith(_PROGRAM)]
@@ -126,20 +126,20 @@ def faults(outcome: Outcome, *, refused: bool) -> list[str]:
     ours = panel + said + warned
     other = [line for line in lines if line not in ours and not _PROGRESS.match(line)]
     if other:
-        found.append(f"on stderr: {other[0][:200]}")
+        defects.append(f"on stderr: {other[0][:200]}")
     shown = panel or any(words in outcome.out for words in _SHOWN)
     if outcome.status in (1, 2) and not shown and len(said) != 1:
-        found.append(f"{len(said)} lines say what is wrong")
-    return found
+        defects.append(f"{len(said)} lines say what is wrong")
+    return defects
 
 
 def files_of(folder: Path) -> dict[str, tuple[int, int]]:
     """Size and time of everything in a folder."""
-    found = {}
+    files = {}
     for path in sorted(folder.rglob("*")):
         state = path.lstat()
-        found[str(path.relative_to(folder))] = (state.st_size, state.st_mtime_ns)
-    return found
+        files[str(path.relative_to(folder))] = (state.st_size, state.st_mtime_ns)
+    return files
 
 
 def file_faults(
@@ -148,19 +148,19 @@ def file_faults(
     """Files that are half-written, or changed by a command that was refused."""
     after = files_of(folder)
     new = {name for name in after if name not in before}
-    found = [f"left {name}" for name in new if re.search(r"\.(part|tmp)$", name)]
+    defects = [f"left {name}" for name in new if re.search(r"\.(part|tmp)$", name)]
     changed = {n for n in before if after.get(n) != before[n] and not (folder / n).is_dir()}
     if status != 0 and new | changed:
-        found.append(f"refused, but wrote {', '.join(sorted(new | changed))}")
+        defects.append(f"refused, but wrote {', '.join(sorted(new | changed))}")
     complete = _COMPLETE.get(arguments[0] if arguments else "")
     if status == 0 and complete and any(n.startswith("out") for n in new):
         written = {path.name for path in (folder / "out").iterdir()}
         if written != complete:
-            found.append(f"out holds {', '.join(sorted(written))}")
+            defects.append(f"out holds {', '.join(sorted(written))}")
     for name in new:
         if name.endswith(".json"):
-            found += _json_faults(folder / name)
-    return found
+            defects += _json_faults(folder / name)
+    return defects
 
 
 def _json_faults(path: Path) -> list[str]:

@@ -53,9 +53,9 @@ def _changed(whole: dict[str, Any], seed: int, name: str) -> Callable[[], str]:
     def text() -> str:
         random, content = random_of(seed, name), copy.deepcopy(whole)
         places = list(_places(content))
-        *above, last = places[int(random.integers(len(places)))]
+        *parents, last = places[int(random.integers(len(places)))]
         inside = content
-        for key in above:
+        for key in parents:
             inside = inside[key]
         inside[last] = _WRONG[int(random.integers(len(_WRONG)))]
         return json.dumps(content)
@@ -63,12 +63,12 @@ def _changed(whole: dict[str, Any], seed: int, name: str) -> Callable[[], str]:
     return text
 
 
-def _places(content: Any, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def _places(content: Any, parents: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     keys = content.keys() if isinstance(content, dict) else range(len(content))
     for key in keys:
-        yield (*above, key)
+        yield (*parents, key)
         if isinstance(content[key], dict | list):
-            yield from _places(content[key], (*above, key))
+            yield from _places(content[key], (*parents, key))
 
 
 def _replay(name: str, option: str, file: str, text: Callable[[], str]) -> Case:

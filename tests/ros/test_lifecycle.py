@@ -75,10 +75,10 @@ def arm(robot_file: Callable[[str], Path]) -> Path:
 
 
 def test_requests_are_accepted_between_activation_and_deactivation(
-    own_context, tmp_path: Path, arm: Path, capfd
+    begin_ros, tmp_path: Path, arm: Path, capfd
 ) -> None:
     (tmp_path / "bag.mcap").write_bytes(bytes(100))
-    own_context(
+    begin_ros(
         autostart="false",
         configuration=arm,
         bag_directory=tmp_path,

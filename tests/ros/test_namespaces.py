@@ -97,7 +97,7 @@ def test_two_recorders_record_each_its_own_robot(
     assert "/motion/reference" in str(refused.value)
 
 
-def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: Path) -> None:
+def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Path) -> None:
     configuration = load_configuration(ARM2)
     urdf = configuration.robot.urdf
     simulated = simulated_robot(configuration, read_urdf_file(urdf), urdf.name)
@@ -115,7 +115,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: P
         identify([tmp_path / "both.mcap"], configuration, estimator="idim-ls")
     expected = identify([tmp_path / "right.mcap"], configuration, estimator="idim-ls")
     folders = {"bag_directory": tmp_path, "output_directory": tmp_path / "results"}
-    own_context("-r", "__ns:=/right", configuration=ARM2, **folders)
+    begin_ros("-r", "__ns:=/right", configuration=ARM2, **folders)
     workers: list[ToldWorker] = []
     identifier = Identifier((), lambda heard: workers.append(ToldWorker(heard)) or workers[-1])
     identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))

@@ -16,7 +16,7 @@ from visualization_msgs.msg import MarkerArray
 from idim_iv_interfaces.msg import IdentificationResult, Prediction
 from idim_iv_ros.nodes.predictor.node import Predictor, colour_of, residual_markers
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
-from tests.ros.conftest import context_of_its_own
+from tests.ros.conftest import another_context
 from tests.ros.processes import Observer
 
 JOINTS = configured().robot.joints
@@ -124,7 +124,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def predictor(results: Path) -> Iterator[Heard]:
     """A predictor in this process, spun by who hears it."""
-    with context_of_its_own() as begin:
+    with another_context() as begin:
         begin(
             *("-r", "joint_states:=/played_joint_states"),
             configuration=YAML,
