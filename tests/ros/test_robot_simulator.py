@@ -18,10 +18,9 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.nodes.simulator import node as simulator_node
 from idim_iv_ros.recording import read_recordings
 from tests.ros.conftest import ARM2
-from tests.ros.identifier_client import IdentifierClient
+from tests.ros.identifier_client import IdentifierClient, require_truth
 from tests.ros.launch_file import launched_nodes
 from tests.ros.processes import HANG, LATCHED, ROOT, end_all, start_launched, start_node
-from tests.ros.true_parameters import require_truth
 
 LONGEST_SILENCE = 2.0  # s
 
