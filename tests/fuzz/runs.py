@@ -1,18 +1,12 @@
-"""One run of the command line on a bad input, and what must not be seen of it."""
+"""What must not be seen of one run of the command line on a bad input."""
 
 import json
-import os
 import re
 import signal
-import subprocess
-import sys
-from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
-from tests.fuzz.case import CONFIG
+from tests.command_line import SECONDS, Outcome
 
-SECONDS = 20.0
 MEMORY = 1 << 30
 _STATUSES = (0, 1, 2)
 _COMPLETE = {"identify": {"result.json", "report.html"}, "diagnose": {"gap.json", "report.html"}}
@@ -24,86 +18,6 @@ _USAGE_PANEL = re.compile(r"^(Usage: idim-iv|Try 'idim-iv|[╭│╰])")
 # What tells on stdout why the status is not 0: help, and the table or the document of `check`.
 _SHOWN = ("Usage: idim-iv", "Not usable", '"usable": false')
 _FORBIDDEN = ("Traceback", "defect in", "not enough memory")
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a user sees, and what the machine gave: seconds and bytes."""
-
-    status: int
-    out: str
-    error: str
-    seconds: float
-    memory: int
-
-
-class CommandLine:
-    """`idim-iv` in forked processes of one that has everything loaded."""
-
-    def __init__(self, logs: Path) -> None:
-        environment = {**os.environ, "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
-        environment.pop("IDIM_IV_TRACEBACK", None)
-        self._logs = logs
-        self._server = subprocess.Popen(
-            [sys.executable, "-m", "tests.fuzz.server"],
-            cwd=CONFIG.parent,
-            env=environment,
-            stdin=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
-    def warm_up(self, arguments: list[str]) -> int:
-        """Run a command in the process that is forked, so that what it loads is there for all."""
-        return int(self._ask({"arguments": arguments, "here": True})["status"])
-
-    def run(self, arguments: list[str], folder: Path) -> Outcome:
-        """Run a command in a process of its own; one that takes too long is killed.
-
-        Raises
-        ------
-        ValueError
-            Its results would go to another place than `folder`, where they could replace a
-            device or somebody's file.
-        """
-        for place in _places_of_results(arguments):
-            if not Path(os.path.normpath(folder / place)).is_relative_to(folder):
-                raise ValueError(f"results outside of {folder}: {place}")
-        answer = self._ask(
-            {
-                "arguments": [os.fsencode(a).decode("latin-1") for a in arguments],
-                "folder": str(folder),
-                "log": str(self._logs),
-                "seconds": SECONDS,
-            }
-        )
-        out, error = (
-            (self._logs / name).read_text(encoding="utf-8", errors="replace")
-            for name in ("stdout", "stderr")
-        )
-        return Outcome(answer["status"], out, error, answer["seconds"], answer["memory"])
-
-    def close(self) -> None:
-        """End the process."""
-        assert self._server.stdin is not None
-        self._server.stdin.close()
-        self._server.wait(120.0)
-
-    def _ask(self, request: dict) -> dict:
-        assert self._server.stdin is not None
-        assert self._server.stderr is not None
-        self._server.stdin.write(json.dumps(request) + "\n")
-        self._server.stdin.flush()
-        for line in self._server.stderr:
-            if line.startswith('{"status"'):
-                return json.loads(line)
-        raise RuntimeError("the process that runs the commands has ended")
-
-
-def _places_of_results(arguments: list[str]) -> list[str]:
-    """What follows --out, and the bag of an import."""
-    after = [b for a, b in pairwise(arguments) if a in ("--out", "import")]
-    return after + [a.partition("=")[2] for a in arguments if a.startswith("--out=")]
 
 
 def faults(outcome: Outcome, *, refused: bool) -> list[str]:

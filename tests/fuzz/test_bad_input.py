@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import CommandLine
 from tests.fuzz import (
     arguments,
     bags,
@@ -19,7 +20,7 @@ from tests.fuzz import (
 )
 from tests.fuzz.case import Case, Good
 from tests.fuzz.options import answer_faults, with_options
-from tests.fuzz.runs import CommandLine, faults, file_faults, files_of
+from tests.fuzz.runs import faults, file_faults, files_of
 
 _FAMILIES = (
     bags,
