@@ -6,6 +6,7 @@ seconds of computation, bytes of memory. What was written is in ``stdout`` and `
 folder ``log``.
 """
 
+import gc
 import json
 import os
 import resource
@@ -119,6 +120,7 @@ def serve() -> None:
 
 
 def _forked(request: dict) -> dict:
+    gc.freeze()
     started = time.monotonic()
     child = os.fork()
     if child == 0:
