@@ -69,7 +69,7 @@ def _drawn() -> list[Case]:
 
 def _seen(case: Case, folder: Path, fuzzed: tuple[CommandLine, Good]) -> list[str]:
     line, good = fuzzed
-    arguments_ = case.build(folder, good)
+    arguments_ = case.build(folder, good, None)
     before = files_of(folder)
     outcome = line.run(arguments_, folder)
     defects = faults(outcome, refused=case.refused)

@@ -27,6 +27,7 @@ class IdentifierClient:
         self.node = observer.node
         observer.statuses.pop(self.name, None)
         observer.until(lambda: self.diagnosis("identification")[1], "the identifier")
+        self.wait = observer.wait
         self.service = observer.client(Identify, f"/{self.name}/identify")
         self.connect()
 
@@ -50,10 +51,6 @@ class IdentifierClient:
 
     def identify(self, *bags: str | Path, **request: object) -> Identify.Response:
         return self.wait(self.ask(*bags, **request))
-
-    def wait(self, future):
-        self.observer.until(future.done, "an answer")
-        return future.result()
 
     def goal(self, *bags: str | Path, feedback: list | None = None, **request: object):
         """Send a goal and return its handle."""

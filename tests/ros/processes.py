@@ -333,8 +333,11 @@ class Observer:
 
     def request(self, kind: type, name: str, **fields: object) -> Any:
         """Call a service and return its answer."""
-        future = self.client(kind, name).call_async(kind.Request(**fields))
-        self.until(future.done, f"answer of {name}")
+        return self.wait(self.client(kind, name).call_async(kind.Request(**fields)))
+
+    def wait(self, future: rclpy.Future) -> Any:
+        """Spin until there is an answer and return it."""
+        self.until(future.done, "an answer")
         return future.result()
 
 
