@@ -1,9 +1,11 @@
 """Every command and every program that a page shows does what the page says."""
 
+import os
 import re
 import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +21,8 @@ from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks,
 
 RUNS = {"bash", "python"}
 IDIM_IV = re.compile(r"^idim-iv ((?:.*\\\n)*.*)$", flags=re.MULTILINE)
+PATHS = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+SHELL = {**os.environ, "PATH": PATHS, "PYTHONPATH": str(ROOT)}
 PATIENCE = 300.0  # s of computation
 ARM2 = "config/arm2.yaml"
 READ = {"text", "yaml", "json"}
@@ -85,7 +89,7 @@ def shell_outcomes(text: str, folder: Path, line: CommandLine) -> Iterator[Outco
             yield line.run(arguments, folder, seconds=PATIENCE)
         elif part.strip():
             call = ["bash", "-euo", "pipefail", "-c", part]
-            ended = subprocess.run(call, cwd=folder, capture_output=True, text=True)
+            ended = subprocess.run(call, cwd=folder, env=SHELL, capture_output=True, text=True)
             yield Outcome(ended.returncode, ended.stdout, ended.stderr, 0.0, 0)
 
 
