@@ -51,15 +51,15 @@ def collect(folder: Path) -> list[dict[str, Any]]:
             refit = refitted(read_configured(bags, configuration), configuration, ())
         except DataError:
             return []
-        judged = compared(refit, ())
+        comparison = compared(refit, ())
     joints = refit.data.joints
     return [
         {
-            "effect": each.term.key[0],
-            "joint": None if each.term.key[1] is None else joints[each.term.key[1]],
-            "features": each.features.tolist(),
+            "effect": candidate.term.key[0],
+            "joint": None if candidate.term.key[1] is None else joints[candidate.term.key[1]],
+            "features": candidate.features.tolist(),
         }
-        for each in (*judged.effects, *judged.numbers, *judged.doubtful)
+        for candidate in (*comparison.effects, *comparison.numbers, *comparison.doubtful)
     ]
 
 

@@ -107,7 +107,7 @@ def write_cell(folder: Path, cell: Cell, seed: int) -> tuple[list[Path], list[Pa
     """Draw the robot, calibrate what it has, record both sets."""
     given = given_robot(cell.robot)
     streams = np.random.SeedSequence([20261, seed]).spawn(4)
-    robot, motion, shape, noise = (np.random.default_rng(each) for each in streams)
+    robot, motion, shape, noise = (np.random.default_rng(stream) for stream in streams)
     world = plain_world(given, robot, altered=True)
     courses = [
         Course(*rich_motion(given, motion, cell.seconds), int(noise.integers(2**31)))
@@ -115,7 +115,7 @@ def write_cell(folder: Path, cell: Cell, seed: int) -> tuple[list[Path], list[Pa
     ]
     floor = session(world, courses[:2])
     both, one = (
-        _applied(world, each, shape, courses[:2], floor) for each in (cell.common, cell.changed)
+        _applied(world, asked, shape, courses[:2], floor) for asked in (cell.common, cell.changed)
     )
     plain = both(world)
     worlds = (one(plain), plain) if cell.vanishes else (plain, one(plain))
@@ -129,7 +129,7 @@ def write_cell(folder: Path, cell: Cell, seed: int) -> tuple[list[Path], list[Pa
         )
         every = cell.slower if which else 1
         path = folder / f"{'AB'[which]}{number % 2 + 1}.mcap"
-        stamps, *rest = (each[::every] for each in signals)
+        stamps, *rest = (signal[::every] for signal in signals)
         stamps = stamps + 100.0 * (1 + number)
         position, velocity, effort, wanted, speed = rest
         joints = given.joints
@@ -218,7 +218,7 @@ def _in_mujoco(world: World, course: Course) -> Signals:
 
 
 @dataclass(frozen=True)
-class Judged:
+class CellScore:
     """Whether what changed was named, and what else was."""
 
     named: bool
@@ -227,7 +227,7 @@ class Judged:
     seconds: float
 
 
-def judge(cell: Cell, result: ContrastResult, seconds: float) -> Judged:
+def judge(cell: Cell, result: ContrastResult, seconds: float) -> CellScore:
     """Hold the answer against what was built in; a load belongs to no joint."""
     joints = load_configuration(given_robot(cell.robot).yaml).robot.joints
     wanted: set[tuple[str, str | None]] = set()
@@ -240,31 +240,31 @@ def judge(cell: Cell, result: ContrastResult, seconds: float) -> Judged:
     named, others = False, []
     for cause in result.causes:
         mine = {(cause.effect, cause.joint)}
-        mine |= {(each.effect, each.joint) for each in cause.indistinguishable_from}
+        mine |= {(other.effect, other.joint) for other in cause.indistinguishable_from}
         if wanted & mine:
             named = True
         else:
             others.append(f"{cause.effect} at {cause.joint}")
     others += list(result.unattributed)
-    return Judged(named, tuple(others), result.sentence, seconds)
+    return CellScore(named, tuple(others), result.sentence, seconds)
 
 
-def run(out: Path, only: str = "", *, judged_before: bool = False) -> list[tuple[Cell, Judged]]:
+def run(out: Path, only: str = "", *, stored_only: bool = False) -> list[tuple[Cell, CellScore]]:
     """Write, diagnose and judge the cells; those that were judged before are read.
 
-    `judged_before`: read these alone.
+    `stored_only`: judge no others.
     """
-    found = []
+    scores = []
     for seed, cell in enumerate(cells()):
         if only and only not in cell.name:
             continue
         folder = out / f"{seed:02d}_{cell.name}"
-        kept = folder / "judged.json"
-        if judged_before and not kept.is_file():
+        file = folder / "judged.json"
+        if stored_only and not file.is_file():
             continue
-        if kept.is_file():
-            document = json.loads(kept.read_text())
-            judged = Judged(
+        if file.is_file():
+            document = json.loads(file.read_text())
+            score = CellScore(
                 document["named"],
                 tuple(document["others"]),
                 document["sentence"],
@@ -277,26 +277,26 @@ def run(out: Path, only: str = "", *, judged_before: bool = False) -> list[tuple
             with one_thread():
                 sets = [read_configured(bags, configuration) for bags in (reference, against)]
                 result = contrasted(*sets, configuration)
-            judged = judge(cell, result, time.perf_counter() - started)
-            kept.write_text(json.dumps(vars(judged)))
+            score = judge(cell, result, time.perf_counter() - started)
+            file.write_text(json.dumps(vars(score)))
         print(
-            f"{folder.name}: named {judged.named}, others {list(judged.others)}, "
-            f"{judged.seconds:.0f} s"
+            f"{folder.name}: named {score.named}, others {list(score.others)}, "
+            f"{score.seconds:.0f} s"
         )
-        print(f"    {judged.sentence}", flush=True)
-        found.append((cell, judged))
-    return found
+        print(f"    {score.sentence}", flush=True)
+        scores.append((cell, score))
+    return scores
 
 
-def page_lines(found: list[tuple[Cell, Judged]]) -> list[str]:
+def page_lines(scores: list[tuple[Cell, CellScore]]) -> list[str]:
     """Figures and one row for each cell."""
-    changed = [judged for cell, judged in found if cell.changed is not None]
-    same = [judged for cell, judged in found if cell.changed is None]
-    named = sum(each.named for each in changed)
-    alone = sum(not each.others for each in changed)
-    quiet = sum(not each.others for each in same)
+    changed = [score for cell, score in scores if cell.changed is not None]
+    same = [score for cell, score in scores if cell.changed is None]
+    named = sum(score.named for score in changed)
+    alone = sum(not score.others for score in changed)
+    quiet = sum(not score.others for score in same)
     lines = [
-        f"Cells that were judged: {len(found)} of {len(list(cells()))}.",
+        f"Cells that were judged: {len(scores)} of {len(list(cells()))}.",
         "",
         "| figure | found | target |",
         "|---|---|---|",
@@ -307,10 +307,10 @@ def page_lines(found: list[tuple[Cell, Judged]]) -> list[str]:
         "| cell | named | beside it | s |",
         "|---|---|---|---|",
     ]
-    for cell, judged in found:
-        hit = "–" if cell.changed is None else "yes" if judged.named else "no"
+    for cell, score in scores:
+        hit = "–" if cell.changed is None else "yes" if score.named else "no"
         lines.append(
-            f"| {cell.name} | {hit} | {'; '.join(judged.others) or '–'} | {judged.seconds:.0f} |"
+            f"| {cell.name} | {hit} | {'; '.join(score.others) or '–'} | {score.seconds:.0f} |"
         )
     return lines
 
@@ -322,11 +322,11 @@ def main() -> None:
     parser.add_argument("--judged", action="store_true", help="only those judged before")
     parser.add_argument("--page", action="store_true", help="write benchmarks/results/contrast.md")
     arguments = parser.parse_args()
-    found = run(arguments.out, arguments.only, judged_before=arguments.judged)
+    scores = run(arguments.out, arguments.only, stored_only=arguments.judged)
     if arguments.page:
-        write_page("contrast", "Contrast of two sets of recordings", page_lines(found))
+        write_page("contrast", "Contrast of two sets of recordings", page_lines(scores))
     else:
-        print("\n".join(page_lines(found)))
+        print("\n".join(page_lines(scores)))
 
 
 if __name__ == "__main__":

@@ -55,8 +55,8 @@ def run(checkout: Path, configuration: Path, bags: Sequence[Path]) -> dict[str, 
         cwd=checkout,
         env={**os.environ, **one},
     )
-    found: dict[str, object] = json.loads(ended.stdout.splitlines()[-1])
-    return found
+    measured: dict[str, object] = json.loads(ended.stdout.splitlines()[-1])
+    return measured
 
 
 def compared(
@@ -65,14 +65,14 @@ def compared(
     """Lines of a table: stages, their median seconds with each version, and the median ratio."""
     for checkout in checkouts:
         run(checkout, configuration, bags)
-    runs = [[run(each, configuration, bags) for each in checkouts] for _ in range(pairs)]
-    stages = list(dict.fromkeys(stage for each in runs[0] for stage in each["spent"]))  # type: ignore[attr-defined]
+    runs = [[run(checkout, configuration, bags) for checkout in checkouts] for _ in range(pairs)]
+    stages = list(dict.fromkeys(stage for measured in runs[0] for stage in measured["spent"]))  # type: ignore[attr-defined]
     rows = {
-        stage: [[each["spent"].get(stage, 0.0) for each in pair] for pair in runs]  # type: ignore[attr-defined]
+        stage: [[measured["spent"].get(stage, 0.0) for measured in pair] for pair in runs]  # type: ignore[attr-defined]
         for stage in stages
     }
-    rows["all, s"] = [[sum(each["spent"].values()) for each in pair] for pair in runs]  # type: ignore[attr-defined]
-    rows["peak memory, MB"] = [[float(str(each["peak"])) for each in pair] for pair in runs]
+    rows["all, s"] = [[sum(measured["spent"].values()) for measured in pair] for pair in runs]  # type: ignore[attr-defined]
+    rows["peak memory, MB"] = [[float(str(measured["peak"])) for measured in pair] for pair in runs]
     names = ["this version", "the other", "ratio"][: 1 if len(checkouts) == 1 else 3]
     lines = ["", f"| {configuration.stem}: stage, s | {' | '.join(names)} |"]
     lines.append("|---|" + "---|" * len(names))

@@ -64,9 +64,9 @@ def seven_joints(folder: Path) -> list[str]:
         matrix = arm.regressor(q[None], dq[None], ddq[None])[0]
         state.qpos[:], state.qvel[:], state.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, state)
-        found = (pin.rnea(tree, data, q, dq, ddq), state.qfrc_inverse)
+        torques = (pin.rnea(tree, data, q, dq, ddq), state.qfrc_inverse)
         for k, (torque, expected) in enumerate(
-            zip(found, (matrix @ rigid, matrix @ smooth), strict=True)
+            zip(torques, (matrix @ rigid, matrix @ smooth), strict=True)
         ):
             worst[k] = max(worst[k], float(np.abs(torque - expected).max()))
     return [

@@ -112,13 +112,13 @@ def warnings(folder: Path) -> None:
         parameters.update({key: parameters[key] * factor for key, factor in factors.items()})
         robot = configuration.simulated_robot.model_copy(update={"parameters": parameters})
         changed = configuration.model_copy(update={"simulated_robot": robot})
-        judged = [
+        runs = [
             played(model, recorded(changed, folder, seed, 30.0))[2]
             for seed in range(11, 11 + MOTIONS)
         ]
-        warned = sum(warns for each in judged for _, warns in each)
-        total = sum(map(len, judged))
-        first = [next((at for at, warns in each if warns), None) for each in judged]
+        warned = sum(warns for run in runs for _, warns in run)
+        total = sum(map(len, runs))
+        first = [next((at for at, warns in run if warns), None) for run in runs]
         times = ", ".join("never" if at is None else f"{at:.0f} s" for at in first)
         print(f"| {name} | {warned} of {total} | {times} |", flush=True)
 

@@ -25,7 +25,7 @@ class Measurement:
 
 def measure(module: str, case: str, runs: int = 3) -> Measurement:
     """Run ``python -m module case`` in fresh processes; the run with the median time counts."""
-    found = []
+    measurements = []
     for _ in range(runs):
         completed = subprocess.run(
             [sys.executable, "-m", module, case],
@@ -35,8 +35,8 @@ def measure(module: str, case: str, runs: int = 3) -> Measurement:
             env={**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"},
         )
         document = json.loads(completed.stdout.splitlines()[-1])
-        found.append(Measurement(document.pop("seconds"), document.pop("peak"), document))
-    return sorted(found, key=lambda measurement: measurement.seconds)[len(found) // 2]
+        measurements.append(Measurement(document.pop("seconds"), document.pop("peak"), document))
+    return sorted(measurements, key=lambda measurement: measurement.seconds)[len(measurements) // 2]
 
 
 def measure_pair(

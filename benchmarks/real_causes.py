@@ -47,7 +47,7 @@ class Case:
         Names that are right; one is enough for each inner tuple. A joint of None stands for any.
     control : str
         Case that has what this one lacks.
-    confirmed : dict of effect to str
+    documented : dict of effect to str
         Effects that another source confirms: which.
     contradicted : tuple of str
         Effects that the recording is known not to have.
@@ -63,7 +63,7 @@ class Case:
     make: Callable[[Path, Path], tuple[Sequence[Path], Path]]
     expected: tuple[tuple[Name, ...], ...] = ()
     control: str = ""
-    confirmed: dict[str, str] = field(default_factory=dict)
+    documented: dict[str, str] = field(default_factory=dict)
     contradicted: tuple[str, ...] = ()
     says: tuple[str, ...] = ()
     outside: bool = False
@@ -89,8 +89,8 @@ class Outcome:
     @property
     def hits(self) -> int:
         """How many of what is expected was named or said."""
-        found = sum(any(_is(each, self.names) for each in one) for one in self.case.expected)
-        return found + sum(words in self._text for words in self.case.says)
+        named = sum(any(_is(name, self.names) for name in names) for names in self.case.expected)
+        return named + sum(words in self._text for words in self.case.says)
 
     @property
     def wanted(self) -> int:
@@ -108,37 +108,37 @@ class Outcome:
 
     def false(self, control: "Outcome | None") -> list[Name]:
         """Names that are known to be wrong."""
-        right = [each for one in self.case.expected for each in one]
-        known = set() if control is None else {effect for effect, _ in control.names}
+        right = [name for names in self.case.expected for name in names]
+        in_control = set() if control is None else {effect for effect, _ in control.names}
         wrong = []
         for name in self.names:
-            if any(_same(each, name) for each in right) or name[0] in self.case.confirmed:
+            if any(_same(wanted, name) for wanted in right) or name[0] in self.case.documented:
                 continue
-            brought = control is not None and name[0] not in known
+            brought = control is not None and name[0] not in in_control
             if brought or name[0] in self.case.contradicted:
                 wrong.append(name)
         return wrong
 
-    def unconfirmed(self, control: "Outcome | None") -> list[Name]:
+    def undocumented(self, control: "Outcome | None") -> list[Name]:
         """Structural effects of which no other source says anything."""
-        right = [each for one in self.case.expected for each in one]
+        right = [name for names in self.case.expected for name in names]
         false = self.false(control)
         return [
             (cause.effect, cause.joint)
             for cause in self.result.causes
             if cause.kind == "structural"
-            and cause.effect not in self.case.confirmed
+            and cause.effect not in self.case.documented
             and (cause.effect, cause.joint) not in false
-            and not any(_same(each, (cause.effect, cause.joint)) for each in right)
+            and not any(_same(wanted, (cause.effect, cause.joint)) for wanted in right)
         ]
 
 
-def _same(wanted: Name, found: Name) -> bool:
-    return wanted[0] == found[0] and wanted[1] in (None, found[1])
+def _same(wanted: Name, named: Name) -> bool:
+    return wanted[0] == named[0] and wanted[1] in (None, named[1])
 
 
-def _is(wanted: Name, found: Iterable[Name]) -> bool:
-    return any(_same(wanted, each) for each in found)
+def _is(wanted: Name, named: Iterable[Name]) -> bool:
+    return any(_same(wanted, name) for name in named)
 
 
 def _written(folder: Path, name: str, text: str) -> Path:
@@ -229,23 +229,23 @@ def _servo(recorded: int, law: int) -> Callable[[Path, Path], tuple[Sequence[Pat
 
 
 _DRIVES = {"friction_level": "the nominal model has none", "drive_inertia": "none is given"}
-_EMPS_KNOWN = {
+_EMPS_DOCUMENTED = {
     "payload": "the nominal axis has 1 kg, 95 are published",
     "friction_level": "the nominal model has none",
 }
-_SERVO_KNOWN = {
+_SERVO_DOCUMENTED = {
     "load_dependent_friction": "in the published model m6",
     "stribeck": "in the published models m2 and m6",
 }
 _BOTH = (("friction_level", "shoulder"),), (("friction_level", "elbow"),)
 _LINKS = ("link_inertia", None), ("payload", None)
-_PENDULUM_KNOWN = {
+_PENDULUM_DOCUMENTED = {
     "link_inertia": "least squares finds 0.06 kg m² about the shoulder, 0.049 are published",
     "drive_inertia": "least squares finds 0.004 to 0.008 kg m² at the elbow, none is published",
 }
 # The drives have no gear that could bend.
 _DIRECT = ("elasticity", "backlash")
-_NO_FRICTION = {"friction_level": "the nominal model has none", **_PENDULUM_KNOWN}
+_NO_FRICTION = {"friction_level": "the nominal model has none", **_PENDULUM_DOCUMENTED}
 
 
 def _disturbed(name: str, pulses: float) -> tuple[Case, Case, Case]:
@@ -255,7 +255,7 @@ def _disturbed(name: str, pulses: float) -> tuple[Case, Case, Case]:
         control,
         "control: command and disturbance",
         _perturbed(name, _FULL),
-        confirmed=_PENDULUM_KNOWN,
+        documented=_PENDULUM_DOCUMENTED,
         contradicted=_DIRECT,
     )
     return (
@@ -285,7 +285,7 @@ CASES = (
         "asymmetric friction (published); the law reproduces the command to 0.0037 V",
         _emps,
         expected=((("asymmetric_friction", "axis"),),),
-        confirmed=_EMPS_KNOWN,
+        documented=_EMPS_DOCUMENTED,
         contradicted=("controller_mismatch", "torque_saturation", "elasticity", "backlash"),
     ),
     Case(
@@ -294,18 +294,18 @@ CASES = (
         _pulses,
         expected=((("asymmetric_friction", "axis"),),),
         control="emps",
-        confirmed=_EMPS_KNOWN,
+        documented=_EMPS_DOCUMENTED,
         contradicted=("controller_mismatch",),
         says=("beyond the control law",),
     ),
-    Case("tx40", "nothing withheld", _tx40(("", "")), confirmed=_DRIVES),
+    Case("tx40", "nothing withheld", _tx40(("", "")), documented=_DRIVES),
     Case(
         "tx40, coupling left out",
         "the drives of joints 5 and 6 are coupled",
         _tx40(("  couplings:\n    - joints: [joint_5, joint_6]\n", "  couplings: []\n")),
         expected=((("joint_coupling", "joint_5"), ("joint_coupling", "joint_6")),),
         control="tx40",
-        confirmed=_DRIVES,
+        documented=_DRIVES,
     ),
     Case(
         "tx40, gravity zero",
@@ -313,7 +313,7 @@ CASES = (
         _tx40(("processing:", "  gravity: [0.0, 0.0, 0.0]\nprocessing:")),
         expected=((("gravity_direction", None),),),
         control="tx40",
-        confirmed=_DRIVES,
+        documented=_DRIVES,
     ),
     Case("ur10", "no answer is known; efforts in A, no inertials", _ur10),
     *_disturbed("acrobot", 0.74),
@@ -322,7 +322,7 @@ CASES = (
         "design C0 with its own model",
         "control; the model has no friction",
         _design("C", "C"),
-        confirmed=_NO_FRICTION,
+        documented=_NO_FRICTION,
         contradicted=_DIRECT,
     ),
     Case(
@@ -331,14 +331,14 @@ CASES = (
         _design("C", "A"),
         expected=(_LINKS,),
         control="design C0 with its own model",
-        confirmed=_NO_FRICTION,
+        documented=_NO_FRICTION,
         contradicted=_DIRECT,
     ),
     Case(
         "design A0 with its own model",
         "control; the model has no friction",
         _design("A", "A"),
-        confirmed=_NO_FRICTION,
+        documented=_NO_FRICTION,
         contradicted=_DIRECT,
     ),
     Case(
@@ -359,7 +359,7 @@ CASES = (
             f"xl330, gain {gain}, its own law",
             "control; no torque is recorded, the voltage of the bridge stands for it",
             _servo(gain, gain),
-            confirmed=_SERVO_KNOWN,
+            documented=_SERVO_DOCUMENTED,
             contradicted=("controller_mismatch", "torque_saturation"),
         )
         for gain in (100, 200, 400)
@@ -371,7 +371,7 @@ CASES = (
             _servo(gain, law),
             expected=((("controller_mismatch", "servo"),),),
             control=f"xl330, gain {gain}, its own law",
-            confirmed=_SERVO_KNOWN,
+            documented=_SERVO_DOCUMENTED,
             contradicted=("torque_saturation",),
         )
         for gain, law in ((100, 200), (200, 400), (400, 100), (200, 100))
@@ -403,16 +403,16 @@ def _line(outcome: Outcome, outcomes: dict[str, Outcome]) -> str:
     cells = [
         outcome.case.name,
         outcome.case.truth,
-        _found(outcome),
+        _score(outcome),
         _listed(outcome.false(control)),
-        _listed(outcome.unconfirmed(control)),
+        _listed(outcome.undocumented(control)),
         outcome.result.verdict,
         f"{outcome.seconds:.0f}",
     ]
     return "| " + " | ".join(cells) + " |"
 
 
-def _found(outcome: Outcome) -> str:
+def _score(outcome: Outcome) -> str:
     if outcome.case.outside:
         return "left open" if outcome.left_open else "not said"
     return f"{outcome.hits} of {outcome.wanted}" if outcome.wanted else "–"
@@ -428,9 +428,11 @@ def _listed(names: Iterable[Name]) -> str:
 
 def table(outcomes: dict[str, Outcome]) -> list[str]:
     """Lines of the results file."""
-    wanted = sum(each.wanted for each in outcomes.values())
-    hits = sum(each.hits for each in outcomes.values())
-    false = sum(len(each.false(outcomes.get(each.case.control))) for each in outcomes.values())
+    wanted = sum(outcome.wanted for outcome in outcomes.values())
+    hits = sum(outcome.hits for outcome in outcomes.values())
+    false = sum(
+        len(outcome.false(outcomes.get(outcome.case.control))) for outcome in outcomes.values()
+    )
     head = ("case", "what is known", "found", "false", "unconfirmed", "verdict", "s")
     return [
         f"{hits} of {wanted} known causes were found, {false} names are false. Unconfirmed: "
@@ -439,7 +441,7 @@ def table(outcomes: dict[str, Outcome]) -> list[str]:
         "",
         "| " + " | ".join(head) + " |",
         "|" + "---|" * len(head),
-        *(_line(each, outcomes) for each in outcomes.values()),
+        *(_line(outcome, outcomes) for outcome in outcomes.values()),
     ]
 
 
@@ -458,7 +460,7 @@ def main() -> int:
         print(f"no real recordings at {DATA}; README says where they are published")
         return 1
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    chosen = [case for case in CASES if any(each in case.name for each in options.only)]
+    chosen = [case for case in CASES if any(part in case.name for part in options.only)]
     outcomes = run(chosen or CASES, options.keep)
     if options.write:
         write_page("real_causes", "Real recordings of known cause", table(outcomes))

@@ -135,8 +135,8 @@ def main() -> None:
     ]
     common = max(set(shares["plain"]) & set(shares["recorder"]), default=None)
     if common is not None:
-        less = shares["plain"][common] / shares["recorder"][common]
-        lines.append(f"At {common} Hz the recorder takes {less:.1f} times less processor time.")
+        saving = shares["plain"][common] / shares["recorder"][common]
+        lines.append(f"At {common} Hz the recorder takes {saving:.1f} times less processor time.")
     write_page("recorder_rate", "The highest rate recorded without loss", lines)
 
 

@@ -177,9 +177,9 @@ def case(
     result.write(gap)
     made = export(gap, configuration, out / f"{planted.effect}.exported", refit=True)
     effects = read_effects(made.effects).effects
-    beyond = any(not BY_NAME[each.effect].in_base_parameters for each in effects)
+    beyond = any(not BY_NAME[effect.effect].in_base_parameters for effect in effects)
     last = WITH_EFFECTS if beyond else CORRECTED
-    found = replay_bags(
+    replayed = replay_bags(
         bags, configuration, model=made.mjcf, effects=made.effects, stages=(NOMINAL, last)
     )
     true = replay_bags(bags, configuration, effects=truth, stages=(WITH_EFFECTS,))
@@ -193,9 +193,9 @@ def case(
     return {
         **dataclasses.asdict(planted),
         "named": [f"{cause.effect} at {cause.joint}" for cause in structural],
-        "native": sorted({each.effect for each in effects if each.native}),
-        "nominal": rms(found.stages[0]),
-        "found": rms(found.stages[-1]),
+        "native": sorted({effect.effect for effect in effects if effect.native}),
+        "nominal": rms(replayed.stages[0]),
+        "found": rms(replayed.stages[-1]),
         "true": rms(true.stages[-1]),
     }
 

@@ -68,11 +68,11 @@ class Identifier:
 
     def memory(self) -> float:
         """Memory of the node and its processes in MB, what they share counted once."""
-        found = [self.process.pid]
-        for process in found:
+        processes = [self.process.pid]
+        for process in processes:
             children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
-            found += map(int, children)
-        texts = [Path(f"/proc/{process}/smaps_rollup").read_text() for process in found]
+            processes += map(int, children)
+        texts = [Path(f"/proc/{process}/smaps_rollup").read_text() for process in processes]
         lines = [next(li for li in text.splitlines() if li.startswith("Pss:")) for text in texts]
         return sum(int(line.split()[1]) for line in lines) / 1000.0
 
@@ -120,11 +120,12 @@ def main() -> None:
             "|---|---|---|---|---|---|",
         ]
         for name, node in nodes.items():
-            whole, own = zip(*asked[name], strict=True)
-            beside = [a - b for a, b in asked[name]]
+            whole, identification = zip(*asked[name], strict=True)
+            remainder = [a - b for a, b in asked[name]]
             lines.append(
-                f"| {name} | {statistics.median(whole):.2f} | {statistics.median(own):.2f} | "
-                f"{statistics.median(beside):.2f}, {max(beside):.2f} | {node.start:.1f} | "
+                f"| {name} | {statistics.median(whole):.2f} | "
+                f"{statistics.median(identification):.2f} | "
+                f"{statistics.median(remainder):.2f}, {max(remainder):.2f} | {node.start:.1f} | "
                 f"{node.memory():.0f} |"
             )
     lines += ["", f"Load of the machine meanwhile: {os.getloadavg()[0]:.1f}."]

@@ -113,12 +113,12 @@ def compare(before: Path, after: Path, only: list[str]) -> int:
                 print(f"{name} {verb}: not run")
                 different += 1
                 continue
-            found = list(differences(_document(old / file), _document(new / file)))
-            different += bool(found)
-            for line in found[:12]:
+            lines = list(differences(_document(old / file), _document(new / file)))
+            different += bool(lines)
+            for line in lines[:12]:
                 print(f"{name} {verb}: {line}")
-            if len(found) > 12:
-                print(f"{name} {verb}: and {len(found) - 12} more")
+            if len(lines) > 12:
+                print(f"{name} {verb}: and {len(lines) - 12} more")
     print(f"{different} of {2 * len(names)} answers differ")
     return different
 

@@ -48,18 +48,20 @@ def chosen() -> list[str]:
     files = settings.readers()
     return [
         name
-        for name, each in settings.all_settings().items()
-        if each.origin == settings.CHOSEN and not set(files[name]) <= set(_SHOWN)
+        for name, setting in settings.all_settings().items()
+        if setting.origin == settings.CHOSEN and not set(files[name]) <= set(_SHOWN)
     ]
 
 
 def variants(name: str) -> tuple[settings.Setting | settings.Count, ...]:
     """Return a setting at half and at twice its value; a large share by its distance from 1."""
-    each = settings.all_settings()[name]
-    if 0.5 < each < 1.0:
-        rest = 1.0 - each
-        return each.times((1.0 - 0.5 * rest) / each), each.times((1.0 - 2.0 * rest) / each)
-    return each.times(0.5), each.times(2.0)
+    setting = settings.all_settings()[name]
+    if 0.5 < setting < 1.0:
+        rest = 1.0 - setting
+        half, twice = (1.0 - 0.5 * rest) / setting, (1.0 - 2.0 * rest) / setting
+    else:
+        half, twice = 0.5, 2.0
+    return setting.times(half), setting.times(twice)
 
 
 def first_step(name: str) -> str:
@@ -86,11 +88,11 @@ def changed(name: str, value: settings.Setting | settings.Count) -> Iterator[Non
 
 
 def answers_of(
-    folder: Path, cell: Cell, wanted: list[str], known: dict[str, Answer]
+    folder: Path, cell: Cell, wanted: list[str], answers: dict[str, Answer]
 ) -> Iterator[None]:
-    """Diagnose a cell with every wanted setting at both values; fills `known` one by one."""
+    """Diagnose a cell with every wanted setting at both values; fills `answers` one by one."""
     keys = [f"{name}={value:g}" for name in wanted for value in variants(name)]
-    if set(keys) <= set(known):
+    if set(keys) <= set(answers):
         return
     configuration = load_configuration(folder / "robot.yaml")
     without = (cell.without,) if cell.without else ()
@@ -107,15 +109,15 @@ def answers_of(
         causes = [f"{cause.effect}[{cause.joint or ''}]" for cause in result.causes]
         return {"verdict": result.verdict, "causes": causes}
 
-    if "" not in known:
-        known[""] = answer("conclusion")
+    if "" not in answers:
+        answers[""] = answer("conclusion")
         yield
     for name in wanted:
         for value in variants(name):
             key = f"{name}={value:g}"
-            if key not in known:
+            if key not in answers:
                 with changed(name, value):
-                    known[key] = answer(first_step(name))
+                    answers[key] = answer(first_step(name))
                 yield
 
 
@@ -125,8 +127,8 @@ def development_cells(count: int) -> dict[str, Cell]:
     named = {cell_name(cell, SEED): cell for cell in all_cells(SEED) if cell.robot == "arm2"}
     for name, cell in sorted(named.items()):
         families.setdefault(family(cell), []).append((name, cell))
-    turns = zip_longest(*(families[each] for each in sorted(families)))
-    return dict(islice((each for turn in turns for each in turn if each is not None), count))
+    turns = zip_longest(*(cells for _, cells in sorted(families.items())))
+    return dict(islice((cell for turn in turns for cell in turn if cell is not None), count))
 
 
 def run(out: Path, count: int, wanted: list[str]) -> None:
@@ -137,16 +139,16 @@ def run(out: Path, count: int, wanted: list[str]) -> None:
             (out / "cells").mkdir(exist_ok=True)
             write_cell(out, name, cell, SEED)
         file = out / "answers" / f"{name}.json"
-        known = json.loads(file.read_text()) if file.is_file() else {}
+        answers = json.loads(file.read_text()) if file.is_file() else {}
         with one_thread():
-            for _ in answers_of(out / "cells" / name, cell, wanted, known):
-                file.write_text(json.dumps(known, indent=1) + "\n")
-        print(name, cell.group, known[""], flush=True)
+            for _ in answers_of(out / "cells" / name, cell, wanted, answers):
+                file.write_text(json.dumps(answers, indent=1) + "\n")
+        print(name, cell.group, answers[""], flush=True)
 
 
 def what_changes(answers: dict[str, dict[str, Answer]]) -> list[str]:
     """Lines of the page: for each setting and value, in how many cells what is another."""
-    keys = [key for key in dict.fromkeys(k for known in answers.values() for k in known) if key]
+    keys = [key for key in dict.fromkeys(k for of_cell in answers.values() for k in of_cell) if key]
     lines = [
         "| setting | value | tried | cells | verdict | first cause | causes | where |",
         "|---|---|---|---|---|---|---|---|",
@@ -154,7 +156,9 @@ def what_changes(answers: dict[str, dict[str, Answer]]) -> list[str]:
     rows = []
     for key in keys:
         name, value = key.split("=")
-        tried = {cell: (known[""], known[key]) for cell, known in answers.items() if key in known}
+        tried = {
+            cell: (of_cell[""], of_cell[key]) for cell, of_cell in answers.items() if key in of_cell
+        }
         verdict = sum(a["verdict"] != b["verdict"] for a, b in tried.values())
         first = sum(a["causes"][:1] != b["causes"][:1] for a, b in tried.values())
         others = {c: b for c, (a, b) in tried.items() if a != b}
@@ -174,7 +178,7 @@ def page(out: Path, command: list[str]) -> None:
     """Write benchmarks/results/sensitivity.md from all answers."""
     answers = {file.stem: json.loads(file.read_text()) for file in (out / "answers").glob("*.json")}
     answers = dict(sorted(answers.items()))
-    tried = {key.split("=")[0] for known in answers.values() for key in known if key}
+    tried = {key.split("=")[0] for of_cell in answers.values() for key in of_cell if key}
     untried = [name for name in chosen() if name not in tried]
     lines = [
         f"- arguments: `{shlex.join(command)}`",
@@ -185,8 +189,8 @@ def page(out: Path, command: list[str]) -> None:
         "## Cells, with all settings as they are",
         "",
         *(
-            f"- {cell[:4]}: {known['']['verdict']}, {', '.join(known['']['causes']) or 'no cause'}"
-            for cell, known in answers.items()
+            f"- {cell[:4]}: {unchanged['verdict']}, {', '.join(unchanged['causes']) or 'no cause'}"
+            for cell, unchanged in ((cell, of_cell[""]) for cell, of_cell in answers.items())
         ),
     ]
     if untried:

@@ -58,12 +58,12 @@ def pendulum(
     inner = np.pad(position, 2, mode="edge")
     middle = np.median(np.lib.stride_tricks.sliding_window_view(inner, 5), axis=1)
     position = np.where(np.abs(position - middle) < 0.5, position, middle)  # single wraps
-    held = command[np.clip(np.searchsorted(time_, grid + 1e-4) - 1, 0, len(time_) - 1)]
+    command_at = command[np.clip(np.searchsorted(time_, grid + 1e-4) - 1, 0, len(time_) - 1)]
     there = np.interp(grid, time_, position)
     inertia = np.full(count, (mass + arm / 3.0) * length**2)
     lever = GRAVITY * length * (mass + 0.5 * arm)
     load = Load(inertia, lever * np.sin(there), lever * np.cos(there), there)
-    return Run(rate, held, there, np.ones(count, dtype=bool), load, gain)
+    return Run(rate, command_at, there, np.ones(count, dtype=bool), load, gain)
 
 
 def sts3215(folder: Path) -> dict[str, Run]:
@@ -99,11 +99,11 @@ def masses(runs: dict[str, Run]) -> list[str]:
             tested = [run for name, run in chosen.items() if other in name]
             factors = np.array([fit_factor(run, answer, "load") for run in tested])
             off, width = np.abs(factors[:, 0] - 1.0), interval_width(answer)
-            close, held = int((off < 0.05).sum()), int((off < width * factors[:, 1]).sum())
-            near, inside, count = near + close, inside + held, count + len(tested)
+            close, covered = int((off < 0.05).sum()), int((off < width * factors[:, 1]).sum())
+            near, inside, count = near + close, inside + covered, count + len(tested)
             lines.append(
                 f"| {gain} | {used} | {other} | {len(tested)} | {factors[:, 0].mean():.3f} | "
-                f"{close} | {held} |"
+                f"{close} | {covered} |"
             )
     lines += ["", f"Within 5 %: {near} of {count} runs; inside the interval: {inside} of {count}."]
     return lines

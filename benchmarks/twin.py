@@ -41,7 +41,7 @@ from idim_iv_ros.simulators.mujoco_parts import add_motors
 FloatArray = NDArray[np.float64]
 # What acts in a step beyond the model: friction that is no constant.
 Apply = Callable[[mujoco.MjModel, mujoco.MjData], None]
-FIT, HELD_OUT = (1, 2, 3), (11, 12)
+FIT, VALIDATION = (1, 2, 3), (11, 12)
 ENCODER, STEP, TORQUE = 1e-5, 1e-4, 0.05  # rad, rad, N m
 USUAL, FAST = (0.35, 1.6, 8.0), (0.45, 2.5, 12.0)  # of the range, rad/s, rad/s²
 MOTIONS = (USUAL, USUAL, USUAL, FAST, USUAL)
@@ -289,7 +289,7 @@ def distance(
 ) -> float:
     """Root mean square distance of the tools on the motions held out, mm."""
     squares = []
-    for seed in HELD_OUT:
+    for seed in VALIDATION:
         wanted = motion(arm, nominal, seed, most)
         apart = followed(arm, one, wanted)[2] - followed(arm, other, wanted)[2]
         squares.append(np.mean(np.sum(apart**2, axis=1)))

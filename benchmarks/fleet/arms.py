@@ -120,13 +120,13 @@ def drawn(random: np.random.Generator) -> dict[str, float]:
 
 
 def in_bag(
-    own: Mapping[str, float], random: np.random.Generator, changes: Mapping[str, float]
+    parameters: Mapping[str, float], random: np.random.Generator, changes: Mapping[str, float]
 ) -> dict[str, float]:
     """Base parameters of a robot in one bag: friction of the day, and what has changed.
 
     Joints warm up for themselves; Coulomb and viscous friction of a joint do so together.
     """
-    values = {name: value + changes.get(name, 0.0) for name, value in own.items()}
+    values = {name: value + changes.get(name, 0.0) for name, value in parameters.items()}
     for joint in ("1", "2"):
         warm = 1.0 + BETWEEN_BAGS * random.standard_normal()
         for kind in ("Fv", "Fc"):

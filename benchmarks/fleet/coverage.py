@@ -27,7 +27,7 @@ class Counts:
     robot_interval: int = 0
     robot_intervals: int = 0
     false_shares: list[float] = field(default_factory=list)
-    found: int = 0
+    detected: int = 0
     planted: int = 0
     false_change_shares: list[float] = field(default_factory=list)
     changed: int = 0
@@ -56,47 +56,47 @@ def repeat(counts: Counts, seed: int, *, special: bool, robots: int, bags: int) 
             begins[robot, name] = begin
     drawn = Drawn(robots=robots, bags=bags, planted=planted, drifting=drifting)
     results, truths = fleet(drawn, random)
-    found = fleet_result(results)
+    answer = fleet_result(results)
     counts.repeats += 1
-    _intervals(counts, found, truths, random)
-    _discoveries(counts, found, planted, begins)
+    _intervals(counts, answer, truths, random)
+    _discoveries(counts, answer, planted, begins)
 
 
 def _intervals(
-    counts: Counts, found: FleetResult, truths: np.ndarray, random: np.random.Generator
+    counts: Counts, answer: FleetResult, truths: np.ndarray, random: np.random.Generator
 ) -> None:
-    by_name = {robot.robot: robot for robot in found.robots}
+    by_name = {robot.robot: robot for robot in answer.robots}
     for column, name in enumerate(NAMES):
-        quantity = next(each for each in found.types[0].quantities if each.name == name)
+        quantity = next(item for item in answer.types[0].quantities if item.name == name)
         counts.quantities += 1
         counts.mean += quantity.mean_low <= MEAN[column] <= quantity.mean_high
         counts.sigma += quantity.sigma_low <= SIGMA[column] <= quantity.sigma_high
         following = MEAN[column] + SIGMA[column] * random.standard_normal()
         counts.ahead += quantity.next_low <= following <= quantity.next_high
         for robot in range(len(truths)):
-            own = by_name[f"arm2-{robot + 1:03d}"].quantities[column]
-            if not own.changed:
+            measured = by_name[f"arm2-{robot + 1:03d}"].quantities[column]
+            if not measured.changed:
                 counts.robot_intervals += 1
-                counts.robot_interval += own.low <= truths[robot, column] <= own.high
+                counts.robot_interval += measured.low <= truths[robot, column] <= measured.high
 
 
 def _discoveries(
     counts: Counts,
-    found: FleetResult,
+    answer: FleetResult,
     planted: dict[tuple[int, str], float],
     begins: dict[tuple[int, str], int],
 ) -> None:
     odd = {f"arm2-{robot + 1:03d}" for robot, _ in planted}
-    called = {each.robot for each in found.robots if any(q.differs for q in each.quantities)}
+    called = {robot.robot for robot in answer.robots if any(q.differs for q in robot.quantities)}
     counts.planted += len(odd)
-    counts.found += len(odd & called)
+    counts.detected += len(odd & called)
     counts.false_shares.append(len(called - odd) / max(len(called), 1))
     drifting = {f"arm2-{robot + 1:03d}": (name, b) for (robot, name), b in begins.items()}
-    changed = {each.robot for each in found.robots if each.changes}
+    changed = {robot.robot for robot in answer.robots if robot.changes}
     counts.drifting += len(drifting)
     counts.changed += len(changed & set(drifting))
     counts.false_change_shares.append(len(changed - set(drifting)) / max(len(changed), 1))
-    for robot in found.robots:
+    for robot in answer.robots:
         if robot.robot not in drifting:
             continue
         name, begin = drifting[robot.robot]
@@ -151,7 +151,7 @@ def lines(repeats: int) -> list[str]:
         "false share of robots that differ, mean",
         lambda c: f"{100 * np.mean(c.false_shares):.1f} %",
     )
-    row("planted robots found", lambda c: share(c.found, c.planted))
+    row("planted robots found", lambda c: share(c.detected, c.planted))
     row(
         "false share of robots that changed, mean",
         lambda c: f"{100 * np.mean(c.false_change_shares):.1f} %",
@@ -187,7 +187,7 @@ def smallest_changes(draws: int = 100) -> list[str]:
         (20, 48.0),
     ):
         random = np.random.default_rng(bags)
-        found = []
+        shares = []
         for size in sizes:
             count = 0
             for _ in range(draws):
@@ -195,6 +195,6 @@ def smallest_changes(draws: int = 100) -> list[str]:
                 values[bags // 2 :] += size
                 change = change_of(values, np.ones(bags), np.arange(bags) * 1.0, prior)
                 count += change is not None and change.p_value <= level
-            found.append(f"{100.0 * count / draws:.0f} %")
-        said.append(f"| {bags} | {prior:g} | " + " | ".join(found) + " |")
+            shares.append(f"{100.0 * count / draws:.0f} %")
+        said.append(f"| {bags} | {prior:g} | " + " | ".join(shares) + " |")
     return said

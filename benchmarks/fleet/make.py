@@ -38,8 +38,10 @@ def fleet_of(robots: int, seed: int) -> list[Arm]:
     """Draw the arms; the five planted and three drifting ones are scattered among them."""
     random = np.random.default_rng([seed, 0])
     special = random.permutation(robots)
-    planted = {int(k): each for k, each in zip(special, PLANTED, strict=False)}
-    drifting = {int(k): each for k, each in zip(special[len(PLANTED) :], DRIFTING, strict=False)}
+    planted = {int(k): change for k, change in zip(special, PLANTED, strict=False)}
+    drifting = {
+        int(k): change for k, change in zip(special[len(PLANTED) :], DRIFTING, strict=False)
+    }
     return [
         Arm(f"arm-{k + 1:02d}", drawn(random), planted.get(k), drifting.get(k))
         for k in range(robots)

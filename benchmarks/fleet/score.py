@@ -44,19 +44,21 @@ def _type_lines(truth: Mapping[str, Any], result: FleetResult) -> list[str]:
         "|---|---|---|---|---|---|---|",
     ]
     right = [0, 0]
-    quantities = [each for each in result.types[0].quantities if each.name in truth["type"]]
-    for each in quantities:
-        mean, sigma = truth["type"][each.name]
+    quantities = [
+        quantity for quantity in result.types[0].quantities if quantity.name in truth["type"]
+    ]
+    for quantity in quantities:
+        mean, sigma = truth["type"][quantity.name]
         inside = (
-            each.mean_low <= mean <= each.mean_high,
-            each.sigma_low <= sigma <= each.sigma_high,
+            quantity.mean_low <= mean <= quantity.mean_high,
+            quantity.sigma_low <= sigma <= quantity.sigma_high,
         )
         right = [count + one for count, one in zip(right, inside, strict=True)]
         words = ["yes" if one else "no" for one in inside]
         said.append(
-            f"| {each.name} | {each.unit} | {mean:g}, {sigma:g} | {each.mean:.4g}, "
-            f"{each.mean_low:.4g} … {each.mean_high:.4g} | {each.sigma:.2g}, "
-            f"{each.sigma_low:.2g} … {each.sigma_high:.2g} | {words[0]} | {words[1]} |"
+            f"| {quantity.name} | {quantity.unit} | {mean:g}, {sigma:g} | {quantity.mean:.4g}, "
+            f"{quantity.mean_low:.4g} … {quantity.mean_high:.4g} | {quantity.sigma:.2g}, "
+            f"{quantity.sigma_low:.2g} … {quantity.sigma_high:.2g} | {words[0]} | {words[1]} |"
         )
     said += ["", f"Of {len(quantities)} intervals of the mean {right[0]} cover, of σ {right[1]}."]
     return said
@@ -64,9 +66,9 @@ def _type_lines(truth: Mapping[str, Any], result: FleetResult) -> list[str]:
 
 def _planted_lines(planted: Mapping[str, str], result: FleetResult) -> list[str]:
     called = {
-        robot.robot: [each.name for each in robot.quantities if each.differs]
+        robot.robot: [quantity.name for quantity in robot.quantities if quantity.differs]
         for robot in result.robots
-        if any(each.differs for each in robot.quantities)
+        if any(quantity.differs for quantity in robot.quantities)
     }
     said = ["| planted | robot | found in |", "|---|---|---|"]
     said += [
@@ -93,14 +95,14 @@ def _drift_lines(
         drift = Drifting(**values)
         began = START + CADENCE * drift.begin(bags)
         changes = [c for r in result.robots if r.robot == name for c in r.changes]
-        found = next((each for each in changes if each.name == drift.parameter), None)
-        if found is None:
+        change = next((change for change in changes if change.name == drift.parameter), None)
+        if change is None:
             said.append(f"| {drift.words} | {name} | {began:%Y-%m-%d} | **not found** | | |")
             continue
-        off = (datetime.fromisoformat(found.begin.replace("Z", "+00:00")) - began) / CADENCE
+        off = (datetime.fromisoformat(change.begin.replace("Z", "+00:00")) - began) / CADENCE
         said.append(
-            f"| {drift.words} | {name} | {began:%Y-%m-%d} | {found.kind}, {found.begin[:10]} | "
-            f"{found.begin_low[:10]} … {found.begin_high[:10]} | {off:+.0f} |"
+            f"| {drift.words} | {name} | {began:%Y-%m-%d} | {change.kind}, {change.begin[:10]} | "
+            f"{change.begin_low[:10]} … {change.begin_high[:10]} | {off:+.0f} |"
         )
     wrong = [r.robot for r in result.robots if r.changes and r.robot not in drifting]
     said += ["", f"Robots falsely said to have changed: {', '.join(wrong) or 'none'}."]
@@ -109,12 +111,12 @@ def _drift_lines(
 
 def _corrupt_line(corrupt: list[str], result: FleetResult) -> str:
     there = {bag.uri: bag for bag in result.bags}
-    known = [name for name in corrupt if any(uri.endswith(name) for uri in there)]
+    present = [name for name in corrupt if any(uri.endswith(name) for uri in there)]
     listed = [
         bag for uri, bag in there.items() if not bag.used and any(uri.endswith(c) for c in corrupt)
     ]
     others = [bag.uri for bag in result.bags if not bag.used and bag not in listed]
     return (
-        f"Corrupt bags: {len(listed)} of {len(known)} are listed with a reason; "
+        f"Corrupt bags: {len(listed)} of {len(present)} are listed with a reason; "
         f"{len(others)} sound bags were not used."
     )

@@ -105,7 +105,7 @@ def _result(
         duration=20.0,
         names=NAMES,
         expressions=NAMES,
-        units=tuple(_UNITS.get(each.rstrip("12"), "kg m²") for each in NAMES),
+        units=tuple(_UNITS.get(name.rstrip("12"), "kg m²") for name in NAMES),
         r_factor=factor,
         rows=drawn.rows,
         noise=tuple(JointNoise(j, float(n), 0.1) for j, n in zip(JOINTS, noise, strict=True)),

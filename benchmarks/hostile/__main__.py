@@ -30,7 +30,7 @@ def score(out: Path) -> tuple[dict[str, Answer], dict[str, str]]:
     ValueError
         The labels are not those that were sealed before the diagnosis.
     """
-    judged, missing = {}, {}
+    answers, missing = {}, {}
     for name, label in open_labels(out).items():
         folder = out / "verdicts" / name
         if not (folder / "gap.json").is_file():
@@ -40,10 +40,10 @@ def score(out: Path) -> tuple[dict[str, Answer], dict[str, str]]:
             continue
         timing = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         document = json.loads((folder / "gap.json").read_text(encoding="utf-8"))
-        judged[name] = judge(
+        answers[name] = judge(
             label, document, timing["processor_seconds"], timing.get("peak_MB", float("nan"))
         )
-    return judged, missing
+    return answers, missing
 
 
 def main() -> None:
@@ -61,10 +61,10 @@ def main() -> None:
     comparing = verbs.add_parser("compare", help="two versions of the code on the same cells")
     comparing.add_argument("first", type=Path)
     comparing.add_argument("second", type=Path)
-    for each in (making, running, scoring):
-        each.add_argument("--out", type=Path, required=True)
-    for each in (making, running):
-        each.add_argument("--processes", type=int, default=1)
+    for command in (making, running, scoring):
+        command.add_argument("--out", type=Path, required=True)
+    for command in (making, running):
+        command.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
     if given.verb == "generate":
         # What makes the robots needs MuJoCo and compiled code; scoring does not.

@@ -136,7 +136,7 @@ def _lengths(rng: np.random.Generator, *, long: bool) -> tuple[float, ...]:
     if long:
         return (float(np.round(rng.uniform(40.0, 60.0), 1)),)
     if rng.random() < 0.6:
-        return tuple(float(each) for each in np.round(rng.uniform(10.0, 11.0, 2), 1))
+        return tuple(float(seconds) for seconds in np.round(rng.uniform(10.0, 11.0, 2), 1))
     return (float(np.round(rng.uniform(12.0, 18.0), 1)),)
 
 

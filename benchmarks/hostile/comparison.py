@@ -49,12 +49,12 @@ def comparison_lines(first: Mapping[str, Answer], second: Mapping[str, Answer]) 
         before, after = first[name], second[name]
         if before.outcome != after.outcome:
             there = ", ".join(
-                each.get("form") or each["effect"] for each in before.label["effects"]
+                effect.get("form") or effect["effect"] for effect in before.label["effects"]
             )
             lines.append(f"| {name} | {there or '–'} | {_said(before)} | {_said(after)} |")
     return lines
 
 
 def _said(cell: Answer) -> str:
-    causes = "; ".join(each.replace("|", "\\|") for each in cell.said)
+    causes = "; ".join(words.replace("|", "\\|") for words in cell.said)
     return f"{cell.outcome}: {causes or cell.verdict}"

@@ -53,7 +53,7 @@ def _false(cell: Answer) -> bool:
 
 
 def _hit(number: int = 0) -> Ask:
-    return lambda cell: cell.found[number].hit
+    return lambda cell: cell.ranked[number].hit
 
 
 def form(cell: Answer) -> str:
@@ -96,19 +96,19 @@ FIGURES = (
         "≥ 90 %",
         _of("single", _hit(), lambda label: asked(label) and not label["numbers_off"]),
     ),
-    Figure("– anywhere in a set", "", _of("single", lambda cell: cell.found[0].anywhere, asked)),
-    Figure("– and the first cause", "", _of("single", lambda cell: cell.found[0].first, asked)),
+    Figure("– anywhere in a set", "", _of("single", lambda cell: cell.ranked[0].anywhere, asked)),
+    Figure("– and the first cause", "", _of("single", lambda cell: cell.ranked[0].first, asked)),
     Figure("one wrong number: hit", "", _of("parametric", _hit(), asked)),
     Figure("– and ρ ≥ 1 in the recording too", "", _of("parametric", _hit(), shown)),
     Figure(
         "pairs, both hit",
         "≥ 75 %",
-        _of("pair", lambda cell: all(each.hit for each in cell.found), asked),
+        _of("pair", lambda cell: all(truth.hit for truth in cell.ranked), asked),
     ),
     Figure(
         "– and ρ ≥ 1 in the recording too",
         "≥ 75 %",
-        _of("pair", lambda cell: all(each.hit for each in cell.found), shown),
+        _of("pair", lambda cell: all(truth.hit for truth in cell.ranked), shown),
     ),
     Figure("payload beside friction: payload hit", "≥ 90 %", _of("payload", _hit(0), asked)),
     Figure(

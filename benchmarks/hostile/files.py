@@ -60,7 +60,7 @@ def configuration(made: HostileSession) -> dict[str, Any]:
     given["signals"] = {"joint_states": "/joint_states"}
     if nuisances.has_reference:
         given["signals"]["reference"] = "/joint_reference"
-    if nuisances.own_topic:
+    if nuisances.separate_topic:
         given["signals"]["effort"] = "/joint_efforts"
     if nuisances.gain is not None:
         given["signals"]["effort_scale"] = list(nuisances.gain)
@@ -77,7 +77,7 @@ def _topics(
     time = np.arange(len(recorded.position[every])) * interval
     effort = _effort(made, run, rng)[every]
     stamps = start + time + _jitter(nuisances, time, interval, rng)
-    shared = not nuisances.own_topic
+    shared = not nuisances.separate_topic
     yield JointTopic(
         "/joint_states",
         joints,
@@ -90,14 +90,14 @@ def _topics(
         kept = slice(None, None, nuisances.effort_every)
         late = nuisances.effort_offset + _jitter(nuisances, time, interval, rng)
         # Nothing is stamped before the recorder started.
-        known = start + time[kept] + late[kept] >= 0.0
+        after_start = start + time[kept] + late[kept] >= 0.0
         yield JointTopic(
             "/joint_efforts",
             joints,
-            (start + time + late)[kept][known],
+            (start + time + late)[kept][after_start],
             None,
             None,
-            effort[kept][known],
+            effort[kept][after_start],
         )
     if nuisances.has_reference:
         yield JointTopic(

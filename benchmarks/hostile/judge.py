@@ -13,7 +13,7 @@ Name = tuple[str, str | None]
 
 
 @dataclass(frozen=True)
-class Found:
+class TruthRank:
     """One true effect in an answer.
 
     Attributes
@@ -46,7 +46,7 @@ class Answer:
     verdict : str
     said : tuple of str
         All causes in their order, ``effect[joint]``, the set behind a bar.
-    found : tuple of Found
+    ranked : tuple of TruthRank
         Of each true effect of the catalogue.
     false_names : tuple of str
         Causes that count and whose whole set is wrong.
@@ -63,7 +63,7 @@ class Answer:
     peak: float
     verdict: str
     said: tuple[str, ...]
-    found: tuple[Found, ...]
+    ranked: tuple[TruthRank, ...]
     false_names: tuple[str, ...]
     sets: tuple[int, ...]
     claims: tuple[tuple[float | None, bool], ...]
@@ -72,7 +72,7 @@ class Answer:
     @property
     def outcome(self) -> str:
         """``right``, ``part``, ``missed``, with `` + false`` where a cause is."""
-        hits = [each.hit for each in self.found]
+        hits = [truth.hit for truth in self.ranked]
         said = "right" if all(hits) else "part" if any(hits) else "missed"
         return said + (" + false" if self.false_names else "")
 
@@ -99,15 +99,15 @@ def judge(
     """
     verdict = Verdict.read(dict(document))
     truths = truths_of(label)
-    also = [(each["effect"], each["joint"]) for each in label["also_true"]]
-    judged = []
+    also = [(other["effect"], other["joint"]) for other in label["also_true"]]
+    counting = []
     for cause, item in zip(verdict.causes, document["causes"], strict=True):
         hit = any(rank(cause, truth) < HIT_PLACES for truth in truths)
         if hit or not is_also_true(cause.alike[0], also) or is_named(cause.alike[0], truths):
-            judged.append((cause, item))
+            counting.append((cause, item))
     counted = [
         [name for name in cause.alike if is_named(name, truths) or not is_also_true(name, also)]
-        for cause, _ in judged
+        for cause, _ in counting
     ]
     return Answer(
         label=label,
@@ -115,22 +115,22 @@ def judge(
         peak=peak,
         verdict=verdict.verdict,
         said=tuple(map(_words, verdict.causes)),
-        found=tuple(
-            Found(
+        ranked=tuple(
+            TruthRank(
                 hit=any(rank(cause, truth) < HIT_PLACES for cause in verdict.causes),
                 anywhere=any(rank(cause, truth) < NOWHERE for cause in verdict.causes),
-                first=bool(judged) and rank(judged[0][0], truth) < HIT_PLACES,
+                first=bool(counting) and rank(counting[0][0], truth) < HIT_PLACES,
             )
             for truth in truths
         ),
         false_names=tuple(
             _words(cause)
-            for (cause, _), names in zip(judged, counted, strict=True)
+            for (cause, _), names in zip(counting, counted, strict=True)
             if not any(is_named(name, truths) for name in names)
         ),
         sets=tuple(map(len, counted)),
         claims=tuple(
-            (item.get("probability"), is_named(cause.alike[0], truths)) for cause, item in judged
+            (item.get("probability"), is_named(cause.alike[0], truths)) for cause, item in counting
         ),
         mass_in_interval=_mass(truths, document),
     )

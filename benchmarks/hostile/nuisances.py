@@ -95,7 +95,7 @@ class Nuisances:
         return asdict(self)
 
     @property
-    def own_topic(self) -> bool:
+    def separate_topic(self) -> bool:
         """Whether efforts have a topic of their own."""
         return self.effort_every > 1 or self.effort_offset != 0.0
 
@@ -137,7 +137,7 @@ def drawn(
     controller = rng.random() < 0.75 or needs_law
     return Nuisances(
         period=float(period),
-        record_every=int(rng.choice([each for each in (1, 1, 2, 4, 10) if each <= most])),
+        record_every=int(rng.choice([every for every in (1, 1, 2, 4, 10) if every <= most])),
         computing=float(rng.choice([0.0, rng.uniform(0.1, 0.6), 1.0]) * period),
         lateness=float(rng.uniform(0.0, 4e-3)) if rng.random() < 0.7 else 0.0,
         effort=str(rng.choice(["command", "measured"])),

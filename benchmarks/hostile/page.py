@@ -9,7 +9,7 @@ from benchmarks.hostile.figures import FIGURES, Ask, asked, form
 from benchmarks.hostile.judge import Answer
 from benchmarks.withheld_effects.tables import NORMAL_975, share
 
-SURE = 0.9  # probability from which on a claim is asked to be true nine times of ten
+CLAIMED = 0.9  # probability from which on a claim is asked to be true nine times of ten
 MOST_MEMORY = 700.0  # MB
 
 
@@ -39,8 +39,8 @@ def cell_rows(answers: dict[str, Answer]) -> list[dict[str, object]]:
             "plant": cell.label["plant"],
             "numbers_off": cell.label["numbers_off"],
             "there": [
-                f"{each.get('form') or each['effect']}[{each['joint']}] {each['rho']:.1f}"
-                for each in cell.label["effects"]
+                f"{effect.get('form') or effect['effect']}[{effect['joint']}] {effect['rho']:.1f}"
+                for effect in cell.label["effects"]
             ],
             "said": list(cell.said),
             "verdict": cell.verdict,
@@ -65,13 +65,13 @@ def answered(cells: Iterable[Answer], ask: Ask) -> list[bool]:
 
 
 def _figures(cells: list[Answer]) -> list[str]:
-    rows = [(each.name, share(answered(cells, each.ask)), each.target) for each in FIGURES]
-    claims = [true for cell in cells for p, true in cell.claims if p is not None and p >= SURE]
+    rows = [(figure.name, share(answered(cells, figure.ask)), figure.target) for figure in FIGURES]
+    claims = [true for cell in cells for p, true in cell.claims if p is not None and p >= CLAIMED]
     sets = [float(size) for cell in cells for size in cell.sets]
     rows += [
         ("false causes a recording", average([len(c.false_names) for c in cells]), "≤ 0.05"),
         ("size of a set", average(sets), ""),
-        (f"said with {100 * SURE:.0f} % or more, and true", share(claims), "≥ 90 %"),
+        (f"said with {100 * CLAIMED:.0f} % or more, and true", share(claims), "≥ 90 %"),
     ]
     for words, two in (("2 joints", True), ("6 and 7 joints", False)):
         some = [cell for cell in cells if (cell.label["joints"] == 2) == two]
@@ -94,11 +94,11 @@ def _by_effect(cells: Iterable[Answer]) -> list[str]:
         "|---|---|---|---|---|",
     ]
     for name, some in sorted(groups.items()):
-        first = [each.split(" | ")[0].split("[")[0] for cell in some for each in cell.false_names]
+        first = [name.split(" | ")[0].split("[")[0] for cell in some for name in cell.false_names]
         wrong = Counter(first)
         lines.append(
-            f"| {name} | {share(cell.found[0].hit for cell in some)} "
-            f"| {sum(cell.found[0].anywhere for cell in some)} "
+            f"| {name} | {share(cell.ranked[0].hit for cell in some)} "
+            f"| {sum(cell.ranked[0].anywhere for cell in some)} "
             f"| {sum(len(cell.false_names) for cell in some)} "
             f"| {', '.join(f'{effect} {count}' for effect, count in wrong.most_common(3))} |"
         )

@@ -56,7 +56,7 @@ def run(
     if done < len(course.position):
         raise Runaway(f"after {done * period - SETTLE:.2f} s")
     return Run(
-        Recorded(*(each[settle:] for each in recorded)),
+        Recorded(*(signal[settle:] for signal in recorded)),
         course.position[settle:],
         course.velocity[settle:],
     )

@@ -70,8 +70,8 @@ def make_session(cell: HostileCell, master: int) -> HostileSession:
     world = _world(given, nuisances, body)
     for shape in seeds[5].spawn(REDRAWN):
         effects = _effects(cell, given, shape)
-        found = _calibrated(world, effects, cell, motion)
-        if all(each.reached for each in found):
+        calibrated = _calibrated(world, effects, cell, motion)
+        if all(calibration.reached for calibration in calibrated):
             break
     slower = _with_chain(given, nuisances)
     recorded = Recording(
@@ -82,7 +82,9 @@ def make_session(cell: HostileCell, master: int) -> HostileSession:
         tuple(noise.integers(2**31, size=len(cell.seconds)).tolist()),
     )
     acting = _effects(cell, slower, shape)
-    runs, strengths = _recorded(recorded, acting, [each.strength for each in found])
+    runs, strengths = _recorded(
+        recorded, acting, [calibration.strength for calibration in calibrated]
+    )
     shown = _shown(recorded, acting, strengths, runs)
     sensors = recorded.of(acting, strengths).sensors
     label = {
@@ -102,15 +104,17 @@ def make_session(cell: HostileCell, master: int) -> HostileSession:
                 "joint": None if effect.joint is None else given.joints[effect.joint],
                 "joints": [given.joints[j] for j in effect.joints],
                 "rho_wanted": asked.rho,
-                "rho": each.rho * strength / each.strength if each.strength else 0.0,
-                "reached": each.reached,
+                "rho": calibration.rho * strength / calibration.strength
+                if calibration.strength
+                else 0.0,
+                "reached": calibration.reached,
                 "rho_recorded": there,
                 "strength": strength,
                 "mass": _mass(effect, world, strength),
                 "shape": effect.shape,
             }
-            for asked, effect, each, strength, there in zip(
-                cell.effects, effects, found, strengths, shown, strict=True
+            for asked, effect, calibration, strength, there in zip(
+                cell.effects, effects, calibrated, strengths, shown, strict=True
             )
         ],
     }

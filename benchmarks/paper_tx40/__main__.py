@@ -58,10 +58,10 @@ def _keep(runs: list[Reproduction]) -> None:
     for claim in CLAIMS:
         outcomes = [claim.measure(run) for run in runs]
         ours = "; ".join(dict.fromkeys(outcome.ours for outcome in outcomes))
-        holds = sum(outcome.holds for outcome in outcomes)
+        agreeing = sum(outcome.agrees for outcome in outcomes)
         rows.append(
             f"| {claim.section} | {claim.sentence} | {claim.paper} | {ours} | "
-            f"{holds} of {len(runs)} | {claim.remark if holds < len(runs) else ''} |"
+            f"{agreeing} of {len(runs)} | {claim.remark if agreeing < len(runs) else ''} |"
         )
     write_page(
         "paper_tx40",
@@ -76,9 +76,13 @@ def _table(runs: list[Reproduction]) -> Table:
         table.add_column(heading)
     for claim in CLAIMS:
         outcomes = [claim.measure(run) for run in runs]
-        holds = sum(outcome.holds for outcome in outcomes)
+        agreeing = sum(outcome.agrees for outcome in outcomes)
         table.add_row(
-            claim.section, claim.sentence, claim.paper, outcomes[0].ours, f"{holds} of {len(runs)}"
+            claim.section,
+            claim.sentence,
+            claim.paper,
+            outcomes[0].ours,
+            f"{agreeing} of {len(runs)}",
         )
     return table
 

@@ -22,7 +22,7 @@ class Outcome:
     """What was measured, in words, and whether the sentence holds."""
 
     ours: str
-    holds: bool
+    agrees: bool
 
 
 @dataclass(frozen=True)
@@ -48,18 +48,20 @@ class Claim:
     remark: str = ""
 
 
-def _iterations(name: str, holds: Callable[[int], bool]) -> Callable[[Reproduction], Outcome]:
+def _iterations(
+    name: str, as_published: Callable[[int], bool]
+) -> Callable[[Reproduction], Outcome]:
     def measure(run: Reproduction) -> Outcome:
         result = run.results[name]
-        return Outcome(str(result.iterations), result.converged and holds(result.iterations))
+        return Outcome(str(result.iterations), result.converged and as_published(result.iterations))
 
     return measure
 
 
 def essential(run: Reproduction) -> Outcome:
     """All 28 of Table 1 among the essential ones; what else is essential is not zero in truth."""
-    found = {p.name for p in run.results[APPROPRIATE].parameters if p.essential}
-    missing, more = sorted(set(TABLE_1) - found), sorted(found - set(TABLE_1))
+    names = {p.name for p in run.results[APPROPRIATE].parameters if p.essential}
+    missing, more = sorted(set(TABLE_1) - names), sorted(names - set(TABLE_1))
     words = f"{28 - len(missing)} of the 28"
     if missing:
         words += f" (not {', '.join(missing)})"
@@ -81,12 +83,12 @@ def near_truth(run: Reproduction) -> Outcome:
 def _wald(name: str, rejected: frozenset[str]) -> Callable[[Reproduction], Outcome]:
     def measure(run: Reproduction) -> Outcome:
         tests = run.results[name].instruments.tests[1:]
-        found = frozenset(test.scope for test in tests if test.accepted is False)
+        scopes = frozenset(test.scope for test in tests if test.accepted is False)
         untold = [test.scope for test in tests if test.accepted is None]
-        words = f"rejected at {_joints(found)}" if found else "accepted at all joints"
+        words = f"rejected at {_joints(scopes)}" if scopes else "accepted at all joints"
         if untold:
             words = f"not tested: {tests[0].reason}"
-        return Outcome(words, found == rejected and not untold)
+        return Outcome(words, scopes == rejected and not untold)
 
     return measure
 
@@ -94,9 +96,9 @@ def _wald(name: str, rejected: frozenset[str]) -> Callable[[Reproduction], Outco
 def specification(run: Reproduction) -> Outcome:
     """Where the residual follows the motion, once gravity is left out."""
     verdicts = run.results[MODEL_ERROR].residuals
-    found = frozenset(v.joint for v in verdicts if v.verdict == "misspecified")
+    joints = frozenset(v.joint for v in verdicts if v.verdict == "misspecified")
     wanted = {"joint_1", "joint_2", "joint_3"}
-    return Outcome(f"model error at {_joints(found)}", found >= wanted)
+    return Outcome(f"model error at {_joints(joints)}", joints >= wanted)
 
 
 def white(run: Reproduction) -> Outcome:
@@ -154,9 +156,9 @@ def honest_again(run: Reproduction) -> Outcome:
     refined = run.results[INAPPROPRIATE].refined
     assert refined is not None
     first = {p.name: p for p in run.results[APPROPRIATE].parameters}
-    known = [p for p in refined.parameters if p.name in TABLE_1]
-    ratio = float(np.median([p.std / first[p.name].white_std for p in known]))
-    corrected = float(np.median([p.std / first[p.name].std for p in known]))
+    listed = [p for p in refined.parameters if p.name in TABLE_1]
+    ratio = float(np.median([p.std / first[p.name].white_std for p in listed]))
+    corrected = float(np.median([p.std / first[p.name].std for p in listed]))
     return Outcome(
         f"median {ratio:.2f} of the white formula's, as the paper compares; {corrected:.2f} of "
         "those with the autocorrelation taken into account",

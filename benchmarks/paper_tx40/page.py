@@ -60,12 +60,12 @@ def _claim(claim: Any, runs: Sequence[Reproduction]) -> dict[str, Any]:
         f"seed {run.seed}: {outcome.ours}" if several else outcome.ours
         for run, outcome in zip(runs, outcomes, strict=True)
     ]
-    holds = sum(outcome.holds for outcome in outcomes)
+    agreeing = sum(outcome.agrees for outcome in outcomes)
     return {
         "claim": claim,
         "ours": ours if several else ours[:1],
-        "holds": f"{holds} of {len(runs)}",
-        "always": holds == len(runs),
+        "agreeing": f"{agreeing} of {len(runs)}",
+        "always": agreeing == len(runs),
     }
 
 

@@ -38,7 +38,7 @@ def baseline_rows(folder: Path) -> Iterator[dict[str, Any]]:
         except IdimError:
             return
     given = prepared.given
-    found: dict[tuple[str, str], float] = {}
+    shares: dict[tuple[str, str], float] = {}
     names = prepared.model.base.names
     normal = np.zeros((len(names), len(names)))
     for part, sigma in zip(rows, fit.sigma, strict=True):
@@ -56,7 +56,7 @@ def baseline_rows(folder: Path) -> Iterator[dict[str, Any]]:
             at = int(names[column][len(kind) :]) - 1
             effect = _KINDS.get(kind, "payload" if at == len(joints) - 1 else "link_inertia")
             key = effect, joints[at]
-            found[key] = max(found.get(key, 0.0), share)
+            shares[key] = max(shares.get(key, 0.0), share)
         rest = part.torque - part.matrix @ fit.values[part.columns]
         position = np.concatenate(
             [
@@ -67,6 +67,6 @@ def baseline_rows(folder: Path) -> Iterator[dict[str, Any]]:
         waves = np.exp(1j * _WAVES[:, None] * position) @ rest / len(rest)
         share = float(np.sqrt(2.0) * np.abs(waves).max()) / size
         if share > _SHARE:
-            found["position_ripple", joints[joint]] = share
-    for (effect, joint_name), _ in sorted(found.items(), key=lambda item: -item[1]):
+            shares["position_ripple", joints[joint]] = share
+    for (effect, joint_name), _ in sorted(shares.items(), key=lambda item: -item[1]):
         yield {"recording": folder.name, "effect": effect, "joint": joint_name}

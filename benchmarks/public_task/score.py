@@ -71,9 +71,9 @@ def scores(answers: Mapping[str, list[Row]], labels: Mapping[str, list[Row]]) ->
             add("first cause right", bool(said) and any(is_right(said[0], row) for row in asked))
         for row in asked:
             mass = row.get("mass")
-            found = next((a for a in said if is_right(a, row) and a.get("low")), None)
-            if mass and found is not None:
-                inside = float(found["low"]) <= float(mass) <= float(found["high"])
+            payload = next((a for a in said if is_right(a, row) and a.get("low")), None)
+            if mass and payload is not None:
+                inside = float(payload["low"]) <= float(mass) <= float(payload["high"])
                 add("mass of a payload inside its interval", inside)
     made = {name: _share(*pair) for name, pair in sorted(count.items())}
     made["false causes a recording"] = f"{false_names / max(len(labels), 1):.2f}"

@@ -33,7 +33,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """Strength found, the ratio that it gives, and whether that is the wanted one."""
+    """Strength, the ratio that it gives, and whether that is the wanted one."""
 
     strength: float
     rho: float
@@ -101,15 +101,15 @@ def calibrate(
     strength = min(effect.usual * rho, effect.largest)
     best = Calibrated(0.0, 0.0, False)
     for _ in range(TRIALS):
-        found = shown(strength)
-        if abs(found / rho - 1.0) < tolerance:
-            return Calibrated(strength, found, True)
-        if np.isfinite(found) and abs(found - rho) < abs(best.rho - rho):
-            best = Calibrated(strength, found, False)
-        if found < rho:
-            low = (strength, max(found, 0.02))
+        reached_ratio = shown(strength)
+        if abs(reached_ratio / rho - 1.0) < tolerance:
+            return Calibrated(strength, reached_ratio, True)
+        if np.isfinite(reached_ratio) and abs(reached_ratio - rho) < abs(best.rho - rho):
+            best = Calibrated(strength, reached_ratio, False)
+        if reached_ratio < rho:
+            low = (strength, max(reached_ratio, 0.02))
         else:
-            high = (strength, min(found, 1e3 * rho))
+            high = (strength, min(reached_ratio, 1e3 * rho))
         if high is None:
             if strength >= effect.largest:
                 break

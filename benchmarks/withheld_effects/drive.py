@@ -98,7 +98,7 @@ def rigid_drive(
     nothing["knee"] = np.full(n, np.inf)
     for name in ("pair_ratio", "pair_dry", "pair_viscous", "pair_exponent"):
         nothing[name] = np.ones(1) if name == "pair_exponent" else np.zeros(1)
-    own = {
+    rigid = {
         "inertia": inertia,
         "viscous_forward": viscous,
         "viscous_backward": viscous.copy(),
@@ -107,7 +107,7 @@ def rigid_drive(
         "offset": offset,
         "pair": np.zeros(2, dtype=np.int64),
     }
-    return Drive(**{**nothing, **own})
+    return Drive(**{**nothing, **rigid})
 
 
 def packed(drive: Drive) -> np.void:

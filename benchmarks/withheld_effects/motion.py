@@ -49,8 +49,8 @@ def poor_motion(
     time = np.arange(round(seconds / period)) * period
     if kind == "still":
         position, _ = rich_motion(given, rng, seconds)
-        held = rng.integers(len(given.joints))
-        position[:, held] = given.centre[held]
+        still = rng.integers(len(given.joints))
+        position[:, still] = given.centre[still]
         return position, np.gradient(position, period, axis=0)
     pulsation = {"tiny": 2.0 * np.pi * np.array([0.13, 0.31, 0.5]), "slow": np.array([0.3, 0.5])}
     size = {"tiny": 0.006, "slow": 0.05}[kind]

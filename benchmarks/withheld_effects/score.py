@@ -38,7 +38,7 @@ def open_labels(out: Path) -> dict[str, Any]:
 
 def score(out: Path) -> Scored:
     """Read every verdict and judge it (ValueError: see `open_labels`)."""
-    judged, missing = {}, {}
+    cells, missing = {}, {}
     for name, label in open_labels(out).items():
         folder = out / "verdicts" / name
         path = folder / "gap.json"
@@ -48,8 +48,8 @@ def score(out: Path) -> Scored:
             continue
         seconds = json.loads((folder / "run.json").read_text())["seconds"]
         document = json.loads(path.read_text(encoding="utf-8"))
-        judged[name] = judge(label, Verdict.read(document), seconds)
-    return Scored(judged, missing)
+        cells[name] = judge(label, Verdict.read(document), seconds)
+    return Scored(cells, missing)
 
 
 def main() -> None:

@@ -47,10 +47,10 @@ def frozen(
     effort: FloatArray, mean: FloatArray, period: float, chance: np.random.Generator
 ) -> FloatArray:
     """Hold the last value for 0.5 to 1.5 of the mean duration (n_joints,) s at random times."""
-    held = effort.copy()
+    stuck = effort.copy()
     for j in np.flatnonzero(mean > 0.0):
         times = max(2, chance.poisson(DROPOUT_RATE * len(effort) * period))
         for start in chance.integers(1, len(effort), times):
             length = round(mean[j] * chance.uniform(0.5, 1.5) / period)
-            held[start : start + length, j] = held[start - 1, j]
-    return held
+            stuck[start : start + length, j] = stuck[start - 1, j]
+    return stuck

@@ -46,13 +46,13 @@ def make_session(cell: Cell, master: int) -> Session:
     drawn = [EFFECTS[asked.effect](shape, given, asked.joint) for asked in cell.effects]
     floor = session(world, courses)
     rich_floor = floor if rich is courses else session(world, rich)
-    found = [
+    calibrated = [
         calibrate(world, effect, rich[::every], rich_floor[::every], asked.rho)
         for effect, asked in zip(drawn, cell.effects, strict=True)
         # Where a repeat differs by its noise alone, one of the two will do.
         for every in (1 if effect.whole_session else 2,)
     ]
-    records, strengths = _recorded(world, drawn, found, courses) if drawn else (floor, [])
+    records, strengths = _recorded(world, drawn, calibrated, courses) if drawn else (floor, [])
     label = {
         "group": cell.group,
         "robot": cell.robot,
@@ -112,9 +112,9 @@ def _courses(
 
 
 def _recorded(
-    world: World, drawn: list[Effect], found: list[Calibrated], courses: list[Course]
+    world: World, drawn: list[Effect], calibrated: list[Calibrated], courses: list[Course]
 ) -> tuple[list[Record], list[float]]:
-    strengths = [calibrated.strength for calibrated in found]
+    strengths = [calibration.strength for calibration in calibrated]
     for _ in range(6):
         true = world
         for effect, strength in zip(drawn, strengths, strict=True):

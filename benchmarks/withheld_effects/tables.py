@@ -6,7 +6,7 @@ from math import sqrt
 from statistics import mean, median
 
 from benchmarks.withheld_effects.cells import RATIOS
-from benchmarks.withheld_effects.verdict import Judged, Scored
+from benchmarks.withheld_effects.verdict import CellScore, Scored
 
 NORMAL_975 = 1.959964
 
@@ -33,17 +33,17 @@ def share(hits: Iterable[bool]) -> str:
     )
 
 
-def pair_f1(pairs: Sequence[Judged]) -> float | None:
+def pair_f1(pairs: Sequence[CellScore]) -> float | None:
     """F1 over all true effects and accepted causes of the pairs; None without pairs."""
-    hits = sum(sum(cell.found) for cell in pairs)
-    missed = sum(len(cell.found) - sum(cell.found) for cell in pairs)
+    hits = sum(sum(cell.named) for cell in pairs)
+    missed = sum(len(cell.named) - sum(cell.named) for cell in pairs)
     made_up = sum(len(cell.false_alarms) for cell in pairs)
     return 2 * hits / (2 * hits + missed + made_up) if pairs else None
 
 
 def page_lines(scored: Scored) -> list[str]:
     """The page as Markdown lines: figures against targets, breakdown, failures."""
-    cells = list(scored.judged.values())
+    cells = list(scored.cells.values())
     return [
         f"{len(cells)} cells judged, {len(scored.missing)} without a verdict.",
         "",
@@ -55,7 +55,7 @@ def page_lines(scored: Scored) -> list[str]:
     ]
 
 
-def _figures(cells: list[Judged]) -> list[str]:
+def _figures(cells: list[CellScore]) -> list[str]:
     of = {name: [cell for cell in cells if cell.label["group"] == name] for name in _groups(cells)}
     single = [cell for cell in of.get("single", []) if _clear(cell)]
     none = [cell for cell in of.get("none", []) if not cell.label["altered"]]
@@ -96,7 +96,7 @@ def _figures(cells: list[Judged]) -> list[str]:
     ]
 
 
-def _breakdown(cells: list[Judged]) -> list[str]:
+def _breakdown(cells: list[CellScore]) -> list[str]:
     """Right first, of all, for every effect and wanted ratio; unreached ratios apart."""
     table: dict[str, dict[float | str, list[bool]]] = defaultdict(lambda: defaultdict(list))
     for cell in cells:
@@ -120,16 +120,16 @@ def _breakdown(cells: list[Judged]) -> list[str]:
 def _failures(scored: Scored) -> list[str]:
     """Kinds of failure with their counts, most frequent first."""
     kinds: Counter[str] = Counter()
-    for cell in scored.judged.values():
+    for cell in scored.cells.values():
         label = cell.label
         truth = "+".join(item["effect"] for item in label["effects"]) or "none"
         for alarm in cell.false_alarms:
             kinds[f"{label['group']}: {truth} → {alarm.split('[')[0]}"] += 1
-        if label["group"] in ("single", "pair", "parametric") and not all(cell.found):
+        if label["group"] in ("single", "pair", "parametric") and not all(cell.named):
             missed = [
                 item["effect"]
-                for item, found in zip(label["effects"], cell.found, strict=True)
-                if not found
+                for item, named in zip(label["effects"], cell.named, strict=True)
+                if not named
             ]
             kinds[f"{label['group']}: {'+'.join(missed)} not found"] += 1
     for reason in scored.missing.values():
@@ -139,15 +139,15 @@ def _failures(scored: Scored) -> list[str]:
     ]
 
 
-def _groups(cells: list[Judged]) -> set[str]:
+def _groups(cells: list[CellScore]) -> set[str]:
     return {cell.label["group"] for cell in cells}
 
 
-def _alarm(cell: Judged) -> bool:
+def _alarm(cell: CellScore) -> bool:
     return bool(cell.false_alarms)
 
 
-def _clear(cell: Judged) -> bool:
+def _clear(cell: CellScore) -> bool:
     """The effect stands out enough to be asked for."""
     return bool(cell.label["effects"][0]["rho"] >= 0.9 * 0.6)
 

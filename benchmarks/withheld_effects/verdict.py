@@ -46,21 +46,21 @@ class Verdict:
 
 
 def _cause(item: dict[str, Any]) -> Cause:
-    own = (item["effect"], item.get("joint"))
+    first_name = (item["effect"], item.get("joint"))
     others = tuple((o["effect"], o.get("joint")) for o in item.get("indistinguishable_from") or [])
     gap = item.get("torque_gap") or {}
     return Cause(
         effect=item["effect"],
         kind=item["kind"],
         joint=item.get("joint"),
-        alike=(own, *(other for other in others if other != own)),
+        alike=(first_name, *(other for other in others if other != first_name)),
         before=gap.get("before"),
         after=gap.get("after"),
     )
 
 
 @dataclass(frozen=True)
-class Judged:
+class CellScore:
     """A cell after scoring.
 
     Attributes
@@ -71,7 +71,7 @@ class Judged:
         Of the diagnosis.
     false_alarms : tuple of str
         Accepted causes that are not there, "effect[joint]", nor is anything in their set.
-    found : tuple of bool
+    named : tuple of bool
         For each true effect: is it, or is its set, among the accepted causes?
     first : bool
         The first cause, or its set, is a true effect at its joint.
@@ -91,7 +91,7 @@ class Judged:
     seconds: float
     verdict: str
     false_alarms: tuple[str, ...]
-    found: tuple[bool, ...]
+    named: tuple[bool, ...]
     first: bool
     effect_first: bool
     set_size: int
@@ -103,11 +103,11 @@ class Judged:
 class Scored:
     """All judged cells, by name, and the cells that have no verdict with the reason."""
 
-    judged: dict[str, Judged]
+    cells: dict[str, CellScore]
     missing: dict[str, str]
 
 
-def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
+def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> CellScore:
     """Compare a verdict with the truth.
 
     Where all parameters of the robot are off, parametric causes are true and not judged.
@@ -116,32 +116,32 @@ def judge(label: dict[str, Any], verdict: Verdict, seconds: float) -> Judged:
         cause for cause in verdict.causes if not (label["altered"] and cause.kind == "parametric")
     ]
     truths = [truth for truth in label["effects"] if truth["kind"] != "outside"]
-    found = tuple(any(holds(cause, truth) for cause in causes) for truth in truths)
+    named = tuple(any(names_truth(cause, truth) for cause in causes) for truth in truths)
     wrong = tuple(
         f"{cause.effect}[{cause.joint}]"
         for cause in causes
-        if not any(holds(cause, truth) for truth in truths)
+        if not any(names_truth(cause, truth) for truth in truths)
     )
     lead = causes[0] if causes else None
-    return Judged(
+    return CellScore(
         label=label,
         seconds=seconds,
         verdict=verdict.verdict,
         false_alarms=wrong,
-        found=found,
-        first=lead is not None and any(holds(lead, truth) for truth in truths),
+        named=named,
+        first=lead is not None and any(names_truth(lead, truth) for truth in truths),
         effect_first=lead is not None
         and any(truth["effect"] in {e for e, _ in lead.alike} for truth in truths),
         set_size=len(lead.alike) if lead else 0,
         shrinkage=_shrinkage(label, truths, lead),
         admitted=all(
             seen or truth["effect"] in verdict.not_testable
-            for seen, truth in zip(found, truths, strict=True)
+            for seen, truth in zip(named, truths, strict=True)
         ),
     )
 
 
-def holds(cause: Cause, truth: dict[str, Any]) -> bool:
+def names_truth(cause: Cause, truth: dict[str, Any]) -> bool:
     """Is the truth in the set of this cause?"""
     joints = {truth["joint"], *truth["joints"]} if truth["joints"] else {truth["joint"]}
     return any(
@@ -162,7 +162,7 @@ def _shrinkage(
     possible = 1.0 - (without / with_effect) ** 2
     if possible <= 0.0:
         return None
-    if lead is None or not holds(lead, truth):
+    if lead is None or not names_truth(lead, truth):
         return 0.0
     if not lead.before or lead.after is None:
         return None

@@ -48,10 +48,10 @@ def test_a_payload_changes_the_base_parameters_as_a_body_on_the_last_link_does()
     model = build_inverse_model(configuration, urdf.read_text(encoding="utf-8"), urdf.name)
     layout = model.regressor.layout
     x, z, mass = 0.34, 0.03, 0.5
-    body = dict.fromkeys((each.name for each in layout.parameters), 0.0)
+    body = dict.fromkeys((parameter.name for parameter in layout.parameters), 0.0)
     body.update(M2=mass, MX2=mass * x, MZ2=mass * z, XX2=mass * z**2, ZZ2=mass * x**2)
     body.update(YY2=mass * (x**2 + z**2), XZ2=-mass * x * z)
-    vector = np.array([body[each.name] for each in layout.parameters])
+    vector = np.array([body[parameter.name] for parameter in layout.parameters])
     expected = dict(zip(model.base.names, model.base.from_standard(vector), strict=True))
     for name in TYPE:
         assert payload(mass, x, z).get(name, 0.0) == pytest.approx(expected[name], abs=1e-12)

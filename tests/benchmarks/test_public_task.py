@@ -59,18 +59,18 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_figures_are_those_of_the_answers(files: tuple[Path, Path]) -> None:
-    found = score.scores(*map(score.rows_by_recording, files))
-    assert found["one effect: all found"] == "1/1 = 100 %"  # the weak one is not asked for
-    assert found["two effects: all found"] == "0/1 = 0 %"
-    assert found["payload and friction: all found"] == "1/1 = 100 %"
-    assert found["nothing wrong, a cause named"] == "0/1 = 0 %"  # what is also true is no error
-    assert found["outside the catalogue, misnamed"] == "0/1 = 0 %"
-    assert found["mass of a payload inside its interval"] == "1/1 = 100 %"
-    assert found["false causes a recording"] == "0.17"
+    figures = score.scores(*map(score.rows_by_recording, files))
+    assert figures["one effect: all found"] == "1/1 = 100 %"  # the weak one is not asked for
+    assert figures["two effects: all found"] == "0/1 = 0 %"
+    assert figures["payload and friction: all found"] == "1/1 = 100 %"
+    assert figures["nothing wrong, a cause named"] == "0/1 = 0 %"  # what is also true is no error
+    assert figures["outside the catalogue, misnamed"] == "0/1 = 0 %"
+    assert figures["mass of a payload inside its interval"] == "1/1 = 100 %"
+    assert figures["false causes a recording"] == "0.17"
     # 0.95, 0.99 and 0.8 are right, 0.65 is wrong.
     brier = (0.05**2 + 0.01**2 + 0.2**2 + 0.65**2) / 4
-    assert found["Brier score"] == f"{brier:.3f}"
-    assert found["said with 50 to 70 %, true"] == "0/1 = 0 %"
+    assert figures["Brier score"] == f"{brier:.3f}"
+    assert figures["said with 50 to 70 %, true"] == "0/1 = 0 %"
 
 
 def test_the_scorer_runs_without_the_package(files: tuple[Path, Path], tmp_path: Path) -> None:

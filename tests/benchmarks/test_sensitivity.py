@@ -7,7 +7,7 @@ from idim_iv_ros.diagnosis import settings
 
 
 def test_settings_are_halved_and_doubled_and_large_shares_by_their_distance_from_one() -> None:
-    assert [float(each) for each in sensitivity.variants("LEAST_SUPPORT")] == [4.0, 16.0]
+    assert [float(value) for value in sensitivity.variants("LEAST_SUPPORT")] == [4.0, 16.0]
     assert sensitivity.variants("MEASURED_BELOW") == pytest.approx([0.8, 0.2])
 
 
@@ -22,8 +22,8 @@ def test_a_setting_is_changed_for_a_while_and_what_came_before_it_is_kept() -> N
 
 def test_the_page_lists_first_what_changes_most() -> None:
     plain = {"verdict": "none", "causes": []}
-    found = {"verdict": "structural", "causes": ["stribeck[joint_1]"]}
-    known = {"": plain, "FOLDS=2": plain, "LEAST_SUPPORT=4": found}
-    rows = sensitivity.what_changes({"0123456789ab": known})[2:]
+    other = {"verdict": "structural", "causes": ["stribeck[joint_1]"]}
+    of_cell = {"": plain, "FOLDS=2": plain, "LEAST_SUPPORT=4": other}
+    rows = sensitivity.what_changes({"0123456789ab": of_cell})[2:]
     assert "| `LEAST_SUPPORT` | 8 | 4 | 1 | 1 | 1 | 1 | 0123: structural" in rows[0]
     assert rows[1].startswith("| `FOLDS` | 4 | 2 | 1 | 0 | 0 | 0 |")

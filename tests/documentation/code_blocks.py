@@ -47,10 +47,10 @@ class CodeBlock:
 def code_blocks(page: str) -> Iterator[CodeBlock]:
     """All fenced blocks of a page, in their order."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    found = list(BLOCK.finditer(text))
-    for number, block in enumerate(found):
+    blocks = list(BLOCK.finditer(text))
+    for number, block in enumerate(blocks):
         mark = MARK.search(text[: block.start()])
-        follows = found[number + 1] if number + 1 < len(found) else None
+        follows = blocks[number + 1] if number + 1 < len(blocks) else None
         printed = ""
         if follows and follows[1] == "text" and not text[block.end() : follows.start()].strip():
             printed = follows[2]
@@ -79,9 +79,9 @@ def first_missing_line(documented: str, printed: str) -> str | None:
 
 
 def _agree(documented: str, printed: str) -> bool:
-    wanted, found = (" ".join(NUMBER.sub("#", line).split()) for line in (documented, printed))
+    wanted, line = (" ".join(NUMBER.sub("#", line).split()) for line in (documented, printed))
     rest = wanted.endswith("…")
-    if not (found.startswith(wanted.rstrip(" …")) if rest else found == wanted):
+    if not (line.startswith(wanted.rstrip(" …")) if rest else line == wanted):
         return False
     numbers = [
         [float(number.replace("−", "-")) for number in NUMBER.findall(line)]

@@ -1,9 +1,12 @@
 """Every command and every program that a page shows does what the page says."""
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +16,15 @@ import scipy.io
 from bags import simulated_arms
 from idim_iv_ros import load_configuration, propose_configuration, write_configuration
 from idim_iv_ros.recording import write_bag
+from tests.command_line import CommandLine, Outcome
 from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks, first_missing_line
 
-RUNS = {"bash": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
+RUNS = {"bash", "python"}
+IDIM_IV = re.compile(r"^idim-iv ((?:.*\\\n)*.*)$", flags=re.MULTILINE)
+PATHS = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+SHELL = {**os.environ, "PATH": PATHS, "PYTHONPATH": str(ROOT)}
+PATIENCE = 300.0  # s of computation
+ARM2 = "config/arm2.yaml"
 READ = {"text", "yaml", "json"}
 # Blocks that need ROS, hardware, minutes or a new environment. One more is a decision.
 LEFT_OUT = {"not run": 28, "slow": 12}
@@ -27,7 +36,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
     for name in ("bags", "config"):
         (folder / name).symlink_to(ROOT / name)
-    arm = simulated_arms.arm2()
+    arm = simulated_arms.arm2(seconds=6.0)
     urdf = (ROOT / "config" / "arm2.urdf").read_text(encoding="utf-8")
     (folder / "my_arm.urdf").write_text(urdf, encoding="utf-8")
     for seed in (1, 2, 3):
@@ -44,20 +53,44 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(block: CodeBlock, folder: Path) -> None:
+@pytest.fixture(scope="module")
+def command_line(
+    recordings: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[CommandLine]:
+    """`idim-iv` with all that the pages need loaded."""
+    folder = tmp_path_factory.mktemp("first")
+    line = CommandLine(tmp_path_factory.mktemp("logs"), columns=80)
+    out, arm = ["--quiet", "--out", str(folder / "out")], ["--config", str(ROOT / ARM2)]
+    try:
+        assert line.warm_up(["identify", str(recordings / "run1.mcap"), *arm, *out]) == 0
+        yield line
+    finally:
+        line.close()
+
+
+def run(block: CodeBlock, folder: Path, line: CommandLine) -> None:
     """Run one block as a user would, in `folder`."""
-    paths = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    ended = subprocess.run(
-        [*RUNS[block.language], block.text],
-        cwd=folder,
-        env={**os.environ, "PATH": paths, "COLUMNS": "80", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-    )
-    place = f"{block.page}:{block.line}"
-    assert ended.returncode == 0, f"{place}\n{ended.stdout[-2000:]}\n{ended.stderr[-2000:]}"
-    missing = first_missing_line(block.printed, ended.stdout)
-    assert missing is None, f"{place} does not print\n{missing}\nbut\n{ended.stdout}"
+    if block.language == "python":
+        outcomes = [line.run_program(block.text, folder, seconds=PATIENCE)]
+    else:
+        outcomes = list(shell_outcomes(block.text, folder, line))
+    place, printed = f"{block.page}:{block.line}", "".join(outcome.out for outcome in outcomes)
+    for outcome in outcomes:
+        assert outcome.status == 0, f"{place}\n{printed[-2000:]}\n{outcome.error[-2000:]}"
+    missing = first_missing_line(block.printed, printed)
+    assert missing is None, f"{place} does not print\n{missing}\nbut\n{printed}"
+
+
+def shell_outcomes(text: str, folder: Path, line: CommandLine) -> Iterator[Outcome]:
+    """Run `idim-iv` where its process has everything loaded, all other commands by bash."""
+    for number, part in enumerate(IDIM_IV.split(text)):
+        if number % 2:
+            arguments = shlex.split(part.replace("\\\n", " "), comments=True)
+            yield line.run(arguments, folder, seconds=PATIENCE)
+        elif part.strip():
+            call = ["bash", "-euo", "pipefail", "-c", part]
+            ended = subprocess.run(call, cwd=folder, env=SHELL, capture_output=True, text=True)
+            yield Outcome(ended.returncode, ended.stdout, ended.stderr, 0.0, 0)
 
 
 def runs(page: str, *, slow: bool) -> list[CodeBlock]:
@@ -74,18 +107,18 @@ def workplace(recordings: Path, tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if runs(page, slow=False)])
-def test_blocks_of_a_page_run(page: str, workplace: Path) -> None:
+def test_blocks_of_a_page_run(page: str, workplace: Path, command_line: CommandLine) -> None:
     for block in runs(page, slow=False):
-        run(block, workplace)
+        run(block, workplace, command_line)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if runs(page, slow=True) != runs(page, slow=False)]
 )
-def test_slow_blocks_of_a_page_run(page: str, workplace: Path) -> None:
+def test_slow_blocks_of_a_page_run(page: str, workplace: Path, command_line: CommandLine) -> None:
     for block in runs(page, slow=True):
-        run(block, workplace)
+        run(block, workplace, command_line)
 
 
 def test_configurations_are_valid(workplace: Path) -> None:
@@ -99,7 +132,7 @@ def test_configurations_are_valid(workplace: Path) -> None:
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_is_run_or_says_why_not(page: str) -> None:
     for block in code_blocks(page):
-        assert block.language in RUNS.keys() | READ, f"{page}:{block.line}"
+        assert block.language in RUNS | READ, f"{page}:{block.line}"
         if block.language in RUNS and block.mark:
             assert len(block.reason.split()) >= 3, f"{page}:{block.line}"
 

@@ -1,16 +1,16 @@
 """Argument vectors: options drawn at random, with values that they should not have."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from tests.fuzz.case import (
+    Build,
     Case,
     Good,
     command,
     excitation,
-    random_of,
     simulation,
     write_configuration,
 )
@@ -37,24 +37,17 @@ def cases(seed: int) -> Iterator[Case]:
     """One option wrong at a time, then words at random."""
     for option in _EXCITE:
         for number in range(4):
-            yield _case(f"excite{option}-{number}", seed, _excite_with(option))
+            yield Case(f"excite{option}-{number}", _excite_with(option))
     for option in _SIMULATE:
         for number in range(5):
-            yield _case(f"simulate{option}-{number}", seed, _simulate_with(option))
+            yield Case(f"simulate{option}-{number}", _simulate_with(option))
     for duration in ("infinite", "nan", "1e300", "2000"):
         value = duration.replace("infinite", "inf")
-        yield _case(f"simulate--duration-{duration}", seed, _lasting(value))
+        yield Case(f"simulate--duration-{duration}", _lasting(value))
     for name, arguments in _WRONG.items():
-        yield _case(f"arguments-{name}", seed, arguments)
+        yield Case(f"arguments-{name}", arguments)
     for number in range(25):
-        yield _case(f"words-{number}", seed, _any_words)
-
-
-Build = Callable[[Path, Good, np.random.Generator], list[str]]
-
-
-def _case(name: str, seed: int, build: Build) -> Case:
-    return Case(name, lambda folder, good: build(folder, good, random_of(seed, name)))
+        yield Case(f"words-{number}", _any_words)
 
 
 def _excite_with(option: str) -> Build:

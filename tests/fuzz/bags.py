@@ -2,15 +2,18 @@
 
 import shutil
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.writer import CompressionType
 
 from tests.fuzz import messages
-from tests.fuzz.case import CONFIG, JOINTS, Case, Good, command, random_of, write_configuration
+from tests.fuzz.case import CONFIG, JOINTS, Case, Good, command, write_configuration
 from tests.fuzz.messages import REFERENCE, STATE_TYPE, STATES, Raw, State
 
 _MAGIC = 8  # bytes of MCAP's first mark
@@ -21,56 +24,55 @@ _COMMANDS = ("check", "check", "check", "check", "check", "check", "identify", "
 
 def cases(seed: int) -> Iterator[Case]:
     """Damaged bytes first, then damaged contents."""
-    yield from _torn(seed)
-    yield from _flipped(seed)
-    yield from _databases(seed)
-    for number, (name, change) in enumerate(changes().items()):
-        yield _content_case(f"content-{name}", change, seed, _COMMANDS[number % len(_COMMANDS)])
-    for name in ("huge-efforts", "tiny-efforts", "one-spike", "constant", "wrap"):
-        for heavy in ("identify", "diagnose"):
-            yield _content_case(f"{heavy}-{name}", _VALUES[name], seed, heavy)
-    yield from _schemas()
-    yield from _folders(seed)
-
-
-def _torn(seed: int) -> Iterator[Case]:
     for number in range(16):
-        name = f"torn-mcap-{number}"
         storage = ("mcap", "db3")[number % 4 == 3]
-
-        def build(folder: Path, good: Good, name=name, storage=storage) -> list[str]:
-            random = random_of(seed, name)
-            content = _content(folder, good, storage)
-            share = random.choice([random.uniform(), random.uniform(0.9, 1.0), 1e-3])
-            path = folder / f"torn.{storage}"
-            path.write_bytes(content[: int(share * len(content))])
-            return command(_COMMANDS[int(random.integers(8))], folder, [path])
-
-        yield Case(name.replace("mcap", storage), build)
-
-
-def _flipped(seed: int) -> Iterator[Case]:
+        yield Case(f"torn-{storage}-{number}", partial(_torn, storage))
     for kind in (*_RECORDS.values(), "anywhere", "lengths"):
         for number in range(3):
-            name = f"flipped-{kind}-{number}"
+            compression = (CompressionType.NONE, CompressionType.LZ4)[seed % 2]
+            build = partial(_flipped, kind, number, compression if number == 2 else None)
+            yield Case(f"flipped-{kind}-{number}", build)
+    yield from _databases()
+    for number, (name, change) in enumerate(changes().items()):
+        what = _COMMANDS[number % len(_COMMANDS)]
+        yield Case(f"content-{name}", partial(_with_content, change, what))
+    for name in ("huge-efforts", "tiny-efforts", "one-spike", "constant", "wrap"):
+        for heavy in ("identify", "diagnose"):
+            yield Case(f"{heavy}-{name}", partial(_with_content, _VALUES[name], heavy))
+    yield from _schemas()
+    yield from _folders()
 
-            def build(folder: Path, good: Good, name=name, kind=kind, number=number) -> list[str]:
-                random = random_of(seed, name)
-                content = bytearray(good.bag.read_bytes())
-                if number == 2:
-                    plain = messages.raw(messages.states(good))
-                    file = folder / "plain.mcap"
-                    compression = (CompressionType.NONE, CompressionType.LZ4)[seed % 2]
-                    messages.write_mcap(file, plain, compression=compression)
-                    content = bytearray(file.read_bytes())
-                    file.unlink()
-                for place in _places(content, kind, random, count=1 + number * 4):
-                    content[place] ^= 1 << int(random.integers(8))
-                path = folder / "flipped.mcap"
-                path.write_bytes(content)
-                return command(_COMMANDS[int(random.integers(8))], folder, [path])
 
-            yield Case(name, build)
+def _torn(storage: str, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    content = _content(folder, good, storage)
+    share = random.choice([random.uniform(), random.uniform(0.9, 1.0), 1e-3])
+    path = folder / f"torn.{storage}"
+    path.write_bytes(content[: int(share * len(content))])
+    return command(_COMMANDS[int(random.integers(8))], folder, [path])
+
+
+def _flipped(
+    kind: str,
+    number: int,
+    compression: CompressionType | None,
+    folder: Path,
+    good: Good,
+    random: np.random.Generator,
+) -> list[str]:
+    content = bytearray(good.bag.read_bytes())
+    if compression is not None:
+        file = _written(folder, messages.raw(messages.states(good)), compression=compression)
+        content = bytearray(file.read_bytes())
+        file.unlink()
+    for place in _places(content, kind, random, count=1 + number * 4):
+        content[place] ^= 1 << int(random.integers(8))
+    path = folder / "flipped.mcap"
+    path.write_bytes(content)
+    return command(_COMMANDS[int(random.integers(8))], folder, [path])
+
+
+def _written(folder: Path, raw: Sequence[Raw], **options: Any) -> Path:
+    return messages.write_mcap(folder / "bag.mcap", raw, **options)
 
 
 def _places(content: bytes, kind: str, random: np.random.Generator, count: int) -> list[int]:
@@ -86,7 +88,7 @@ def _places(content: bytes, kind: str, random: np.random.Generator, count: int) 
     if kind == "lengths":
         chosen = [records[int(k)] for k in random.integers(0, len(records), count)]
         return [start + 1 + int(random.integers(8)) for _, start, _ in chosen]
-    fitting = [each for each in records if _RECORDS.get(each[0]) == kind] or records
+    fitting = [record for record in records if _RECORDS.get(record[0]) == kind] or records
     chosen = [fitting[int(k)] for k in random.integers(0, len(fitting), count)]
     # The fields of a chunk are before its compressed messages.
     return [start + int(random.integers(min(size, 80))) for _, start, size in chosen]
@@ -136,35 +138,33 @@ _SQL = {
 }  # fmt: skip
 
 
-def _databases(seed: int) -> Iterator[Case]:
+def _databases() -> Iterator[Case]:
     for column in ("timestamp", "data", "topic_id"):
         for number, cell in enumerate(_CELLS):
             where = ("", "WHERE id % 50 = 7", "WHERE id < 20")[2 if "zero" in cell else number % 2]
             statement = f"UPDATE messages SET {column} = {cell} {where}"
-            yield _database_case(f"db3-{column}-{cell.strip(chr(39))[:8]}", (statement,))
+            name = f"db3-{column}-{cell.strip(chr(39))[:8]}"
+            yield Case(name, partial(_database, (statement,)))
     for name, statements in _SQL.items():
-        yield _database_case(f"db3-{name}", statements)
+        yield Case(f"db3-{name}", partial(_database, statements))
     for number in range(4):
-        name = f"db3-flipped-{number}"
-
-        def build(folder: Path, good: Good, name=name, number=number) -> list[str]:
-            random = random_of(seed, name)
-            content = bytearray(_content(folder, good, "db3"))
-            top = (100, 4096, len(content), len(content))[number]
-            for place in random.integers(0, top, 20):
-                content[int(place)] = int(random.integers(256))
-            (folder / "flipped.db3").write_bytes(content)
-            return command("check", folder, [folder / "flipped.db3"])
-
-        yield Case(name, build)
+        yield Case(f"db3-flipped-{number}", partial(_flipped_database, number))
 
 
-def _database_case(name: str, statements: tuple[str, ...]) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        raw = messages.raw(messages.states(good))
-        return command("check", folder, [messages.write_db3(folder / "b.db3", raw, *statements)])
+def _flipped_database(
+    number: int, folder: Path, good: Good, random: np.random.Generator
+) -> list[str]:
+    content = bytearray(_content(folder, good, "db3"))
+    top = (100, 4096, len(content), len(content))[number]
+    for place in random.integers(0, top, 20):
+        content[int(place)] = int(random.integers(256))
+    (folder / "flipped.db3").write_bytes(content)
+    return command("check", folder, [folder / "flipped.db3"])
 
-    return Case(name, build)
+
+def _database(statements: tuple[str, ...], folder: Path, good: Good, _: object) -> list[str]:
+    raw = messages.raw(messages.states(good))
+    return command("check", folder, [messages.write_db3(folder / "b.db3", raw, *statements)])
 
 
 Change = Callable[[list[State], np.random.Generator], list[State]]
@@ -175,16 +175,14 @@ def changes() -> dict[str, Change]:
     return {**_CONTENTS, **_STAMPS, **_VALUES}
 
 
-def _content_case(name: str, change: Change, seed: int, what: str) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        changed = change(messages.states(good), random_of(seed, name))
-        path = messages.write_mcap(folder / "bag.mcap", messages.raw(changed))
-        return command(what, folder, [path])
-
-    return Case(name, build)
+def _with_content(
+    change: Change, what: str, folder: Path, good: Good, random: np.random.Generator
+) -> list[str]:
+    changed = change(messages.states(good), random)
+    return command(what, folder, [_written(folder, messages.raw(changed))])
 
 
-def _each(change: Callable[[State, int, np.random.Generator], object]) -> Change:
+def _every_state(change: Callable[[State, int, np.random.Generator], object]) -> Change:
     """Change every message in its place; the function gets its number."""
 
     def apply(all_states: list[State], random: np.random.Generator) -> list[State]:
@@ -196,11 +194,11 @@ def _each(change: Callable[[State, int, np.random.Generator], object]) -> Change
 
 
 def _set(**values: object) -> Change:
-    return _each(lambda state, _, __: [setattr(state, k, v) for k, v in values.items()])
+    return _every_state(lambda state, _, __: [setattr(state, k, v) for k, v in values.items()])
 
 
 def _sometimes(change: Callable[[State, np.random.Generator], object]) -> Change:
-    return _each(lambda s, _, random: change(s, random) if random.uniform() < 0.1 else None)
+    return _every_state(lambda s, _, random: change(s, random) if random.uniform() < 0.1 else None)
 
 
 def _swap(state: State, random: np.random.Generator) -> None:
@@ -213,7 +211,7 @@ _CONTENTS: dict[str, Change] = {
     "permuted": _sometimes(_swap),
     "names-alone-permuted": _set(names=JOINTS[::-1]),
     "doubled-name": _set(names=("joint_1", "joint_1")),
-    "third-joint": _each(
+    "third-joint": _every_state(
         lambda s, _, __: [setattr(s, "names", (*JOINTS, "joint_1")),
                           setattr(s, "position", np.append(s.position, 1.0)),
                           setattr(s, "effort", np.append(s.effort, 1.0)) if len(s.effort) else 0]
@@ -245,12 +243,12 @@ _CONTENTS: dict[str, Change] = {
 
 
 def _stamps(function: Callable[[float, int], float]) -> Change:
-    return _each(lambda s, number, _: setattr(s, "stamp", function(s.stamp, number)))
+    return _every_state(lambda s, number, _: setattr(s, "stamp", function(s.stamp, number)))
 
 
 _STAMPS: dict[str, Change] = {
     "zero-stamps": _stamps(lambda t, k: 0.0),
-    "same-stamp-everywhere": _each(lambda s, _, __: [setattr(s, "stamp", 7.0),
+    "same-stamp-everywhere": _every_state(lambda s, _, __: [setattr(s, "stamp", 7.0),
                                                       setattr(s, "arrival", 7.0)]),
     "backward": _stamps(lambda t, k: 10.0 - t),
     "back-and-forth": _stamps(lambda t, k: t if k % 2 else 4.0 - t),
@@ -267,12 +265,12 @@ _STAMPS: dict[str, Change] = {
     "years-apart": _stamps(lambda t, k: 2.5e6 * (k // 2)),
     "ever-slower": _stamps(lambda t, k: 1.01 ** (k // 2)),
     "in-pairs": _stamps(lambda t, k: 0.01 * (k // 4)),
-    "reference-a-year-ago": _each(
+    "reference-a-year-ago": _every_state(
         lambda s, _, __: setattr(s, "stamp", s.stamp - 3e7 * (s.topic == REFERENCE) + 4e7)
     ),
-    "arrival-zero": _each(lambda s, _, __: setattr(s, "arrival", 0.0)),
-    "arrival-huge": _each(lambda s, k, __: setattr(s, "arrival", 9.2e9)),
-    "arrival-backward": _each(lambda s, k, __: setattr(s, "arrival", 9.0 - s.stamp)),
+    "arrival-zero": _every_state(lambda s, _, __: setattr(s, "arrival", 0.0)),
+    "arrival-huge": _every_state(lambda s, k, __: setattr(s, "arrival", 9.2e9)),
+    "arrival-backward": _every_state(lambda s, k, __: setattr(s, "arrival", 9.0 - s.stamp)),
     "shuffled": lambda states, random: [states[k] for k in random.permutation(len(states))],
     "twice": lambda states, _: [*states, *states],
     "every-message-twice": lambda states, _: [s for s in states for _ in range(2)],
@@ -286,7 +284,7 @@ def _values(position: Callable | None = None, effort: Callable | None = None) ->
         if effort is not None and len(state.effort):
             state.effort = np.asarray(effort(state.effort, number), dtype=float)
 
-    return _each(change)
+    return _every_state(change)
 
 
 _REFERENCE_FACTOR = {STATES: 1.0, REFERENCE: np.nan}
@@ -314,10 +312,10 @@ _VALUES: dict[str, Change] = {
     "wrap": _values(lambda v, k: (3.0 * v + np.pi) % (2 * np.pi) - np.pi),
     "same-joints": _values(lambda v, k: v[[0, 0]], lambda v, k: v[[0, 0]]),
     "constant-effort": _values(effort=lambda v, k: 0.0 * v + 5.0),
-    "huge-reference": _each(
+    "huge-reference": _every_state(
         lambda s, _, __: setattr(s, "position", s.position * (1e300 if s.topic == REFERENCE else 1))
     ),
-    "nan-reference": _each(
+    "nan-reference": _every_state(
         lambda s, _, __: setattr(s, "position", s.position * _REFERENCE_FACTOR[s.topic])
     ),
 }  # fmt: skip
@@ -339,36 +337,31 @@ _SCHEMAS = {
 
 def _schemas() -> Iterator[Case]:
     for name, schema in _SCHEMAS.items():
-
-        def build(folder: Path, good: Good, schema=schema) -> list[str]:
-            raw = messages.raw(messages.states(good))
-            path = messages.write_mcap(folder / "bag.mcap", raw, schema=schema)
-            return command("check", folder, [path])
-
-        yield Case(f"schema-{name}", build)
+        yield Case(f"schema-{name}", partial(_declared, {"schema": schema}))
     for encoding in ("json", "ros1", ""):
-
-        def other(folder: Path, good: Good, encoding=encoding) -> list[str]:
-            raw = messages.raw(messages.states(good))
-            path = messages.write_mcap(folder / "bag.mcap", raw, encoding=encoding)
-            return command("check", folder, [path])
-
-        yield Case(f"encoding-{encoding or 'none'}", other)
+        yield Case(f"encoding-{encoding or 'none'}", partial(_declared, {"encoding": encoding}))
     for name, change in _PAYLOADS.items():
-
-        def payload(folder: Path, good: Good, change=change) -> list[str]:
-            raw = [
-                Raw(each.topic, each.arrival, change(each.payload, k), each.kind)
-                for k, each in enumerate(messages.raw(messages.states(good)))
-            ]
-            return command("check", folder, [messages.write_mcap(folder / "bag.mcap", raw)])
-
-        yield Case(f"payload-{name}", payload)
-    yield Case("description-bomb", lambda f, g: _described(f, g, _BOMB))
-    yield Case("description-empty", lambda f, g: _described(f, g, ""))
-    yield Case("description-not-xml", lambda f, g: _described(f, g, "\x00{}[bold]"))
+        yield Case(f"payload-{name}", partial(_with_payloads, change))
     whole = (CONFIG / "arm2.urdf").read_text()
-    yield Case("description-half", lambda f, g: _described(f, g, whole[:900]), refused=True)
+    descriptions = {"bomb": _BOMB, "empty": "", "not-xml": "\x00{}[bold]", "half": whole[:900]}
+    for name, text in descriptions.items():
+        yield Case(f"description-{name}", partial(_described, text), refused=name == "half")
+
+
+def _declared(options: dict[str, Any], folder: Path, good: Good, _: object) -> list[str]:
+    """Good messages in a bag that says another thing of them."""
+    raw = messages.raw(messages.states(good))
+    return command("check", folder, [_written(folder, raw, **options)])
+
+
+def _with_payloads(
+    change: Callable[[bytes, int], bytes], folder: Path, good: Good, _: object
+) -> list[str]:
+    raw = [
+        replace(message, payload=change(message.payload, number))
+        for number, message in enumerate(messages.raw(messages.states(good)))
+    ]
+    return command("check", folder, [_written(folder, raw)])
 
 
 _BOMB = (
@@ -395,11 +388,10 @@ _PAYLOADS: dict[str, Callable[[bytes, int], bytes]] = {
 }
 
 
-def _described(folder: Path, good: Good, text: str) -> list[str]:
+def _described(text: str, folder: Path, good: Good, _: object) -> list[str]:
     """A bag whose /robot_description is the only URDF there is."""
     raw = [messages.text_message(text), *messages.raw(messages.states(good))]
-    path = messages.write_mcap(folder / "bag.mcap", raw)
-    return command("check", folder, [path], write_configuration(folder, urdf=None))
+    return command("check", folder, [_written(folder, raw)], write_configuration(folder, urdf=None))
 
 
 _METADATA = {
@@ -423,38 +415,32 @@ _METADATA = {
 }
 
 
-def _folders(seed: int) -> Iterator[Case]:
+def _folders() -> Iterator[Case]:
     for name, text in _METADATA.items():
-
-        def build(folder: Path, good: Good, text=text) -> list[str]:
-            bag = folder / "bag"
-            (bag / "sub").mkdir(parents=True)
-            shutil.copy(good.bag, bag / "b.mcap")
-            (bag / "metadata.yaml").write_bytes(text.encode("utf-8", "surrogateescape"))
-            return command("check", folder, [bag])
-
-        yield Case(f"metadata-{name}", build)
-
-    def empty(folder: Path, good: Good) -> list[str]:
-        (folder / "bag").mkdir()
-        return command("check", folder, [folder / "bag"])
-
-    def both(folder: Path, good: Good) -> list[str]:
-        (folder / "bag").mkdir()
-        shutil.copy(good.bag, folder / "bag" / "b.mcap")
-        messages.write_db3(folder / "bag" / "b.db3", messages.raw(messages.states(good)))
-        return command("check", folder, [folder / "bag"])
-
-    def twice(folder: Path, good: Good) -> list[str]:
-        return command("identify", folder, [good.bag, good.bag])
-
-    def many(folder: Path, good: Good) -> list[str]:
-        (folder / "bag").mkdir()
-        for number in range(40):
-            (folder / "bag" / f"b_{number}.mcap").write_bytes(good.bag.read_bytes()[: 500 * number])
-        return command("check", folder, [folder / "bag"])
-
-    yield Case("folder-empty", empty, refused=True)
-    yield Case("folder-of-both-kinds", both)
-    yield Case("folder-of-pieces", many)
+        yield Case(f"metadata-{name}", partial(_with_metadata, text))
+    yield Case("folder-empty", partial(_folder, ()), refused=True)
+    yield Case("folder-of-both-kinds", partial(_folder, ("b.mcap", "b.db3")))
+    yield Case("folder-of-pieces", partial(_folder, tuple(f"b_{k}.mcap" for k in range(40))))
+    twice = lambda folder, good, _: command("identify", folder, [good.bag, good.bag])  # noqa: E731
     yield Case("same-bag-twice", twice, refused=True)
+
+
+def _with_metadata(text: str, folder: Path, good: Good, _: object) -> list[str]:
+    bag = folder / "bag"
+    (bag / "sub").mkdir(parents=True)
+    shutil.copy(good.bag, bag / "b.mcap")
+    (bag / "metadata.yaml").write_bytes(text.encode("utf-8", "surrogateescape"))
+    return command("check", folder, [bag])
+
+
+def _folder(names: Sequence[str], folder: Path, good: Good, _: object) -> list[str]:
+    """A folder of these files; what is numbered is a piece of the bag."""
+    bag = folder / "bag"
+    bag.mkdir()
+    for number, name in enumerate(names):
+        if name.endswith(".db3"):
+            messages.write_db3(bag / name, messages.raw(messages.states(good)))
+        else:
+            content = good.bag.read_bytes()
+            (bag / name).write_bytes(content[: 500 * number] if "_" in name else content)
+    return command("check", folder, [bag])

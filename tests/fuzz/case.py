@@ -34,6 +34,9 @@ class Good:
     reference: np.ndarray
 
 
+Build = Callable[[Path, Good, np.random.Generator], list[str]]
+
+
 @dataclass(frozen=True)
 class Case:
     """One bad input.
@@ -43,14 +46,15 @@ class Case:
     name : str
         ``family-what``; the same name and seed give the same bytes.
     build : callable
-        Writes the input into an empty folder and returns the arguments of ``idim-iv``.
+        Writes the input into an empty folder and returns the arguments of ``idim-iv``; its random
+        numbers are those of the case.
     refused : bool
         Whether nothing but a refusal (status 1 or 2) or a warning is right; else an answer in
         silence is right too.
     """
 
     name: str
-    build: Callable[[Path, Good], list[str]]
+    build: Build
     refused: bool = False
 
 
@@ -61,6 +65,16 @@ class Yaml(str):
 def random_of(seed: int, name: str) -> np.random.Generator:
     """Random numbers of one case, whatever other cases there are."""
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+
+def flipped(
+    content: bytes, random: np.random.Generator, count: int, end: int | None = None
+) -> bytes:
+    """Change so many bits before `end`."""
+    changed = bytearray(content)
+    for place in random.integers(0, len(changed) if end is None else end, count):
+        changed[int(place)] ^= 1 << int(random.integers(8))
+    return bytes(changed)
 
 
 def configuration() -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Every key of the configuration with what it must not hold; the keys are those of the model."""
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -70,14 +71,14 @@ _WITH_IDENTIFICATION = ("identification",)
 
 def keys(model: type[BaseModel] = Configuration, before: tuple[str, ...] = ()) -> list[tuple]:
     """Paths of all keys, sections too; `source` is no key of the file."""
-    found = []
+    paths = []
     for name, field in model.model_fields.items():
         if field.exclude:
             continue
-        found.append((*before, name))
+        paths.append((*before, name))
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            found += keys(field.annotation, (*before, name))
-    return found
+            paths += keys(field.annotation, (*before, name))
+    return paths
 
 
 def cases(seed: int) -> Iterator[Case]:
@@ -85,28 +86,28 @@ def cases(seed: int) -> Iterator[Case]:
     for key in keys():
         random = random_of(seed, ".".join(key))
         for name in random.choice(list(_VALUES), size=_DRAWN, replace=False):
-            yield _value_case(key, str(name), int(random.integers(8)))
+            build = partial(_value, key, str(name), int(random.integers(8)))
+            yield Case(f"key-{'.'.join(key)}-{name}", build)
     for name, text in _TEXTS.items():
-        yield Case(f"yaml-{name}", lambda folder, good, text=text: _text(folder, good, text))
+        yield Case(f"yaml-{name}", partial(_text, text))
 
 
-def _value_case(key: tuple[str, ...], name: str, draw: int) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        document = configuration()
-        place = document
-        for part in key[:-1]:
-            place = place.setdefault(part, {})
-        place[key[-1]] = Yaml(_VALUES[name])
-        path = write_configuration(folder, document)
-        if key[0] in _WITH_SIMULATION and draw % 4:
-            return simulation(folder, path)
-        heavy = key[0] in _WITH_IDENTIFICATION or draw in (0, 1)
-        return command("identify" if heavy else "check", folder, [good.bag], path)
+def _value(
+    key: tuple[str, ...], name: str, draw: int, folder: Path, good: Good, _: object
+) -> list[str]:
+    document = configuration()
+    place = document
+    for part in key[:-1]:
+        place = place.setdefault(part, {})
+    place[key[-1]] = Yaml(_VALUES[name])
+    path = write_configuration(folder, document)
+    if key[0] in _WITH_SIMULATION and draw % 4:
+        return simulation(folder, path)
+    heavy = key[0] in _WITH_IDENTIFICATION or draw in (0, 1)
+    return command("identify" if heavy else "check", folder, [good.bag], path)
 
-    return Case(f"key-{'.'.join(key)}-{name}", build)
 
-
-def _text(folder: Path, good: Good, text: str) -> list[str]:
+def _text(text: str, folder: Path, good: Good, _: object) -> list[str]:
     path = write_text(folder / "robot.yaml", text)
     return command("check", folder, [good.bag], path)
 

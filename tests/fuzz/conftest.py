@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from tests.command_line import CommandLine
 from tests.fuzz.case import Good, command, simulation
-from tests.fuzz.runs import CommandLine
 
 
 @pytest.fixture(scope="session")
 def fuzzed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[CommandLine, Good]]:
     """`idim-iv` with everything loaded, and the good input."""
     folder = tmp_path_factory.mktemp("good")
-    line = CommandLine(tmp_path_factory.mktemp("logs"))
+    line = CommandLine(tmp_path_factory.mktemp("logs"), columns=200)
     try:
         arguments = simulation(folder)
         arguments[-1] = "4"

@@ -1,14 +1,15 @@
 """Diagnoses for `simulate --effects`, and trajectories."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.effects.registry import BY_NAME, EFFECTS
-from tests.fuzz.case import Case, Good, Yaml, random_of, simulation, spelt, write_text
+from tests.fuzz.case import Case, Good, Yaml, flipped, simulation, spelt, write_text
 from tests.gap_files import gap_content
 
 _NUMBERS = ("0", "-1", "1e300", "-1e300", "1e-300", "NaN", "Infinity", "1" + "0" * 400, "null",
@@ -18,42 +19,32 @@ _NUMBERS = ("0", "-1", "1e300", "-1e300", "1e-300", "NaN", "Infinity", "1" + "0"
 def cases(seed: int) -> Iterator[Case]:
     """Whole documents, then each effect of the catalogue with numbers it cannot have."""
     for name, text in _DOCUMENTS.items():
-        yield _document_case(f"gap-{name}", lambda good, text=text: text)
+        yield Case(f"gap-{name}", partial(_document, text))
     for effect in EFFECTS:
         for number in range(2):
-            yield _effect_case(f"effect-{effect}-{number}", effect, seed)
+            yield Case(f"effect-{effect}-{number}", partial(_effect, effect))
     for name, text in _TRAJECTORIES.items():
-        yield _trajectory_case(f"trajectory-{name}", text)
+        yield Case(f"trajectory-{name}", partial(_trajectory, text))
     for number in range(4):
-        name = f"trajectory-flipped-{number}"
-        yield _trajectory_case(name, _flipped(random_of(seed, name)))
+        yield Case(f"trajectory-flipped-{number}", _flipped_trajectory)
 
 
-def _document_case(name: str, text: Callable[[Good], str]) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        path = write_text(folder / "gap.json", text(good))
-        return [*simulation(folder), "--effects", str(path)]
-
-    return Case(name, build)
+def _document(text: str, folder: Path, good: Good, _: object) -> list[str]:
+    return [*simulation(folder), "--effects", str(write_text(folder / "gap.json", text))]
 
 
-def _effect_case(name: str, effect: str, seed: int) -> Case:
-    def text(good: Good) -> str:
-        random = random_of(seed, name)
-        names = [spec.name.replace("_k", "_1") for spec in BY_NAME[effect].specs] or ["a"]
-        wrong = random.choice(names)
-        entries = {
-            each: Yaml(str(random.choice(_NUMBERS)) if each == wrong else "0.5") for each in names
-        }
-        cause = {
-            "effect": effect,
-            "joint": str(random.choice(["joint_1", "joint_2"])),
-            "other_joint": random.choice([None, "joint_1", "joint_2"]),
-            "parameters": entries,
-        }
-        return spelt(gap_content(cause))
-
-    return _document_case(name, text)
+def _effect(effect: str, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    names = [spec.name.replace("_k", "_1") for spec in BY_NAME[effect].specs] or ["a"]
+    wrong = random.choice(names)
+    cause = {
+        "effect": effect,
+        "parameters": {
+            name: Yaml(str(random.choice(_NUMBERS)) if name == wrong else "0.5") for name in names
+        },
+        "joint": str(random.choice(["joint_1", "joint_2"])),
+        "other_joint": random.choice([None, "joint_1", "joint_2"]),
+    }
+    return _document(spelt(gap_content(cause)), folder, good, None)
 
 
 def _gap(parameters: Any = None, **changes: Any) -> str:
@@ -150,16 +141,11 @@ _TRAJECTORIES = {
 }
 
 
-def _flipped(random: np.random.Generator) -> str:
-    content = bytearray(_motion().encode())
-    for place in random.integers(0, len(content), 5):
-        content[int(place)] ^= 1 << int(random.integers(8))
-    return content.decode("utf-8", "surrogateescape")
+def _flipped_trajectory(folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    text = flipped(_motion().encode(), random, 5).decode("utf-8", "surrogateescape")
+    return _trajectory(text, folder, good, None)
 
 
-def _trajectory_case(name: str, text: str) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        trajectory = write_text(folder / "t.csv", text)
-        return [*simulation(folder)[:-2], "--trajectory", str(trajectory)]
-
-    return Case(name, build)
+def _trajectory(text: str, folder: Path, good: Good, _: object) -> list[str]:
+    trajectory = write_text(folder / "t.csv", text)
+    return [*simulation(folder)[:-2], "--trajectory", str(trajectory)]

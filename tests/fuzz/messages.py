@@ -41,23 +41,25 @@ class State:
 
 def states(good: Good) -> list[State]:
     """All messages of the good bag in the order of their stamps."""
-    found = []
+    messages = []
     for k, stamp in enumerate(good.time):
-        found.append(State(STATES, stamp, good.position[k], good.effort[k]))
-        found.append(State(REFERENCE, stamp, good.reference[k], np.zeros(0)))
-    return found
+        messages.append(State(STATES, stamp, good.position[k], good.effort[k]))
+        messages.append(State(REFERENCE, stamp, good.reference[k], np.zeros(0)))
+    return messages
 
 
-def raw(messages: Sequence[State]) -> list[Raw]:
+def raw(states: Sequence[State]) -> list[Raw]:
     """Serialise messages; stamps out of the range of ROS are clipped to it."""
-    found = []
-    for each in messages:
-        stamp = min(max(each.stamp, -(2.0**31)), 2.0**31 - 1.0)
-        message = joint_state(stamp, each.names, each.position, each.velocity, each.effort)
-        arrival = stamp if each.arrival is None else each.arrival
+    serialised = []
+    for state in states:
+        stamp = min(max(state.stamp, -(2.0**31)), 2.0**31 - 1.0)
+        message = joint_state(stamp, state.names, state.position, state.velocity, state.effort)
+        arrival = stamp if state.arrival is None else state.arrival
         nanoseconds = max(0, min(round(arrival * 1e9), 2**63 - 1))
-        found.append(Raw(each.topic, nanoseconds, bytes(STORE.serialize_cdr(message, STATE_TYPE))))
-    return found
+        serialised.append(
+            Raw(state.topic, nanoseconds, bytes(STORE.serialize_cdr(message, STATE_TYPE)))
+        )
+    return serialised
 
 
 def text_message(text: str) -> Raw:
@@ -81,16 +83,20 @@ def write_mcap(
         writer = Writer(stream, chunk_size=16_384, compression=compression)
         writer.start(profile="ros2", library="fuzz")
         channels: dict[str, int] = {}
-        for number, each in enumerate(messages):
-            if each.topic not in channels:
+        for number, message in enumerate(messages):
+            if message.topic not in channels:
                 if schema is None and encoding == "cdr":
-                    channels[each.topic] = TopicChannel(each.topic, each.kind).register(writer)
+                    channels[message.topic] = TopicChannel(message.topic, message.kind).register(
+                        writer
+                    )
                 else:
-                    name, kind, data = schema or (each.kind, "ros2msg", b"")
+                    name, kind, data = schema or (message.kind, "ros2msg", b"")
                     identity = writer.register_schema(name, kind, data) if name else 0
-                    channels[each.topic] = writer.register_channel(each.topic, encoding, identity)
-            stamp = each.arrival
-            writer.add_message(channels[each.topic], stamp, each.payload, stamp, number)
+                    channels[message.topic] = writer.register_channel(
+                        message.topic, encoding, identity
+                    )
+            stamp = message.arrival
+            writer.add_message(channels[message.topic], stamp, message.payload, stamp, number)
         writer.finish()
     return path
 
@@ -106,13 +112,13 @@ def write_db3(path: Path, messages: Sequence[Raw], *statements: str) -> Path:
         "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, "
         "data BLOB)"
     )
-    topics = {each.topic: each.kind for each in messages}
+    topics = {message.topic: message.kind for message in messages}
     for number, (topic, kind) in enumerate(topics.items(), start=1):
         connection.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (number, topic, kind))
     numbers = {topic: number for number, topic in enumerate(topics, start=1)}
     connection.executemany(
         "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)",
-        [(numbers[each.topic], each.arrival, each.payload) for each in messages],
+        [(numbers[message.topic], message.arrival, message.payload) for message in messages],
     )
     for statement in statements:
         connection.execute(statement)

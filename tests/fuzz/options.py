@@ -20,8 +20,8 @@ _AS_THEY_ARE = ("words-", "arguments-")
 def with_options(case: Case, seed: int) -> Case:
     """The same input, answered as --quiet or --json say; now and then with --force."""
 
-    def build(folder: Path, good: Good) -> list[str]:
-        arguments = case.build(folder, good)
+    def build(folder: Path, good: Good, _: object) -> list[str]:
+        arguments = case.build(folder, good, random_of(seed, case.name))
         random = random_of(seed, f"options of {case.name}")
         answer = _ANSWERS[int(random.integers(len(_ANSWERS)))]
         force = random.uniform() < 0.25

@@ -3,6 +3,7 @@
 import os
 import socket
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from tests.fuzz import messages
@@ -15,14 +16,19 @@ _VERY_LONG = "/".join(["y" * 200] * 40)
 def cases(seed: int) -> Iterator[Case]:
     """Every special file in every place; every odd name; then places for results."""
     for what, make in _SPECIAL.items():
-        for place, arguments in _INPUTS.items():
-            yield _input_case(f"file-{place}-{what}", make, arguments)
+        for place, (file, arguments) in _INPUTS.items():
+            # An empty URDF on /robot_description is for others to judge.
+            build = partial(_with_input, make, file, arguments)
+            yield Case(f"file-{place}-{what}", build, refused=place != "description")
         if what in _REPLACEABLE:
             for how in ("identify", "simulate", "import", "init", "excite"):
-                yield _output_case(f"out-{how}-{what}", make, how)
+                # What is empty holds nothing that could be lost, but this program did not write it.
+                build = partial(_over_what_is_there, make, how)
+                yield Case(f"out-{how}-{what}", build, refused=how != "identify")
     for name, text in _NAMES.items():
-        yield _name_case(f"name-{name}", text)
-    for name, build in _OUTPUTS.items():
+        yield Case(f"name-{name}", partial(_named, text))
+    for name, write in _OUTPUTS.items():
+        build = partial(lambda write, folder, good, _: write(folder, good), write)
         yield Case(f"out-{name}", build, refused=name not in _FINE)
 
 
@@ -106,14 +112,11 @@ def _good_table(folder: Path) -> list[str]:
     return _table(folder, folder / "good.csv")
 
 
-def _input_case(name: str, make: Callable, place: tuple) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        path = folder / place[0]
-        make(path)
-        return place[1](folder, path, good)
-
-    # An empty URDF on /robot_description is for others to judge.
-    return Case(name, build, refused=not name.startswith("file-description"))
+def _with_input(
+    make: Callable, file: str, arguments: Callable, folder: Path, good: Good, _: object
+) -> list[str]:
+    make(folder / file)
+    return arguments(folder, folder / file, good)
 
 
 _RESULTS = {
@@ -125,14 +128,10 @@ _RESULTS = {
 }
 
 
-def _output_case(name: str, make: Callable, how: str) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        path = folder / _RESULTS[how]
-        make(path)
-        return _writing(how, folder, good, path)
-
-    # What is empty holds nothing that could be lost, but this program did not write it.
-    return Case(name, build, refused=not name.startswith("out-identify-"))
+def _over_what_is_there(make: Callable, how: str, folder: Path, good: Good, _: object) -> list[str]:
+    path = folder / _RESULTS[how]
+    make(path)
+    return _writing(how, folder, good, path)
 
 
 def _writing(how: str, folder: Path, good: Good, out: Path) -> list[str]:
@@ -181,33 +180,25 @@ _NAMES = {
 }
 
 
-def _name_case(name: str, text: str) -> Case:
+def _named(text: str, folder: Path, good: Good, _: object) -> list[str]:
     """A bag of that name, where a file can have it; else the name alone."""
-
-    def build(folder: Path, good: Good) -> list[str]:
-        arguments = command("check", folder, [good.bag])
-        bag = folder / text
-        if (
-            text
-            and not text.startswith(("/", ".", " ", "~"))
-            and len(os.fsencode(text)) < 250
-            and "/" not in text
-        ):
-            if text.endswith(".db3"):
-                messages.write_db3(bag, messages.raw(messages.states(good)))
-            else:
-                bag.write_bytes(good.bag.read_bytes())
-        arguments[1] = text if text.startswith(("/", "-", "~")) or not text else str(bag)
-        return arguments
-
-    return Case(name, build)
+    arguments = command("check", folder, [good.bag])
+    bag = folder / text
+    odd = not text or text.startswith(("/", ".", " ", "~")) or "/" in text
+    if not odd and len(os.fsencode(text)) < 250:
+        if text.endswith(".db3"):
+            messages.write_db3(bag, messages.raw(messages.states(good)))
+        else:
+            bag.write_bytes(good.bag.read_bytes())
+    arguments[1] = text if text.startswith(("/", "-", "~")) or not text else str(bag)
+    return arguments
 
 
 def _out(text: str, how: str = "identify") -> Callable[[Path, Good], list[str]]:
     return lambda folder, good: _writing(how, folder, good, folder / text)
 
 
-def _holds(*names: str, how: str = "identify") -> Callable[[Path, Good], list[str]]:
+def _holding(*names: str, how: str = "identify") -> Callable[[Path, Good], list[str]]:
     """The folder for the results holds files that this program did not write."""
 
     def build(folder: Path, good: Good) -> list[str]:
@@ -222,7 +213,7 @@ def _holds(*names: str, how: str = "identify") -> Callable[[Path, Good], list[st
     return build
 
 
-def _over_its_own_input(folder: Path, good: Good) -> list[str]:
+def _over_the_configuration(folder: Path, good: Good) -> list[str]:
     config = write_configuration(folder)
     return ["simulate", "--config", str(config), "--out", str(config), "--duration", "1"]
 
@@ -265,9 +256,9 @@ _OUTPUTS: dict[str, Callable[[Path, Good], list[str]]] = {
     "import-of-245-bytes": _out("x" * 245 + ".mcap", "import"),
     "missing-folder-of-import": _out("none/o.mcap", "import"),
     "import-elsewhere": _out("o.bag", "import"),
-    "result-is-a-folder": _holds("result.json/"),
-    "report-is-a-folder": _holds("report.html/"),
-    "config-is-the-bag": _over_its_own_input,
+    "result-is-a-folder": _holding("result.json/"),
+    "report-is-a-folder": _holding("report.html/"),
+    "config-is-the-bag": _over_the_configuration,
     "table-is-the-bag": _import_over_its_table,
     "truth-is-a-folder": _truth_is_a_folder,
     "second-seed-is-a-folder": _second_seed_is_a_folder,

@@ -1,7 +1,8 @@
 """URDFs that are no robots, and robots that cannot be."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from tests.fuzz.case import (
     Good,
     command,
     excitation,
-    random_of,
+    flipped,
     simulation,
     write_configuration,
     write_text,
@@ -27,14 +28,14 @@ def cases(seed: int) -> Iterator[Case]:
     """Texts, replacements in the arm's URDF, and arms with random numbers."""
     for number, (name, text) in enumerate(texts().items()):
         what = _COMMANDS[number % len(_COMMANDS)]
-        yield _case(f"urdf-{name}", text, what, name in _IMPOSSIBLE)
+        build = partial(_with_urdf, lambda _, text=text: text, what)
+        yield Case(f"urdf-{name}", build, name in _IMPOSSIBLE)
     for number in range(20):
-        name = f"urdf-random-{number}"
         what = _COMMANDS[number % len(_COMMANDS)]
-        yield _case(name, _numbers_changed(random_of(seed, name)), what, False)
-    for name, change in _DAMAGED.items():
-        random = random_of(seed, name)
-        yield _case(f"urdf-{name}", change(random), "check", False)
+        yield Case(f"urdf-random-{number}", partial(_with_urdf, _numbers_changed, what))
+    for name, change, count in _DAMAGED:
+        for number in range(count):
+            yield Case(f"urdf-{name}-{number}", partial(_with_urdf, change, "check"))
 
 
 def texts() -> dict[str, str]:
@@ -42,17 +43,20 @@ def texts() -> dict[str, str]:
     return {**_TEXTS, **{name: _replaced(*pairs) for name, pairs in _REPLACED.items()}}
 
 
-def _case(name: str, text: str, what: str, refused: bool) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        write_text(folder / "robot.urdf", text)
-        config = write_configuration(folder, urdf="robot.urdf")
-        if what == "simulate":
-            return simulation(folder, config)
-        if what == "excite":
-            return excitation(folder, config)
-        return command(what, folder, [good.bag], config)
-
-    return Case(name, build, refused)
+def _with_urdf(
+    text_of: Callable[[np.random.Generator], str],
+    what: str,
+    folder: Path,
+    good: Good,
+    random: np.random.Generator,
+) -> list[str]:
+    write_text(folder / "robot.urdf", text_of(random))
+    config = write_configuration(folder, urdf="robot.urdf")
+    if what == "simulate":
+        return simulation(folder, config)
+    if what == "excite":
+        return excitation(folder, config)
+    return command(what, folder, [good.bag], config)
 
 
 def _replaced(*pairs: tuple[str, str]) -> str:
@@ -203,10 +207,7 @@ def _numbers_changed(random: np.random.Generator) -> str:
 
 
 def _flipped(random: np.random.Generator) -> str:
-    content = bytearray(_WHOLE.encode())
-    for place in random.integers(0, len(content), 6):
-        content[int(place)] ^= 1 << int(random.integers(8))
-    return content.decode("utf-8", "surrogateescape")
+    return flipped(_WHOLE.encode(), random, 6).decode("utf-8", "surrogateescape")
 
 
 def _lines_lost(random: np.random.Generator) -> str:
@@ -220,8 +221,8 @@ def _lines_shuffled(random: np.random.Generator) -> str:
     return '<robot name="r">' + "\n".join(random.permutation(lines)) + "</robot>"
 
 
-_DAMAGED = {
-    **{f"flipped-{k}": _flipped for k in range(5)},
-    **{f"lines-lost-{k}": _lines_lost for k in range(5)},
-    **{f"lines-shuffled-{k}": _lines_shuffled for k in range(3)},
-}
+_DAMAGED = (
+    ("flipped", _flipped, 5),
+    ("lines-lost", _lines_lost, 5),
+    ("lines-shuffled", _lines_shuffled, 3),
+)

@@ -3,10 +3,13 @@
 import copy
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.case import Case, Good, random_of, write_configuration, write_text
+import numpy as np
+
+from tests.fuzz.case import Case, Good, write_configuration, write_text
 from tests.gap_files import gap_content
 
 _WRONG = (None, 0, -1, 1e300, -1e300, 1e-300, "x", "", [], {}, True, 0.5)
@@ -39,23 +42,28 @@ _MJCF = {
 def cases(seed: int) -> Iterator[Case]:
     """Replays with changed effects and with other files; exports of changed results."""
     for number in range(12):
-        name = f"replay-effects-{number}"
-        yield _replay(name, "--effects", "effects.json", _changed(_EFFECTS, seed, name))
+        yield Case(
+            f"replay-effects-{number}",
+            partial(_replay, "--effects", "effects.json", _changed(_EFFECTS)),
+        )
     for name, text in _MJCF.items():
-        yield _replay(f"replay-mjcf-{name}", "--model", "arm.xml", lambda text=text: text)
-        yield _replay(f"replay-as-effects-{name}", "--effects", "arm.xml", lambda text=text: text)
+        for what, option in (("mjcf", "--model"), ("as-effects", "--effects")):
+            build = partial(_replay, option, "arm.xml", lambda _, text=text: text)
+            yield Case(f"replay-{what}-{name}", build)
     for number in range(8):
-        name = f"export-gap-{number}"
-        yield _export(name, _changed(gap_content(), seed, name))
+        yield Case(f"export-gap-{number}", partial(_export, _changed(gap_content())))
 
 
-def _changed(whole: dict[str, Any], seed: int, name: str) -> Callable[[], str]:
-    def text() -> str:
-        random, content = random_of(seed, name), copy.deepcopy(whole)
+Text = Callable[[np.random.Generator], str]
+
+
+def _changed(whole: dict[str, Any]) -> Text:
+    def text(random: np.random.Generator) -> str:
+        content = copy.deepcopy(whole)
         places = list(_places(content))
-        *above, last = places[int(random.integers(len(places)))]
+        *parents, last = places[int(random.integers(len(places)))]
         inside = content
-        for key in above:
+        for key in parents:
             inside = inside[key]
         inside[last] = _WRONG[int(random.integers(len(_WRONG)))]
         return json.dumps(content)
@@ -63,29 +71,24 @@ def _changed(whole: dict[str, Any], seed: int, name: str) -> Callable[[], str]:
     return text
 
 
-def _places(content: Any, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def _places(content: Any, parents: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     keys = content.keys() if isinstance(content, dict) else range(len(content))
     for key in keys:
-        yield (*above, key)
+        yield (*parents, key)
         if isinstance(content[key], dict | list):
-            yield from _places(content[key], (*above, key))
+            yield from _places(content[key], (*parents, key))
 
 
-def _replay(name: str, option: str, file: str, text: Callable[[], str]) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        path = write_text(folder / file, text())
-        config, out = write_configuration(folder), folder / "out"
-        arguments = ["replay", str(good.bag), "--config", str(config), "--out", str(out)]
-        return [*arguments, option, str(path)]
+def _replay(
+    option: str, file: str, text: Text, folder: Path, good: Good, random: np.random.Generator
+) -> list[str]:
+    path = write_text(folder / file, text(random))
+    config, out = write_configuration(folder), folder / "out"
+    arguments = ["replay", str(good.bag), "--config", str(config), "--out", str(out)]
+    return [*arguments, option, str(path)]
 
-    return Case(name, build)
 
-
-def _export(name: str, text: Callable[[], str]) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        path = folder / "gap.json"
-        path.write_text(text(), encoding="utf-8")
-        config, out = write_configuration(folder), folder / "out"
-        return ["export", str(path), "--config", str(config), "--out", str(out)]
-
-    return Case(name, build)
+def _export(text: Text, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    path = write_text(folder / "gap.json", text(random))
+    config, out = write_configuration(folder), folder / "out"
+    return ["export", str(path), "--config", str(config), "--out", str(out)]

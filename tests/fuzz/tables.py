@@ -3,12 +3,13 @@
 import struct
 import zipfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.io import savemat
 
-from tests.fuzz.case import Case, Good, random_of
+from tests.fuzz.case import Case, Good, flipped
 
 _ROWS = 400
 _COMPLETE = {"position": "good.npy", "effort": "good.npy", "joints": "a,b", "rate": "100"}
@@ -18,13 +19,14 @@ def cases(seed: int) -> Iterator[Case]:
     """Each table once as positions, efforts or references; then stamps, rates and names."""
     for number, (name, write) in enumerate({**_ARRAYS, **_FILES, **_CSV}.items()):
         place = ("position", "effort", "reference")[(number + seed) % 3]
-        yield _table_case(f"table-{name}", write, place, name in _USELESS)
+        yield Case(f"table-{name}", partial(_with_table, write, place), name in _USELESS)
     for name, write in _STAMPS.items():
-        yield _table_case(f"time-{name}", write, "time", name in _USELESS_STAMPS)
+        yield Case(f"time-{name}", partial(_with_table, write, "time"), name in _USELESS_STAMPS)
     for number in range(6):
-        yield _flipped_case(seed, number)
+        yield Case(f"table-flipped-{number}", partial(_flipped, number))
     for name, (options, refused) in _OPTIONS.items():
-        yield _option_case(f"import-{name}", options, refused)
+        build = partial(lambda options, folder, *_: _import(folder, **options), options)
+        yield Case(f"import-{name}", build, refused)
 
 
 def _import(folder: Path, **options: str | None) -> list[str]:
@@ -38,40 +40,27 @@ def _import(folder: Path, **options: str | None) -> list[str]:
     return arguments
 
 
-def _table_case(name: str, write: Callable[[Path], str], place: str, refused: bool) -> Case:
-    def build(folder: Path, good: Good) -> list[str]:
-        (folder / "t").mkdir()
-        spec = f"t/{write(folder / 't')}"
-        return _import(folder, **{place: spec}, **({"rate": None} if place == "time" else {}))
-
-    return Case(name, build, refused)
-
-
-def _option_case(name: str, options: dict[str, str | None], refused: bool) -> Case:
-    return Case(name, lambda folder, good: _import(folder, **options), refused)
+def _with_table(
+    write: Callable[[Path], str], place: str, folder: Path, good: Good, _: object
+) -> list[str]:
+    (folder / "t").mkdir()
+    spec = f"t/{write(folder / 't')}"
+    return _import(folder, **{place: spec}, **({"rate": None} if place == "time" else {}))
 
 
-def _flipped_case(seed: int, number: int) -> Case:
-    name = f"table-flipped-{number}"
-
-    def build(folder: Path, good: Good) -> list[str]:
-        random = random_of(seed, name)
-        values = {"q": random.normal(size=(_ROWS, 2))}
-        suffix = ("npz", "mat", "npy")[number % 3]
-        path = folder / f"t.{suffix}"
-        if suffix == "npz":
-            np.savez_compressed(path, **values)
-        elif suffix == "mat":
-            savemat(path, values, do_compression=number > 2)
-        else:
-            np.save(path, values["q"])
-        content = bytearray(path.read_bytes())
-        for place in random.integers(0, min(len(content), 300), 4):
-            content[int(place)] ^= 1 << int(random.integers(8))
-        path.write_bytes(content)
-        return _import(folder, position=path.name)
-
-    return Case(name, build)
+def _flipped(number: int, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    values = {"q": random.normal(size=(_ROWS, 2))}
+    suffix = ("npz", "mat", "npy")[number % 3]
+    path = folder / f"t.{suffix}"
+    if suffix == "npz":
+        np.savez_compressed(path, **values)
+    elif suffix == "mat":
+        savemat(path, values, do_compression=number > 2)
+    else:
+        np.save(path, values["q"])
+    content = path.read_bytes()
+    path.write_bytes(flipped(content, random, 4, end=min(len(content), 300)))
+    return _import(folder, position=path.name)
 
 
 def _npy(values: object) -> Callable[[Path], str]:

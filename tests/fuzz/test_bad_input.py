@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import CommandLine
 from tests.fuzz import (
     arguments,
     bags,
@@ -19,7 +20,7 @@ from tests.fuzz import (
 )
 from tests.fuzz.case import Case, Good
 from tests.fuzz.options import answer_faults, with_options
-from tests.fuzz.runs import CommandLine, faults, file_faults, files_of
+from tests.fuzz.runs import faults, file_faults, files_of
 
 _FAMILIES = (
     bags,
@@ -68,13 +69,13 @@ def _drawn() -> list[Case]:
 
 def _seen(case: Case, folder: Path, fuzzed: tuple[CommandLine, Good]) -> list[str]:
     line, good = fuzzed
-    arguments_ = case.build(folder, good)
+    arguments_ = case.build(folder, good, None)
     before = files_of(folder)
     outcome = line.run(arguments_, folder)
-    found = faults(outcome, refused=case.refused)
-    found += file_faults(arguments_, outcome.status, folder, before)
-    found += answer_faults(arguments_, outcome.status, outcome.out)
-    return [*found, outcome.error[-2000:]] if found else []
+    defects = faults(outcome, refused=case.refused)
+    defects += file_faults(arguments_, outcome.status, folder, before)
+    defects += answer_faults(arguments_, outcome.status, outcome.out)
+    return [*defects, outcome.error[-2000:]] if defects else []
 
 
 def test_there_are_hundreds_of_inputs_of_different_names() -> None:
@@ -100,6 +101,6 @@ def test_all_bad_input_of_ten_seeds_ends_in_an_answer_or_one_line(
     for number, case in enumerate(_cases(seed)):
         folder = tmp_path / str(number)
         folder.mkdir()
-        if found := _seen(case, folder, fuzzed):
-            wrong[case.name] = found
+        if defects := _seen(case, folder, fuzzed):
+            wrong[case.name] = defects
     assert wrong == {}

@@ -38,8 +38,8 @@ def test_every_number_can_be_written_beside_any_uncertainty(value, std) -> None:
         numerals.with_unit(value, "N m"),
         numerals.exact(value, "N m"),
     ]
-    known = value is not None and math.isfinite(value)
-    assert (texts[0] == numerals.MISSING) is not known
+    finite = value is not None and math.isfinite(value)
+    assert (texts[0] == numerals.MISSING) is not finite
     assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)
 
 

@@ -2,7 +2,7 @@
 
 EMPS: friction differs between the directions (shared/data/README.md; published as asymmetric
 friction by Janot, Gautier and Brunot). TX40: the drives of joints 5 and 6 are coupled, and a robot
-on the floor feels gravity; each is left out of the nominal model in turn. DFKI: no known answer;
+on the floor feels gravity; both are left out of the nominal model. DFKI: no known answer;
 friction under load and a late torque were found by hand too (benchmarks/results/diagnosis_real.md).
 """
 
@@ -35,28 +35,15 @@ def emps(data: Path, config: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 @pytest.fixture(scope="module")
-def tx40(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tx40_bag(data, tmp_path_factory.mktemp("tx40") / "tx40.mcap")
-
-
-def diagnosed(bag: Path, data: Path, folder: Path, text: str) -> GapResult:
-    urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
-    path = folder / "tx40.yaml"
-    path.write_text(text.format(urdf=urdf))
-    return diagnose([bag], load_configuration(path))
-
-
-@pytest.fixture(scope="module")
-def uncoupled(tx40: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
+def tx40(data: Path, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
+    """Of a nominal model without coupling and without gravity."""
+    folder = tmp_path_factory.mktemp("tx40")
     assert COUPLED in CONFIGURATION
     text = CONFIGURATION.replace(COUPLED, "  couplings: []\n")
-    return diagnosed(tx40, data, tmp_path_factory.mktemp("uncoupled"), text)
-
-
-@pytest.fixture(scope="module")
-def weightless(tx40: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
-    text = CONFIGURATION.replace("processing:", "  gravity: [0.0, 0.0, 0.0]\nprocessing:")
-    return diagnosed(tx40, data, tmp_path_factory.mktemp("weightless"), text)
+    text = text.replace("processing:", "  gravity: [0.0, 0.0, 0.0]\nprocessing:")
+    path = folder / "tx40.yaml"
+    path.write_text(text.format(urdf=data / "staubli_tx40" / "tx40_mdh_modified.urdf"))
+    return diagnose([tx40_bag(data, folder / "tx40.mcap")], load_configuration(path))
 
 
 def test_emps_has_asymmetric_friction_of_the_published_size(emps: GapResult) -> None:
@@ -110,22 +97,22 @@ def test_no_cause_of_emps_has_a_size_that_may_be_zero(emps: GapResult) -> None:
         )
 
 
-def test_coupling_of_joints_five_and_six_is_found_when_left_out(uncoupled: GapResult) -> None:
-    cause = cause_of(uncoupled, "joint_coupling")
-    assert cause is next(each for each in uncoupled.causes if each.kind == "structural")
+def test_coupling_of_joints_five_and_six_is_found_when_left_out(tx40: GapResult) -> None:
+    cause = cause_of(tx40, "joint_coupling")
+    assert cause is next(each for each in tx40.causes if each.kind == "structural")
     assert {cause.joint, cause.other_joint} == {"joint_5", "joint_6"}
     assert cause.parameters["direction"].value == 1.0
     assert cause.torque_gap.after < 0.5 * cause.torque_gap.before
 
 
-def test_gravity_is_found_when_set_to_zero(weightless: GapResult) -> None:
-    cause = cause_of(weightless, "gravity_direction")
+def test_gravity_is_found_when_set_to_zero(tx40: GapResult) -> None:
+    cause = cause_of(tx40, "gravity_direction")
     found = np.array([cause.parameters[f"gravity_{axis}"].value for axis in "xyz"])
     tilt = np.degrees(np.arccos(-found[2] / np.linalg.norm(found)))
     assert tilt < 5.0
     assert np.linalg.norm(found) == pytest.approx(9.81, rel=0.25)
-    names = [stage.name for stage in weightless.stages]
+    names = [stage.name for stage in tx40.stages]
     assert names[:3] == ["given", "+gravity_direction", "refit"]
-    given, heavy, refit = weightless.stages[:3]
+    given, heavy, refit = tx40.stages[:3]
     assert heavy.torque_rms["joint_2"] < 0.8 * given.torque_rms["joint_2"]
     assert refit.torque_rms["joint_2"] < 0.2 * given.torque_rms["joint_2"]

@@ -1,5 +1,6 @@
 """Identification results as they come out of real recordings, made without one."""
 
+import functools
 import itertools
 from dataclasses import replace
 from typing import Literal
@@ -49,6 +50,7 @@ _KINDS = (
 )
 
 
+@functools.cache
 def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> IdentificationResult:
     """Return a result of a robot with `joints` joints; the last two are fine when rejected."""
     names = tuple(f"joint_{k + 1}" for k in range(joints))

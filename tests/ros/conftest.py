@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros.domain import own_domain
+from tests.ros.domain import free_domain
 
-os.environ["ROS_DOMAIN_ID"] = str(own_domain())
+os.environ["ROS_DOMAIN_ID"] = str(free_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
@@ -42,7 +42,7 @@ def observer(ros: None) -> Iterator[Observer]:
 
 
 @contextmanager
-def context_of_its_own() -> Iterator[Callable[..., None]]:
+def another_context() -> Iterator[Callable[..., None]]:
     """Begin ROS once more in this process, with arguments and parameters, for a while."""
 
     def begin(*arguments: str, **parameters: object) -> None:
@@ -56,9 +56,9 @@ def context_of_its_own() -> Iterator[Callable[..., None]]:
 
 
 @pytest.fixture
-def own_context() -> Iterator[Callable[..., None]]:
-    """`context_of_its_own` for the nodes of one test."""
-    with context_of_its_own() as begin:
+def begin_ros() -> Iterator[Callable[..., None]]:
+    """`another_context` for the nodes of one test."""
+    with another_context() as begin:
         yield begin
 
 

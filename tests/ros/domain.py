@@ -8,7 +8,7 @@ from pathlib import Path
 DOMAINS = range(20, 100)
 
 
-def own_domain(folder: Path | None = None) -> int:
+def free_domain(folder: Path | None = None) -> int:
     """Number of a domain that is this process's until it ends.
 
     Two workers, or two suites on one machine, that shared a domain would hear each other's nodes.

@@ -1,14 +1,54 @@
-"""The node `identifier` as it is, but for its worker: see `gated_worker`."""
+"""The node `identifier` whose worker's jobs wait for the test's go-ahead.
+
+While the folder in which it is started holds the file `closed`, a job waits after the stage that is
+written in it (empty: before it begins), with its process id in the file `job`.
+"""
 
 import os
 import sys
+import time
+from collections.abc import Mapping
 from pathlib import Path
 
-from idim_iv_ros.nodes.identifier import job_queue
-from idim_iv_ros.nodes.identifier.node import run
+from idim_iv_ros.nodes.identifier import identification_worker
 
+_LOOK = 0.01  # s
 ROOT = Path(__file__).resolve().parents[2]
+FOLDER = Path.cwd()
 
-os.environ["PYTHONPATH"] = f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
-job_queue._START = "from tests.ros.gated_worker import main; main()"
-sys.exit(run(sys.argv))
+
+def wait_at(stage: str) -> None:
+    """Wait as long as the gate behind this stage is closed."""
+    closed = FOLDER / "closed"
+    if not closed.exists() or closed.read_text() != stage:
+        return
+    part = FOLDER / "job.part"
+    part.write_text(str(os.getpid()))
+    part.rename(FOLDER / "job")
+    while closed.exists():
+        time.sleep(_LOOK)
+
+
+def work() -> None:
+    """Do what the worker does, and wait where the test says so."""
+    ungated = identification_worker._work
+
+    def gated(request: Mapping[str, object], send: identification_worker.Send) -> str:
+        def send_and_wait(event: Mapping[str, object]) -> None:
+            send(event)
+            wait_at(str(event.get("stage", "")))
+
+        wait_at("")
+        return ungated(request, send_and_wait)
+
+    identification_worker._work = gated
+    identification_worker.main()
+
+
+if __name__ == "__main__":
+    from idim_iv_ros.nodes.identifier import job_queue
+    from idim_iv_ros.nodes.identifier.node import run
+
+    os.environ["PYTHONPATH"] = f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+    job_queue._START = "from tests.ros.gated_identifier import work; work()"
+    sys.exit(run(sys.argv))

@@ -4,16 +4,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import parameter_value_to_python
+from scipy.stats import binom
 
 from idim_iv_interfaces.action import Identify as IdentifyAction
-from idim_iv_interfaces.msg import IdentificationResult
+from idim_iv_interfaces.msg import IdentificationResult, ParameterEstimates
 from idim_iv_interfaces.srv import Identify
 from tests.ros.processes import Observer, Process
+
+_OUTSIDE = 0.0027  # probability of more than 3 σ
+_LEVEL = 1e-3
 
 
 class IdentifierClient:
@@ -22,11 +25,9 @@ class IdentifierClient:
     def __init__(self, observer: Observer, process: Process) -> None:
         self.observer, self.process, self.name = observer, process, process.name
         self.node = observer.node
-        self.diagnostics: dict[str, tuple[int, str, dict[str, str]]] = {}
-        self._heard = self.node.create_subscription(
-            DiagnosticArray, "/diagnostics", self._diagnosis, 10
-        )
-        observer.until(lambda: "identification" in self.diagnostics, "the identifier")
+        observer.statuses.pop(self.name, None)
+        observer.until(lambda: self.diagnosis("identification")[1], "the identifier")
+        self.wait = observer.wait
         self.service = observer.client(Identify, f"/{self.name}/identify")
         self.connect()
 
@@ -39,14 +40,10 @@ class IdentifierClient:
     def close(self) -> None:
         self.action.destroy()
         self.observer.forget(self.name)
-        self.node.destroy_subscription(self._heard)
 
-    def _diagnosis(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            node, _, what = status.name.partition(": ")
-            if node == f"/{self.name}":
-                values = {pair.key: pair.value for pair in status.values}
-                self.diagnostics[what] = (status.level[0], status.message, values)
+    def diagnosis(self, what: str) -> tuple[int, str]:
+        """Level and sentence of a status."""
+        return self.observer.diagnosis(self.name, what)
 
     def ask(self, *bags: str | Path, **request: object):
         """Call the service and return the future."""
@@ -54,10 +51,6 @@ class IdentifierClient:
 
     def identify(self, *bags: str | Path, **request: object) -> Identify.Response:
         return self.wait(self.ask(*bags, **request))
-
-    def wait(self, future):
-        self.observer.until(future.done, "an answer")
-        return future.result()
 
     def goal(self, *bags: str | Path, feedback: list | None = None, **request: object):
         """Send a goal and return its handle."""
@@ -77,9 +70,8 @@ class IdentifierClient:
 
     def failure(self) -> str:
         """Wait until the diagnostics tell that the last job failed, and why."""
-        told = self.diagnostics
-        self.observer.until(lambda: told["identification"][0] == 2, "a failure")
-        return told["identification"][1]
+        self.observer.until(lambda: self.diagnosis("identification")[0] == 2, "a failure")
+        return self.diagnosis("identification")[1]
 
     @contextmanager
     def parameters(self, **values: object) -> Iterator[None]:
@@ -124,3 +116,11 @@ class IdentifierClient:
     def set(self, **values: object):
         """Set parameters and return the result of the first."""
         return self.observer.set_on(self.name, **values)[0]
+
+
+def require_truth(estimates: ParameterEstimates, truth: dict[str, float]) -> None:
+    """All parameters within 3 σ, but for as many as chance explains at a level of 0.001."""
+    off = {p.name: (p.value - truth[p.name]) / p.std for p in estimates.estimates}
+    assert set(off) == set(truth)
+    outside = {name: deviation for name, deviation in off.items() if abs(deviation) > 3.0}
+    assert len(outside) <= binom.isf(_LEVEL, len(truth), _OUTSIDE), outside

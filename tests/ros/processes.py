@@ -1,5 +1,6 @@
 """Nodes in processes of their own, and a node that watches them."""
 
+import collections
 import contextlib
 import itertools
 import json
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -183,7 +184,10 @@ def start_recorder(folder: Path, **parameters: object) -> Process:
 
 
 class Observer:
-    """A node that hears what the recorder says and calls its services."""
+    """A node that hears what the recorder says and calls its services.
+
+    `statuses` holds the diagnostics that every node published last: by node, then by status.
+    """
 
     def __init__(self) -> None:
         self.node = rclpy.create_node("observer")
@@ -191,7 +195,8 @@ class Observer:
         self.executor.add_node(self.node)
         self.status: RecorderStatus | None = None
         self.closed: list[BagClosed] = []
-        self.diagnostics: dict[str, tuple[int, str]] = {}
+        self.statuses: dict[str, dict[str, DiagnosticStatus]] = collections.defaultdict(dict)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosis, 10)
         self.name = ""
         self.subscriptions: list = []
         self._clients: dict[tuple[type, str], Any] = {}
@@ -201,14 +206,13 @@ class Observer:
 
     def _diagnosis(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            node, _, topic = status.name.partition(": ")
-            if node == f"/{self.name}":
-                self.diagnostics[topic] = (status.level[0], status.message)
+            node, _, what = status.name.partition(": ")
+            self.statuses[node.lstrip("/")][what] = status
 
     def follow(self, recorder: Process) -> None:
         """Hear this recorder and no other."""
         self.closed.clear()
-        self.diagnostics.clear()
+        self.statuses.pop(recorder.name, None)
         if self.name == recorder.name:
             self.next_status()
             return
@@ -219,7 +223,6 @@ class Observer:
         self.subscriptions = [
             subscribe(RecorderStatus, f"/{self.name}/status", self._status, 10),
             subscribe(BagClosed, f"/{self.name}/bag_closed", self.closed.append, 10),
-            subscribe(DiagnosticArray, "/diagnostics", self._diagnosis, 10),
         ]
         self.next_status()
 
@@ -228,7 +231,7 @@ class Observer:
         deadline = time.monotonic() + HANG
         while not condition():
             assert time.monotonic() < deadline, (
-                f"not within {HANG} s: {what}\n{self.status}\n{self.diagnostics}"
+                f"not within {HANG} s: {what}\n{self.status}\n{self.statuses}"
             )
             self.executor.spin_once(timeout_sec=0.05)
 
@@ -267,13 +270,17 @@ class Observer:
 
         Or at a higher one: on a busy machine the topic may be silent by then.
         """
-        self.until(
-            lambda: (
-                words in self.diagnostics.get(topic, (0, ""))[1]
-                and self.diagnostics[topic][0] >= level
-            ),
-            f"{topic}: {words} at level {level}",
-        )
+
+        def said() -> bool:
+            last_level, sentence = self.diagnosis(self.name, topic)
+            return words in sentence and last_level >= level
+
+        self.until(said, f"{topic}: {words} at level {level}")
+
+    def diagnosis(self, node: str, what: str) -> tuple[int, str]:
+        """Level and sentence of a status; level 0 and nothing before it was heard."""
+        status = self.statuses[node].get(what, DiagnosticStatus())
+        return status.level[0], status.message
 
     def call(self, name: str, node: str = "") -> Trigger.Response:
         return self.request(Trigger, f"/{node or self.name}/{name}")
@@ -326,8 +333,11 @@ class Observer:
 
     def request(self, kind: type, name: str, **fields: object) -> Any:
         """Call a service and return its answer."""
-        future = self.client(kind, name).call_async(kind.Request(**fields))
-        self.until(future.done, f"answer of {name}")
+        return self.wait(self.client(kind, name).call_async(kind.Request(**fields)))
+
+    def wait(self, future: rclpy.Future) -> Any:
+        """Spin until there is an answer and return it."""
+        self.until(future.done, "an answer")
         return future.result()
 
 

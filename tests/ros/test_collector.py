@@ -44,14 +44,12 @@ class Collector:
         """Send a goal and return its handle."""
         self.feedback = heard = []
         goal = Collect.Goal(**{"duration": 1.0, "identify": False, **request})
-        future = self.action.send_goal_async(goal, lambda message: heard.append(message.feedback))
-        self.observer.until(future.done, "an answer")
-        return future.result()
+        return self.observer.wait(
+            self.action.send_goal_async(goal, lambda message: heard.append(message.feedback))
+        )
 
     def result(self, goal):
-        future = goal.get_result_async()
-        self.observer.until(future.done, "the result")
-        return future.result()
+        return self.observer.wait(goal.get_result_async())
 
     def collect(self, **request: object):
         return self.result(self.send(**request)).result
@@ -178,8 +176,7 @@ def test_cancelled_goal_brings_the_robot_to_rest_within_its_accelerations(
     collector.until("recording", lambda: robot.moving and len(robot.received) == 3)
     before = len(robot.received)
     observer.until(lambda: np.abs(robot.motion(0.0) - robot.position).max() > 0.1, "speed")
-    future = goal.cancel_goal_async()
-    observer.until(future.done, "the cancellation")
+    observer.wait(goal.cancel_goal_async())
     observer.until(lambda: len(robot.received) > before, "the stop")
     require_rest(robot, observer)
     answer = collector.result(goal)
@@ -335,8 +332,9 @@ def test_robot_is_stopped_when_the_node_is_interrupted(collector, robot, observe
     process.process.send_signal(2)
     observer.until(lambda: len(robot.received) > before, "the stop")
     require_rest(robot, observer)
-    observer.until(future.done, "the result")
-    assert future.result().result.message == "stopped in slow pass: the collector was shut down"
+    assert (
+        observer.wait(future).result.message == "stopped in slow pass: the collector was shut down"
+    )
     observer.until(lambda: process.process.poll() is not None, "its end")
     assert process.process.poll() == 0
     assert "Traceback" not in process.errors.read_text()

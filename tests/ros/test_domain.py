@@ -4,11 +4,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.ros.domain import own_domain
+from tests.ros.domain import free_domain
 
 CLAIM = (
-    "from pathlib import Path; from tests.ros.domain import own_domain; "
-    "print(own_domain(Path({folder!r})), flush=True); input()"
+    "from pathlib import Path; from tests.ros.domain import free_domain; "
+    "print(free_domain(Path({folder!r})), flush=True); input()"
 )
 
 
@@ -23,4 +23,4 @@ def test_processes_that_run_at_once_have_domains_of_their_own(tmp_path: Path) ->
             process.communicate("\n")
     assert len(set(claimed)) == 3
     # All have ended: their domains are free again.
-    assert own_domain(tmp_path) == min(claimed)
+    assert free_domain(tmp_path) == min(claimed)

@@ -21,9 +21,8 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.simulators.recording import simulate
 from tests.ros.conftest import ARM2, start_identifier
-from tests.ros.identifier_client import IdentifierClient
+from tests.ros.identifier_client import IdentifierClient, require_truth
 from tests.ros.processes import HANG, Observer, Process
-from tests.ros.true_parameters import require_truth
 
 OK, WARN, ERROR = 0, 1, 2
 BOTH = ("bag-1.mcap", "bag-2.mcap")
@@ -93,11 +92,10 @@ def test_service_answers_with_the_result_and_publishes_it_latched(served, truth)
     # As text: a NaN is not equal to itself.
     assert str(served.latched()) == str(result)
     assert str(served.latched("estimates", ParameterEstimates)) == str(result.parameters)
-    served.observer.until(lambda: "joint_2" in served.diagnostics, "the verdicts")
+    served.observer.until(lambda: served.diagnosis("joint_2")[1], "the verdicts")
     for residual in result.residuals:
-        level, sentence, _ = served.diagnostics[residual.joint]
         wanted = {"valid": OK, "misspecified": ERROR}.get(residual.verdict, WARN)
-        assert (level, sentence) == (wanted, residual.sentence)
+        assert served.diagnosis(residual.joint) == (wanted, residual.sentence)
     ready = f"ready: {ARM2}; identifies on request, from bags in "
     assert ready in served.process.errors.read_text()
 
@@ -151,8 +149,8 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
         assert list(served.wait(first).result.parameters.bags) == ["bag-1.mcap"]
         last = served.wait(third).result.parameters
         assert (list(last.bags), last.estimator, last.iterations) == (["bag-2.mcap"], "idim-ls", 0)
-    served.observer.until(lambda: "σ" in served.diagnostics["drift"][1], "the comparison")
-    level, sentence, _ = served.diagnostics["drift"]
+    served.observer.until(lambda: "σ" in served.diagnosis("drift")[1], "the comparison")
+    level, sentence = served.diagnosis("drift")
     assert level == OK, sentence
     assert "bag-1.mcap" in sentence
 
@@ -160,9 +158,9 @@ def test_requests_wait_for_each_other_and_a_waiting_goal_can_be_cancelled(served
 def test_a_changed_parameter_is_flagged(served, worn: str) -> None:
     assert served.identify("bag-1.mcap", estimator="idim-ls").success
     assert served.identify(worn, estimator="idim-ls").success
-    served.observer.until(lambda: served.diagnostics["drift"][0] == WARN, "the drift")
-    _, _, values = served.diagnostics["drift"]
-    statistics = {key: float(value) for key, value in values.items() if key.endswith(" (σ)")}
+    served.observer.until(lambda: served.diagnosis("drift")[0] == WARN, "the drift")
+    values = served.observer.statuses[served.name]["drift"].values
+    statistics = {pair.key: float(pair.value) for pair in values if pair.key.endswith(" (σ)")}
     limit = statistics.pop("limit (σ)")
     assert {key for key, value in statistics.items() if abs(value) > limit} == {"Fc1 (σ)"}
 

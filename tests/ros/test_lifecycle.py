@@ -5,67 +5,45 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rclpy.executors import SingleThreadedExecutor
 
 from idim_iv_interfaces.srv import Identify
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.node import Identifier
 from tests.ros.conftest import ARM2
+from tests.ros.processes import Observer
 from tests.ros.told_worker import ToldWorker
-
-TURNS = 10_000
 
 
 class Managed:
-    """An identifier in this process, and a client of its services that spins it."""
+    """An identifier in this process, spun by an observer that calls its services."""
 
     def __init__(self, workers: list[ToldWorker]) -> None:
         def start_worker(heard: Callable) -> ToldWorker:
             workers.append(ToldWorker(heard))
             return workers[-1]
 
-        self.identifier = Identifier((), start_worker)
-        self.client = rclpy.create_node("client")
-        self.executor = SingleThreadedExecutor()
-        for node in (self.identifier.node, self.client):
-            self.executor.add_node(node)
-        self.said: dict[str, str] = {}
-        self.client.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
-
-    def _diagnosed(self, message: DiagnosticArray) -> None:
-        self.said.update({status.name: status.message for status in message.status})
-
-    def until(self, condition: Callable[[], object]) -> None:
-        for _ in range(TURNS):
-            if condition():
-                return
-            self.executor.spin_once(timeout_sec=0.01)
-        raise AssertionError(self.said)
-
-    def ask(self, kind: type, name: str, **fields: object) -> rclpy.Future:
-        client = self.client.create_client(kind, f"/identifier/{name}")
-        self.until(client.service_is_ready)
-        return client.call_async(kind.Request(**fields))
-
-    def call(self, kind: type, name: str, **fields: object):
-        future = self.ask(kind, name, **fields)
-        self.until(future.done)
-        return future.result()
+        self.identifier, self.observer = Identifier((), start_worker), Observer()
+        self.observer.executor.add_node(self.identifier.node)
 
     def change(self, label: str, number: int = 0) -> bool:
         transition = Transition(label=label, id=number)
-        return self.call(ChangeState, "change_state", transition=transition).success
+        name = "/identifier/change_state"
+        return self.observer.request(ChangeState, name, transition=transition).success
 
     @property
     def state(self) -> str:
-        return self.call(GetState, "get_state").current_state.label
+        return self.observer.request(GetState, "/identifier/get_state").current_state.label
+
+    def ask(self) -> rclpy.Future:
+        client = self.observer.client(Identify, "/identifier/identify")
+        return client.call_async(Identify.Request(bags=["bag.mcap"]))
 
     def refusal(self) -> str:
-        return self.call(Identify, "identify", bags=["bag.mcap"]).message
+        request = {"bags": ["bag.mcap"]}
+        return self.observer.request(Identify, "/identifier/identify", **request).message
 
 
 @pytest.fixture
@@ -75,10 +53,10 @@ def arm(robot_file: Callable[[str], Path]) -> Path:
 
 
 def test_requests_are_accepted_between_activation_and_deactivation(
-    own_context, tmp_path: Path, arm: Path, capfd
+    begin_ros, tmp_path: Path, arm: Path, capfd
 ) -> None:
     (tmp_path / "bag.mcap").write_bytes(bytes(100))
-    own_context(
+    begin_ros(
         autostart="false",
         configuration=arm,
         bag_directory=tmp_path,
@@ -113,13 +91,14 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     assert managed.refusal() == (
         "the identifier is inactive: call ros2 lifecycle set /identifier activate"
     )
-    managed.until(lambda: managed.said.get("/identifier: identification") == "inactive")
+    observer, until = managed.observer, managed.observer.until
+    until(lambda: observer.diagnosis("identifier", "identification")[1] == "inactive", "a status")
     assert managed.change("activate")
     assert f"ready: {arm}; identifies on request" in log()
-    asked = [managed.ask(Identify, "identify", bags=["bag.mcap"]) for _ in range(2)]
-    managed.until(lambda: workers[0].requests and managed.identifier._jobs.waiting)
+    asked = [managed.ask() for _ in range(2)]
+    until(lambda: workers[0].requests and managed.identifier._jobs.waiting, "both jobs")
     assert managed.change("deactivate")
-    managed.until(lambda: all(future.done() for future in asked))
+    until(lambda: all(future.done() for future in asked), "both answers")
     assert {future.result().message for future in asked} == {"the identifier was deactivated"}
     # The file is read anew when it is configured again.
     arm.write_text("nonsense: 2\n")
@@ -131,7 +110,7 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     assert managed.refusal() == "the identifier is finalized: start the node again"
     assert "Traceback" not in log()
     managed.identifier.close()
-    managed.client.destroy_node()
+    managed.observer.node.destroy_node()
 
 
 def test_a_folder_of_results_belongs_to_one_identifier(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 
 from idim_iv_interfaces.srv import Identify
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
@@ -60,14 +59,9 @@ def test_two_recorders_record_each_its_own_robot(
         )
         for side in SIDES
     }
-    heard: dict[str, str] = {}
-
-    def diagnosed(message: DiagnosticArray) -> None:
-        heard.update({status.name: status.message for status in message.status})
-
-    subscription = observer.node.create_subscription(DiagnosticArray, "/diagnostics", diagnosed, 10)
     for process in recorders.values():
-        observer.until(lambda name=process.name: f"/{name}: recording" in heard, process.name)
+        statuses = observer.statuses[process.name]
+        observer.until(lambda statuses=statuses: "recording" in statuses, process.name)
     names = ["/left/joint_states", "/left/joint_reference"]
     names += ["/right/joint_states", "/motion/reference"]
     robot.begin(topics=[{"name": name} for name in names], description="<robot name='both'/>")
@@ -82,7 +76,6 @@ def test_two_recorders_record_each_its_own_robot(
         observer.diagnosed(f"/{side}/robot_description", " Hz", 0)
         assert observer.call("stop").success
         closed[side] = only_bag(tmp_path / side)
-    observer.node.destroy_subscription(subscription)
     (left, right) = ({*Bag(bag).known_topics()} for bag in closed.values())
     assert left == {"/left/joint_states", "/left/joint_reference", "/robot_description"}
     assert right == {"/right/joint_states", "/motion/reference", "/robot_description"}
@@ -97,7 +90,7 @@ def test_two_recorders_record_each_its_own_robot(
     assert "/motion/reference" in str(refused.value)
 
 
-def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: Path) -> None:
+def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Path) -> None:
     configuration = load_configuration(ARM2)
     urdf = configuration.robot.urdf
     simulated = simulated_robot(configuration, read_urdf_file(urdf), urdf.name)
@@ -115,7 +108,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: P
         identify([tmp_path / "both.mcap"], configuration, estimator="idim-ls")
     expected = identify([tmp_path / "right.mcap"], configuration, estimator="idim-ls")
     folders = {"bag_directory": tmp_path, "output_directory": tmp_path / "results"}
-    own_context("-r", "__ns:=/right", configuration=ARM2, **folders)
+    begin_ros("-r", "__ns:=/right", configuration=ARM2, **folders)
     workers: list[ToldWorker] = []
     identifier = Identifier((), lambda heard: workers.append(ToldWorker(heard)) or workers[-1])
     identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))

@@ -23,7 +23,8 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     source = shutil.copytree(ROOT, folder / "source", ignore=others)
     pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--ignore-installed"]
-    subprocess.run([*pip, "--prefix", folder, source], check=True, capture_output=True)
+    call = [*pip, "--no-build-isolation", "--prefix", folder, source]
+    subprocess.run(call, check=True, capture_output=True)
     return folder
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -16,7 +15,7 @@ from visualization_msgs.msg import MarkerArray
 from idim_iv_interfaces.msg import IdentificationResult, Prediction
 from idim_iv_ros.nodes.predictor.node import Predictor, colour_of, residual_markers
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
-from tests.ros.conftest import context_of_its_own
+from tests.ros.conftest import another_context
 from tests.ros.processes import Observer
 
 JOINTS = configured().robot.joints
@@ -80,23 +79,19 @@ class Heard:
         self.observer = observer
         self.predictions: list[Prediction] = []
         self.said = 0
-        self.diagnostics: dict[str, tuple[int, str]] = {}
         self.markers: list[MarkerArray] = []
         node = observer.node
         subscribe, markers = node.create_subscription, f"/{self.name}/residual_markers"
         subscribe(Prediction, f"/{self.name}/prediction", self._prediction, 100)
-        subscribe(DiagnosticArray, "/diagnostics", self._diagnosis, 10)
         subscribe(MarkerArray, markers, self.markers.append, 10)
 
     def _prediction(self, message: Prediction) -> None:
         self.said += 1
         self.predictions.append(message)
 
-    def _diagnosis(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            source, _, what = status.name.partition(": ")
-            if source == f"/{self.name}":
-                self.diagnostics[what] = (status.level[0], status.message)
+    def diagnosis(self, what: str) -> tuple[int, str]:
+        """Level and sentence of a status."""
+        return self.observer.diagnosis(self.name, what)
 
     @property
     def last(self) -> Prediction:
@@ -124,7 +119,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def predictor(results: Path) -> Iterator[Heard]:
     """A predictor in this process, spun by who hears it."""
-    with context_of_its_own() as begin:
+    with another_context() as begin:
         begin(
             *("-r", "joint_states:=/played_joint_states"),
             configuration=YAML,
@@ -187,8 +182,8 @@ def test_a_result_is_predicted_with_as_soon_as_it_is_announced(
         residual, measured - np.array([item.predicted for item in valid]), equal_nan=True
     )
     predictor.until(robot, lambda: np.isfinite(predictor.last.noise_share).any(), "shares")
-    predictor.until(robot, lambda: JOINTS[5] in predictor.diagnostics, "diagnostics of the joints")
-    level, sentence = predictor.diagnostics[JOINTS[0]]
+    predictor.until(robot, lambda: predictor.diagnosis(JOINTS[5])[1], "diagnostics of the joints")
+    level, sentence = predictor.diagnosis(JOINTS[0])
     assert level == OK
     assert "N m RMS" in sentence or "no motion" in sentence
     predictor.until(robot, lambda: predictor.markers, "markers")
@@ -221,11 +216,9 @@ def test_a_result_of_another_robot_is_refused_and_the_next_one_taken_up(
     assert not predictor.last.valid
     assert "\n" not in predictor.last.reason
     predictor.until(
-        robot,
-        lambda: "another robot" in predictor.diagnostics.get("prediction", (0, ""))[1],
-        "a warning",
+        robot, lambda: "another robot" in predictor.diagnosis("prediction")[1], "a warning"
     )
-    assert predictor.diagnostics["prediction"][0] == WARN
+    assert predictor.diagnosis("prediction")[0] == WARN
     observer.node.destroy_publisher(publisher)
     publisher = announce(observer, "second/result.json", 1_700_000_200)
     predictor.until(robot, lambda: predictor.last.valid, "the next result")

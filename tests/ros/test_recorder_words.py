@@ -61,13 +61,13 @@ class Told:
 
 
 @pytest.fixture
-def told(own_context, tmp_path: Path) -> Iterator[Callable[..., Told]]:
+def told(begin_ros, tmp_path: Path) -> Iterator[Callable[..., Told]]:
     """Start a recorder in this process."""
     with ExitStack() as stack:
 
         def start(**parameters: object) -> Told:
             values = {"bag_directory": tmp_path, "minimum_free_disk": 0, **parameters}
-            own_context("-r", "__ns:=/told", **values)
+            begin_ros("-r", "__ns:=/told", **values)
             recorder = Recorder()
             stack.callback(recorder.close)
             return Told(recorder)

@@ -18,10 +18,9 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.nodes.simulator import node as simulator_node
 from idim_iv_ros.recording import read_recordings
 from tests.ros.conftest import ARM2
-from tests.ros.identifier_client import IdentifierClient
+from tests.ros.identifier_client import IdentifierClient, require_truth
 from tests.ros.launch_file import launched_nodes
 from tests.ros.processes import HANG, LATCHED, ROOT, end_all, start_launched, start_node
-from tests.ros.true_parameters import require_truth
 
 LONGEST_SILENCE = 2.0  # s
 
@@ -113,11 +112,11 @@ def test_a_goal_never_goes_without_a_word_for_long(demo, observer, tmp_path: Pat
     assert max(after - before for before, after in pairwise(heard_at)) < LONGEST_SILENCE
 
 
-def test_it_answers_before_it_is_ready(own_context, monkeypatch: pytest.MonkeyPatch, capfd) -> None:
+def test_it_answers_before_it_is_ready(begin_ros, monkeypatch: pytest.MonkeyPatch, capfd) -> None:
     ready = threading.Event()
     monkeypatch.setattr(simulator_node, "_PATIENCE", 0.0)
     monkeypatch.setattr(simulator_node.RobotSimulator, "_prepare", lambda node: ready.wait(HANG))
-    own_context(configuration=ARM2)
+    begin_ros(configuration=ARM2)
     robot = simulator_node.RobotSimulator()
     try:
         refused = robot._move(Trigger.Request(), Trigger.Response())

@@ -67,8 +67,8 @@ def test_torque_of_a_plant_without_friction_is_that_of_the_inverse_dynamics(plan
     model = rigid_body_model(given, world.inertials, world.gravity)
     data = mujoco.MjData(model)
     rigid = []
-    for each in zip(position, velocity, acceleration, strict=True):
-        data.qpos[:], data.qvel[:], data.qacc[:] = each
+    for instant in zip(position, velocity, acceleration, strict=True):
+        data.qpos[:], data.qvel[:], data.qacc[:] = instant
         torque = np.zeros(2)
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
@@ -93,7 +93,7 @@ def test_a_round_has_the_promised_kinds_and_so_has_every_beginning_of_it() -> No
     assert min(alone.values()) >= 4
     assert sum(cell.group == "none" for cell in cells[:90]) == pytest.approx(30, abs=6)
     second = [cell for cell in cells if cell.plant == "mujoco"]
-    assert not SECOND_LACKS & {each.effect for cell in second for each in cell.effects}
+    assert not SECOND_LACKS & {effect.effect for cell in second for effect in cell.effects}
     assert {len(cell.effects) for cell in cells if cell.group in ("pair", "payload")} == {2}
     assert {cell.robot for cell in cells} == {*SMALL, *LARGE}
     assert all(10.0 <= min(cell.seconds) <= max(cell.seconds) <= 60.0 for cell in cells)
@@ -179,28 +179,28 @@ BACKLASH = ("backlash", "joint_1")
 def test_a_truth_is_a_hit_where_it_stands_first_or_second_in_a_set_and_is_only_named_third() -> (
     None
 ):
-    own = ("presliding", "structural", "joint_1")
-    second = judge(label(BACKLASH), answer((*own, [BACKLASH])), 1.0)
-    assert second.found[0].hit and not second.false_names and second.sets == (2,)
-    third = judge(label(BACKLASH), answer((*own, [("spring", "joint_1"), BACKLASH])), 1.0)
-    assert not third.found[0].hit and third.found[0].anywhere and not third.false_names
+    presliding = ("presliding", "structural", "joint_1")
+    second = judge(label(BACKLASH), answer((*presliding, [BACKLASH])), 1.0)
+    assert second.ranked[0].hit and not second.false_names and second.sets == (2,)
+    third = judge(label(BACKLASH), answer((*presliding, [("spring", "joint_1"), BACKLASH])), 1.0)
+    assert not third.ranked[0].hit and third.ranked[0].anywhere and not third.false_names
 
 
 def test_a_cause_that_has_nothing_to_do_with_the_truth_is_no_hit() -> None:
     """A set of one in which the truth is not is a miss, whatever the place that is asked for."""
-    judged = judge(label(BACKLASH), answer(("backlash", "structural", "joint_2", [])), 1.0)
-    assert not judged.found[0].hit and not judged.found[0].anywhere and not judged.found[0].first
-    assert judged.false_names == ("backlash[joint_2]",)
-    assert judged.outcome == "missed + false"
+    score = judge(label(BACKLASH), answer(("backlash", "structural", "joint_2", [])), 1.0)
+    assert not score.ranked[0].hit and not score.ranked[0].anywhere and not score.ranked[0].first
+    assert score.false_names == ("backlash[joint_2]",)
+    assert score.outcome == "missed + false"
 
 
 def test_the_first_of_the_causes_that_count_is_told_from_a_later_one() -> None:
     said = answer(
         ("spring", "structural", "joint_2", []), ("backlash", "structural", "joint_1", [])
     )
-    judged = judge(label(BACKLASH), said, 1.0)
-    assert judged.found[0].hit and not judged.found[0].first
-    assert judged.false_names == ("spring[joint_2]",)
+    score = judge(label(BACKLASH), said, 1.0)
+    assert score.ranked[0].hit and not score.ranked[0].first
+    assert score.false_names == ("spring[joint_2]",)
 
 
 def test_what_errors_of_the_nominal_model_make_true_counts_for_nothing_either_way() -> None:

@@ -33,11 +33,11 @@ def shown(name, strengths, joint=1):
     true = world(altered=name not in PARAMETRIC)
     effect = EFFECTS[name](np.random.default_rng(2), true.given, joint)
     without = floor(name not in PARAMETRIC, effect.measure)
-    found = []
+    ratios = []
     for strength in strengths:
         records = session(effect.apply(true, strength * effect.usual), courses("arm2", 8.0, 1))
-        found.append(ratio(variance(true, records, effect.measure), without))
-    return effect, found
+        ratios.append(ratio(variance(true, records, effect.measure), without))
+    return effect, ratios
 
 
 def test_every_effect_of_the_catalogue_is_here_once():
@@ -72,9 +72,9 @@ def test_calibration_meets_the_ratio_within_15_percent(name, joint, rho):
     true = world()
     effect = EFFECTS[name](np.random.default_rng(3), true.given, joint)
     wanted = courses("arm2", 8.0, 1)
-    found = calibrate(true, effect, wanted, session(true, wanted), rho)
-    again = variance(true, session(effect.apply(true, found.strength), wanted), effect.measure)
-    assert found.reached
+    calibrated = calibrate(true, effect, wanted, session(true, wanted), rho)
+    again = variance(true, session(effect.apply(true, calibrated.strength), wanted), effect.measure)
+    assert calibrated.reached
     assert ratio(again, floor(True, effect.measure))[joint] == pytest.approx(rho, rel=0.15)
 
 
@@ -82,6 +82,6 @@ def test_what_cannot_be_reached_is_said():
     true = world()
     effect = EFFECTS["encoder_eccentricity"](np.random.default_rng(3), true.given, 0)
     wanted = courses("arm2", 8.0, 1)
-    found = calibrate(true, effect, wanted, session(true, wanted), 4.0)
-    assert not found.reached
-    assert found.strength == effect.largest
+    calibrated = calibrate(true, effect, wanted, session(true, wanted), 4.0)
+    assert not calibrated.reached
+    assert calibrated.strength == effect.largest

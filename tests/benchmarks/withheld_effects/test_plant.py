@@ -18,11 +18,13 @@ def test_without_effects_the_torque_is_pinocchios_inverse_dynamics(robot):
     noise = world(robot).sensors.torque
     true = silent(world(robot))
     course = courses(robot, 8.0)[0]
-    found = record(true, course.position, course.velocity, seed=1)
+    recorded = record(true, course.position, course.velocity, seed=1)
     period = true.controller.period
-    velocity = np.gradient(found.position, period, axis=0)
+    velocity = np.gradient(recorded.position, period, axis=0)
     acceleration = (
-        np.roll(found.position, -1, 0) - 2.0 * found.position + np.roll(found.position, 1, 0)
+        np.roll(recorded.position, -1, 0)
+        - 2.0 * recorded.position
+        + np.roll(recorded.position, 1, 0)
     ) / period**2
     model = pin.buildModelFromUrdf(str(true.given.urdf))
     for k in range(model.nv):
@@ -30,12 +32,12 @@ def test_without_effects_the_torque_is_pinocchios_inverse_dynamics(robot):
             true.inertials.mass[k], true.inertials.centre[k], true.inertials.inertia[k]
         )
     data = model.createData()
-    motion = zip(found.position, velocity, acceleration, strict=True)
+    motion = zip(recorded.position, velocity, acceleration, strict=True)
     torque = np.array([pin.rnea(model, data, *instant) for instant in motion])
     torque += true.drive.inertia * acceleration + true.drive.viscous_forward * velocity
     torque += true.drive.dry_forward * np.sign(velocity)
     low = butter(4, 20.0, fs=1.0 / period, output="sos")
-    gap = sosfiltfilt(low, found.clean_effort - torque, axis=0)
+    gap = sosfiltfilt(low, recorded.clean_effort - torque, axis=0)
     for j in range(model.nv):
         slow = np.abs(velocity[:, j]) < 0.02
         moving = np.convolve(slow, np.ones(161), "same") == 0.0
@@ -51,8 +53,8 @@ def test_a_joint_under_less_than_its_dry_friction_does_not_move_at_all():
         dry_forward=np.array([60.0, 25.0]), dry_backward=np.array([60.0, 25.0])
     )
     still = np.tile(true.given.centre, (500, 1))
-    found = record(with_drive(true, drive), still, np.zeros_like(still), seed=1)
-    assert np.abs(found.link - still).max() < 1e-10
+    recorded = record(with_drive(true, drive), still, np.zeros_like(still), seed=1)
+    assert np.abs(recorded.link - still).max() < 1e-10
 
 
 def test_a_delay_shifts_the_torque_by_itself():
@@ -61,18 +63,18 @@ def test_a_delay_shifts_the_torque_by_itself():
     pulse = np.zeros((400, 2))
     pulse[100:, 0] = 5.0
     moved = []
-    for each in (true, late):
+    for arm in (true, late):
         # Frictionless, so that the first torque of the pulse moves the joint.
         none = np.zeros(2)
-        each = with_drive(each, each.drive._replace(dry_forward=none, dry_backward=none))
-        still = np.tile(each.given.centre, (400, 1))
+        arm = with_drive(arm, arm.drive._replace(dry_forward=none, dry_backward=none))
+        still = np.tile(arm.given.centre, (400, 1))
 
         def feedforward(_, position):
             return np.concatenate([np.zeros((len(position) - 400, 2)), pulse])
 
-        law = each.controller._replace(kp=none, kd=none)
-        each = replace(each, controller=law, feedforward=feedforward, gravity=np.zeros(3))
-        moved.append(record(each, still, np.zeros_like(still), seed=1).link[:, 0])
+        law = arm.controller._replace(kp=none, kd=none)
+        arm = replace(arm, controller=law, feedforward=feedforward, gravity=np.zeros(3))
+        moved.append(record(arm, still, np.zeros_like(still), seed=1).link[:, 0])
     swing = moved[0] - moved[0][0]
     time = np.arange(400) * 1e-3
     shifted = np.interp(time - 3.4e-3, time, swing)
@@ -99,7 +101,7 @@ def test_a_robot_that_runs_away_is_refused():
 
 def test_the_robot_settles_before_it_is_recorded():
     course = courses("arm2", 8.0)[0]
-    found = record(silent(world()), course.position, course.velocity, seed=1)
+    recorded = record(silent(world()), course.position, course.velocity, seed=1)
     # It hangs below the first reference by what its weight does to the controller's gain.
-    assert np.abs(found.link[0] - course.position[0]).max() > 1e-3
-    assert np.ptp(found.link[:10], axis=0).max() < 1e-6
+    assert np.abs(recorded.link[0] - course.position[0]).max() > 1e-3
+    assert np.ptp(recorded.link[:10], axis=0).max() < 1e-6

@@ -62,66 +62,66 @@ def gap(*causes, verdict="structural", not_testable=()):
     }
 
 
-def judged(label, document):
+def score_of(label, document):
     return judge(label, Verdict.read(document), 1.0)
 
 
 def test_the_right_effect_at_the_right_joint_is_right():
-    found = judged(label(truth("stribeck")), gap(cause("stribeck")))
-    assert found.first
-    assert found.found == (True,)
-    assert not found.false_alarms
-    assert found.shrinkage == pytest.approx(1.0)
+    result = score_of(label(truth("stribeck")), gap(cause("stribeck")))
+    assert result.first
+    assert result.named == (True,)
+    assert not result.false_alarms
+    assert result.shrinkage == pytest.approx(1.0)
 
 
 def test_the_right_effect_at_another_joint_is_a_false_alarm():
-    found = judged(label(truth("stribeck")), gap(cause("stribeck", "joint_2")))
-    assert not found.first
-    assert found.effect_first
-    assert found.false_alarms == ("stribeck[joint_2]",)
-    assert found.shrinkage == 0.0
+    result = score_of(label(truth("stribeck")), gap(cause("stribeck", "joint_2")))
+    assert not result.first
+    assert result.effect_first
+    assert result.false_alarms == ("stribeck[joint_2]",)
+    assert result.shrinkage == 0.0
 
 
 def test_the_truth_inside_the_indistinguishable_set_is_right():
     alike = gap(cause("elasticity", alike=[("time_delay", "joint_1")]))
-    found = judged(label(truth("time_delay")), alike)
-    assert found.first
-    assert found.set_size == 2
+    result = score_of(label(truth("time_delay")), alike)
+    assert result.first
+    assert result.set_size == 2
 
 
 def test_either_joint_of_a_coupling_is_right():
     coupled = label(truth("joint_coupling", "joint_2", joints=["joint_2", "joint_1"]))
-    assert judged(coupled, gap(cause("joint_coupling", "joint_1"))).first
+    assert score_of(coupled, gap(cause("joint_coupling", "joint_1"))).first
 
 
 def test_half_of_the_possible_shrinkage_counts_half():
     half = (1.0 - 0.375) ** 0.5
-    found = judged(label(truth("stribeck")), gap(cause("stribeck", before=1.0, after=half)))
-    assert found.shrinkage == pytest.approx(0.5)
+    result = score_of(label(truth("stribeck")), gap(cause("stribeck", before=1.0, after=half)))
+    assert result.shrinkage == pytest.approx(0.5)
 
 
 def test_parametric_causes_are_true_of_an_altered_robot_only():
     payload = gap(cause("payload", None, kind="parametric"), verdict="parametric")
-    assert not judged(label(group="none"), payload).false_alarms
-    assert judged(label(group="none", altered=False), payload).false_alarms
+    assert not score_of(label(group="none"), payload).false_alarms
+    assert score_of(label(group="none", altered=False), payload).false_alarms
 
 
 def test_naming_something_outside_the_catalogue_is_a_false_alarm():
     outside = label(truth("contact_pulses", None, kind="outside"), group="outside")
-    assert judged(outside, gap(cause("position_ripple"))).false_alarms
-    assert not judged(outside, gap(verdict="unknown")).false_alarms
+    assert score_of(outside, gap(cause("position_ripple"))).false_alarms
+    assert not score_of(outside, gap(verdict="unknown")).false_alarms
 
 
 def test_saying_that_a_recording_cannot_tell_is_an_admission():
     poor = label(truth("elasticity"), group="poor")
-    assert judged(poor, gap(verdict="none", not_testable=["elasticity"])).admitted
-    assert not judged(poor, gap(verdict="none")).admitted
+    assert score_of(poor, gap(verdict="none", not_testable=["elasticity"])).admitted
+    assert not score_of(poor, gap(verdict="none")).admitted
 
 
 def test_f1_of_a_pair_half_found_and_one_made_up():
     pair = label(truth("stribeck"), truth("spring"), group="pair")
-    found = judged(pair, gap(cause("stribeck"), cause("time_delay")))
-    assert pair_f1([found]) == pytest.approx(0.5)
+    result = score_of(pair, gap(cause("stribeck"), cause("time_delay")))
+    assert pair_f1([result]) == pytest.approx(0.5)
     assert pair_f1([]) is None
 
 
@@ -182,7 +182,7 @@ def test_a_run_is_scored_and_goes_on_where_it_was(benchmark):
 def test_a_cell_without_a_verdict_is_counted_with_its_reason(benchmark):
     assert run(benchmark, command(benchmark, "sys.exit('no effort in the bag')\n")) == 2
     scored = score(benchmark)
-    assert not scored.judged
+    assert not scored.cells
     assert "| no verdict: no effort in the bag | 2 |" in "\n".join(page_lines(scored))
 
 
