@@ -64,10 +64,7 @@ _SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobod
 def as_paths(bags: FilePaths) -> tuple[Path, ...]:
     """Return one or many bags as paths.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    Raises UsageError: there is none.
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     if not given:
@@ -78,10 +75,7 @@ def as_paths(bags: FilePaths) -> tuple[Path, ...]:
 def as_file(out: FilePath) -> Path:
     """Return the path of a file that will be written.
 
-    Raises
-    ------
-    UsageError
-        It has no name: it is empty, ``.`` or ``/``.
+    Raises UsageError: it has no name: it is empty, ``.`` or ``/``.
     """
     path = Path(out)
     if not path.name:
@@ -97,10 +91,8 @@ def is_file(path: Path) -> bool:
 def is_there(path: Path) -> bool:
     """Whether there is a file or folder `path`.
 
-    Raises
-    ------
-    UsageError
-        The name is no name for this system (too long), or a folder on the way may not be entered.
+    Raises UsageError: the name is no name for this system (too long), or a folder on the way may
+    not be entered.
     """
     try:
         path.stat()
@@ -125,20 +117,10 @@ def read_text(
 
     A device or a pipe is refused before it is opened: it may never end, or never begin.
 
-    Parameters
-    ----------
-    path
-    what
-        What is expected there, for the message: ``the trajectory``.
-    megabytes
-        The largest size that such a file has.
-    decode
-        From the bytes to the text; a `ValueError` or `LookupError` where they are none.
-
-    Raises
-    ------
-    UsageError
-        Missing, unreadable, no regular file, too large, or no text; one line with the path.
+    `what` is expected, for the message: ``the trajectory``; `megabytes` is the largest size of
+    such a file. `decode` makes text of bytes, or raises `ValueError` or `LookupError`.
+    Raises UsageError: missing, unreadable, no regular file, too large, or no text; one line with
+    the path.
     """
     try:
         state = path.stat()
@@ -159,10 +141,7 @@ def read_text(
 def probe_place(path: Path) -> None:
     """Find out, before long work, whether a file can be written beside `path`.
 
-    Raises
-    ------
-    OSError
-        It cannot, and why.
+    Raises OSError: it cannot, and why.
     """
     probe = _temporary(path)
     with uninterrupted():
@@ -175,10 +154,8 @@ def probe_place(path: Path) -> None:
 def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
     """Refuse, before long work, files that could not be written or must not be replaced.
 
-    Raises
-    ------
-    UsageError
-        The folder of a file is missing or cannot be written, or as `require_replaceable`.
+    Raises UsageError: the folder of a file is missing or cannot be written, or as
+    `require_replaceable`.
     """
     files = list(files)
     require_replaceable(files, force=force)
@@ -194,10 +171,7 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
 def require_folder_place(folder: Path) -> None:
     """Refuse, before long work, a folder that cannot be written, or not be made.
 
-    Raises
-    ------
-    UsageError
-        One line with the folder, and where that ends.
+    Raises UsageError: one line with the folder, and where that ends.
     """
     place = folder.absolute()
     while not (is_there(place) or place.is_symlink()):
@@ -213,10 +187,7 @@ def require_folder_place(folder: Path) -> None:
 def made_folder(out: Path) -> Iterator[None]:
     """Make a folder and its parents; those that are empty after a failure are taken away again.
 
-    Raises
-    ------
-    OSError
-        It cannot be made.
+    Raises OSError: it cannot be made.
     """
     missing = [folder for folder in (out, *out.parents) if not folder.exists()]
     undo = partial(_remove_empty, missing)
@@ -241,10 +212,7 @@ def _remove_empty(folders: Iterable[Path]) -> None:
 def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
     """Temporary files that take the names of `paths`, all together, if the ``with`` ends well.
 
-    Raises
-    ------
-    OSError
-        A file cannot be written, or a folder has its name.
+    Raises OSError: a file cannot be written, or a folder has its name.
     """
     temporary = {path: _temporary(path) for path in paths}
     with ExitStack() as undone:
@@ -262,10 +230,7 @@ def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
 def write_together(texts: Mapping[Path, str]) -> None:
     """Write text files that appear complete and together, or not at all.
 
-    Raises
-    ------
-    OSError
-        A file cannot be written, or a folder has its name.
+    Raises OSError: a file cannot be written, or a folder has its name.
     """
     with complete_files(texts) as temporary:
         for path, text in texts.items():
@@ -289,11 +254,8 @@ def _temporary(path: Path) -> Path:
 def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
     """Refuse to replace a file that this program did not write.
 
-    Raises
-    ------
-    UsageError
-        There is such a file (unless `force`), something else than a file in its place, or a name
-        that cannot be.
+    Raises UsageError: there is such a file (unless `force`), something else than a file in its
+    place, or a name that cannot be.
     """
     for path in paths:
         try:

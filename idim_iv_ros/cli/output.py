@@ -52,10 +52,8 @@ class Output:
         The numbers are written to the file `name` in the folder `out`. Returned are the result,
         and the paths of numbers and page, which are None without --out.
 
-        Raises
-        ------
-        UsageError
-            There is no place for a file, or neither --out nor --json: nothing was computed.
+        Raises UsageError: there is no place for a file, or neither --out nor --json: nothing was
+        computed.
         """
         from idim_iv_ros.files import REPORT
         from idim_iv_ros.report import require_writable, write_report

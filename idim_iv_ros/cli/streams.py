@@ -15,10 +15,7 @@ _NARROWEST = 20  # columns in which words of the tables can be read
 def prepare_streams() -> None:
     """Make stdout and stderr take whatever is printed.
 
-    Raises
-    ------
-    UsageError
-        Stdout is closed.
+    Raises UsageError: stdout is closed.
     """
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - until the end

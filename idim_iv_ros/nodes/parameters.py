@@ -72,10 +72,8 @@ class NodeProgram(Generic[Kind]):
 
     `arguments` are the command line of the node.
 
-    Raises
-    ------
-    UsageError
-        A value given at the start is not allowed, or is that of an unknown parameter.
+    Raises UsageError: a value given at the start is not allowed, or is that of an unknown
+    parameter.
     """
 
     def __init__(self, node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> None:
@@ -224,10 +222,8 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
 def read_configuration(node: Node, file: str) -> Configuration:
     """Return the configuration of the parameter ``configuration``, as the node sees its topics.
 
-    Raises
-    ------
-    UsageError
-        It cannot be read, or names what is no topic; one line that names the parameter.
+    Raises UsageError: it cannot be read, or names what is no topic; one line that names the
+    parameter.
     """
     try:
         return with_topics_of_node(node, load_configuration(Path(file)))
@@ -241,10 +237,7 @@ def with_topics_of_node(node: Node, configuration: Configuration) -> Configurati
     Its relative topics are looked for first where the node would subscribe them itself: in its
     namespace, with its remappings.
 
-    Raises
-    ------
-    UsageError
-        A name is none that ROS allows.
+    Raises UsageError: a name is none that ROS allows.
     """
     names: dict[str, str] = {}
     for name in (*configuration.signals.relative_topics, ROBOT_DESCRIPTION):

@@ -29,14 +29,7 @@ _STRETCHES = 50
 class StampedMessages:
     """Messages with strictly increasing times.
 
-    Attributes
-    ----------
-    messages : JointMessages
-        Sorted, without repeated stamps.
-    time : (n,) int
-        ns.
-    quality : ClockQuality
-    notes : tuple of Note
+    `messages`: sorted, without repeated stamps. `time` (n,) int: ns.
     """
 
     messages: JointMessages
@@ -57,10 +50,7 @@ class StampedMessages:
 def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     """Sort messages by their header stamps, or by arrival where the stamps say nothing.
 
-    Raises
-    ------
-    DataError
-        Too few messages, or time mostly runs backward.
+    Raises DataError: too few messages, or time mostly runs backward.
     """
     topic, count = messages.topic, len(messages)
     if count < 2:
@@ -122,12 +112,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
 def _one_of_each_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
     """Put sorted messages of one stamp together: of each number the first one counts.
 
-    Returns
-    -------
-    JointMessages
-        One where `fresh` (n,) begins a stamp.
-    int
-        Messages that added nothing.
+    Returns a message wherever `fresh` (n,) begins a stamp, and how many messages added nothing.
     """
     if fresh.all():
         return messages, 0
@@ -149,20 +134,8 @@ def on_one_clock(
 
     Stretches in which time goes on are put together to the longest recording in which it does.
 
-    Parameters
-    ----------
-    topic
-    time, arrival
-        (n,) ns: stamps, and when the messages arrived.
-    interval
-        Sampling interval, ns.
-
-    Returns
-    -------
-    kept : (k,) int
-        Places of the messages that one clock stamped.
-    notes : list of Note
-        What was left out, and why.
+    `time` and `arrival` (n,) are stamps and times of arrival, `interval` is that of sampling, ns.
+    Returns the places (k,) of the messages that one clock stamped, and notes on the others.
     """
     # After a pause, too, a stretch begins: a stray time of arrival makes one.
     starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))

@@ -39,21 +39,8 @@ def without_frozen(
 ) -> tuple[dict[str, StampedMessages], tuple[FrozenStretches, ...]]:
     """Take out what efforts and positions repeat while they are frozen.
 
-    Parameters
-    ----------
-    stamped
-        Messages of each topic.
-    joint_states, effort
-        Topics of the positions and of the efforts.
-    joints
-    start
-        Of the recording, ns.
-
-    Returns
-    -------
-    dict
-        The same messages, with NaN for frozen values.
-    tuple of FrozenStretches
+    `joint_states` and `effort` are their topics, `start` is that of the recording, ns. Returns
+    the messages of each topic with NaN for frozen values, and what was taken out.
     """
     states, efforts = stamped[joint_states], stamped[effort]
     positions, torques = states.messages.values["position"], efforts.messages.values["effort"]
@@ -96,14 +83,8 @@ def _at(wanted: IntArray, time: IntArray, position: FloatArray) -> FloatArray:
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:
     """Mark the repeats of an effort that is frozen while its joint moves.
 
-    Parameters
-    ----------
-    effort
-        (n,) of one joint, as published.
-    position
-        (n,) of the same joint at the same times.
-    speed
-        From which the joint moves, per sample; see `moving_speed`.
+    `effort`: (n,) of one joint, as published. `position`: (n,) of the same joint at the same times.
+    `speed`: from which the joint moves, per sample; see `moving_speed`.
     """
     frozen = _frozen(effort, position, speed, jumps=False)
     if not frozen.any():

@@ -41,13 +41,7 @@ _STOP = 0.5  # s, in which a joint comes to rest in a long gap, and starts again
 class Grid:
     """Sample k is at start + k / rate.
 
-    Attributes
-    ----------
-    start : int
-        ns.
-    rate : float
-        Hz.
-    samples : int
+    `start`: ns. `rate`: Hz.
     """
 
     start: int
@@ -188,10 +182,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 class Pauses:
     """What is cut out of time.
 
-    Attributes
-    ----------
-    begin, end : (k,) int
-        Of each cut, ns.
+    `begin`, `end` (k,) int: of each cut, ns.
     """
 
     begin: IntArray
@@ -247,12 +238,7 @@ def without_pauses(
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
     """Replace the invented samples between measured ones, in place.
 
-    Parameters
-    ----------
-    values, invented
-        (n,) of one joint.
-    rate
-        Hz.
+    `values`, `invented`: (n,) of one joint. `rate`: Hz.
     """
     edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

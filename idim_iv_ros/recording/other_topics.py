@@ -41,14 +41,7 @@ def prismatic_joints(urdf: str) -> frozenset[str]:
 def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
     """Return the topics of a bag that hold positions of all joints, likely references first.
 
-    Parameters
-    ----------
-    bag
-        It was read before, so that its topics are known.
-    used
-        Sources that are used already.
-    joints
-        Names of the joints.
+    The bag was read before, so that its topics are known; `used` are sources that are used already.
     """
     measured = set(map(topic_of, used))
     # What a controller was asked for is a reference, also of the topic that gives what it measured.

@@ -21,12 +21,8 @@ from idim_iv_ros.types import BoolArray, IntArray
 class Part:
     """Joints that come together, and the messages of each source that hold them.
 
-    Attributes
-    ----------
-    columns : (k,) int
-        Places of the joints among all that are read.
-    stamped : dict of str to StampedMessages
-        With the columns of these joints only.
+    `columns` (k,) int: places of the joints among all that are read. `stamped`: with the columns of
+    these joints only.
     """
 
     columns: IntArray
@@ -36,10 +32,7 @@ class Part:
 def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:
     """Split the messages of all sources by the joints that come together in every source.
 
-    Raises
-    ------
-    DataError
-        See `stamp_messages`.
+    Raises DataError: see `stamp_messages`.
     """
     labels = np.array([_together(messages.named) for messages in sources.values()])
     _, label = np.unique(labels, axis=1, return_inverse=True)
@@ -57,13 +50,7 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
 
 
 def _together(named: BoolArray) -> IntArray:
-    """Label (n_joints,) the joints that messages name together, directly or in a chain.
-
-    Parameters
-    ----------
-    named
-        (n_layouts, n_joints) bool
-    """
+    """Label (n_joints,) the joints that messages name (n_layouts, n_joints) together."""
     label = np.arange(named.shape[1])
     for layout in named:
         joined = np.isin(label, label[layout])

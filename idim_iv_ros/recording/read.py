@@ -138,10 +138,7 @@ def read_bag(bag: Bag, request: Request) -> Recording:
 def recording_of(messages: BagMessages) -> Recording:
     """Put the messages of all sources on one grid.
 
-    Raises
-    ------
-    DataError
-        A topic, a joint or a field is missing, or the messages make no recording.
+    Raises DataError: a topic, a joint or a field is missing, or the messages make no recording.
     """
     sources: dict[str, JointMessages] = {}
     bag, request = messages.bag, messages.request
@@ -164,10 +161,7 @@ def _checked(
 
     `optional`: of some joints only, one at least.
 
-    Raises
-    ------
-    DataError
-        A joint or a field is not there.
+    Raises DataError: a joint or a field is not there.
     """
     messages = reader.finish()
     topic = reader.topic
@@ -329,10 +323,8 @@ def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
 def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
     """Grid of the time during which all topics were recorded, at the rate of the slowest part.
 
-    Raises
-    ------
-    DataError
-        There is no such time, or too little of it, or hardly anything was recorded in it.
+    Raises DataError: there is no such time, or too little of it, or hardly anything was recorded in
+    it.
     """
     states = max(
         (part.stamped[request.joint_states].time for part in parts),

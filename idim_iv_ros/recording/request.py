@@ -71,10 +71,7 @@ class Request:
 def in_bag(bag: Bag, request: Request) -> Request:
     """Return the request with the full names of its topics in this bag.
 
-    Raises
-    ------
-    UsageError, DataError
-        No such bag, or several topics may be meant.
+    Raises UsageError or DataError: no such bag, or several topics may be meant.
     """
     if all(name.startswith("/") for name in request.named.values()):
         return request.with_reference_field
@@ -103,13 +100,7 @@ def in_bag(bag: Bag, request: Request) -> Request:
 class BagMessages:
     """What was read of a bag so far.
 
-    Attributes
-    ----------
-    bag : Bag
-    request : Request
-        With the full names of its topics.
-    readers : dict
-        Messages of each source that was met.
+    `request`: with the full names of its topics. `readers`: messages of each source that was met.
     """
 
     bag: Bag
@@ -130,10 +121,8 @@ class BagMessages:
     def add(self, topic: str, batch: MessageBatch) -> None:
         """Take messages of a topic, for each source that is read from it.
 
-        Raises
-        ------
-        UsageError, DataError
-            They hold no quantities of joints, or not in the field that is named.
+        Raises UsageError or DataError: they hold no quantities of joints, or not in the field that
+        is named.
         """
         if topic in self.request.descriptions:
             text = robot_description(batch)

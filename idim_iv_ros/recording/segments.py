@@ -24,14 +24,7 @@ def read_segments(
     a segment to one and a half. One that does not hold what is asked for is given as its error:
     others may.
 
-    Raises
-    ------
-    UsageError
-        No such bag.
-    DataError
-        The bag cannot be read.
-    OSError
-        Its files cannot be read.
+    Raises UsageError: no such bag. DataError or OSError: the bag or its files cannot be read.
     """
     messages = BagMessages(bag, in_bag(bag, request))
     latest = dict.fromkeys(messages.request.topics, 0)

@@ -191,10 +191,7 @@ def import_mapped(
 def require_bag_place(out: FilePath, joints: Sequence[str], *, force: bool) -> Path:
     """Refuse a bag that cannot be written, and names that no message can hold.
 
-    Raises
-    ------
-    UsageError
-        One line with the bag or the name.
+    Raises UsageError: one line with the bag or the name.
     """
     out = Path(out)
     if out.suffix.lower() != ".mcap":
@@ -221,14 +218,8 @@ def write_import(
 ) -> ImportSummary:
     """Write the topics of an import, rows that hold no possible value as missing.
 
-    Parameters
-    ----------
-    stamps
-        (n,) s of the measurements and of the references.
-    signals
-        (n, n_joints) of `table_map.SIGNALS`.
-    sources
-        What the table of each signal is called.
+    `stamps`: (n,) s of the measurements and of the references. `signals`: (n, n_joints) of
+    `table_map.SIGNALS`. `sources`: what the table of each signal is called.
     """
     possible, warnings = {}, list(warnings)
     for name, values in signals.items():

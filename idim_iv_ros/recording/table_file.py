@@ -33,10 +33,7 @@ _LARGEST = 1 << 30  # bytes of one array
 def read_table(spec: str) -> FloatArray:
     """Two-dimensional numbers (n_samples, n_columns) of ``FILE[:KEY]``.
 
-    Raises
-    ------
-    UsageError
-        No such file, variable or column, or something else than real numbers.
+    Raises UsageError: no such file, variable or column, or something else than real numbers.
     """
     path, key = _split(spec)
     with one_line_errors(path):
@@ -76,10 +73,7 @@ def one_line_errors(path: Path) -> Iterator[None]:
 def real_numbers(values: Any, source: str) -> FloatArray:
     """Numbers in double precision; beyond it they are infinite, which is refused later.
 
-    Raises
-    ------
-    UsageError
-        They are something else than real numbers.
+    Raises UsageError: they are something else than real numbers.
     """
     array = np.asarray(values)
     if array.dtype.kind not in _NUMBERS:
@@ -138,15 +132,8 @@ def read_array(path: Path, name: str) -> Any:
 def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatArray:
     """One column of parquet files, (n_samples, n_columns): of lists several, of dates s since 1970.
 
-    Parameters
-    ----------
-    options
-        Of `pyarrow.parquet.read_table`, for example its `filters`.
-
-    Raises
-    ------
-    UsageError
-        pyarrow is not installed, or there is no such column.
+    `options`: of `pyarrow.parquet.read_table`, for example its `filters`.
+    Raises UsageError: pyarrow is not installed, or there is no such column.
     """
     parquet = needs_tables(paths[0], "pyarrow.parquet")
     _variables(paths[0], parquet.read_schema(paths[0]).names, name)
@@ -161,10 +148,7 @@ def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatAr
 def needs_tables(path: Path, module: str) -> Any:
     """Return a module that only some tables need.
 
-    Raises
-    ------
-    UsageError
-        It is not installed.
+    Raises UsageError: it is not installed.
     """
     try:
         return import_module(module)
@@ -177,14 +161,8 @@ def needs_tables(path: Path, module: str) -> Any:
 class TextFormat:
     """How a table is written as text.
 
-    Attributes
-    ----------
-    delimiter : str
-        Between columns; empty: what stands most often in the first row.
-    decimal : str
-        ``.`` or ``,``.
-    comment : str
-        Begins lines that are none of the table; empty: nothing does.
+    `delimiter`: between columns; empty: what stands most often in the first row. `decimal`: ``.``
+    or ``,``. `comment`: begins lines that are none of the table; empty: nothing does.
     """
 
     delimiter: str = ""
@@ -195,16 +173,9 @@ class TextFormat:
 class TextTable:
     """A table as text, with a row of names or without.
 
-    Attributes
-    ----------
-    names : list of str
-        Of the columns; their numbers where there are none. A comment before numbers of as many
-        columns holds names, too: NumPy writes them so.
-
-    Raises
-    ------
-    UsageError
-        There is nothing but comments.
+    `names`: of the columns; their numbers where there are none. A comment before numbers of as many
+    columns holds names, too: NumPy writes them so.
+    Raises UsageError: there is nothing but comments.
     """
 
     def __init__(self, path: Path, text_format: TextFormat | None = None) -> None:
@@ -237,10 +208,7 @@ class TextTable:
     def number(self, column: str) -> int:
         """Number of a column by its name, or by its number from 0.
 
-        Raises
-        ------
-        UsageError
-            There is none, or several.
+        Raises UsageError: there is none, or several.
         """
         if self.names.count(column) > 1:
             raise UsageError(
@@ -257,15 +225,8 @@ class TextTable:
     def columns(self, wanted: Sequence[int], time: int | None = None) -> list[FloatArray]:
         """Columns (n,) by their numbers, empty cells as NaN.
 
-        Parameters
-        ----------
-        time
-            Number of one that may hold dates of ISO 8601: they are read as s since 1970.
-
-        Raises
-        ------
-        DataError
-            Rows of different lengths, or something else in a cell.
+        `time`: number of one that may hold dates of ISO 8601: they are read as s since 1970.
+        Raises DataError: rows of different lengths, or something else in a cell.
         """
         rows = csv.reader(filter(self._without_comment, self._lines()), delimiter=self._delimiter)
         parts: list[list[FloatArray]] = [[np.zeros(0)] for _ in wanted]

@@ -86,19 +86,10 @@ class Units(_Part):
 class TableMap(_Part):
     """What a table holds.
 
-    Attributes
-    ----------
-    file : str
-        The table, beside the map if it is no absolute path.
-    time : Stamps or None
-        None where `rate` says how fast rows follow one another.
-    rate : float or None
-        Hz.
-    joints : dict of str to JointColumns
-    units : Units
-    delimiter, decimal, comment : str
-        Of text: what stands between columns (empty: found), the decimal sign, what begins a line
-        that is none of the table (empty: nothing does).
+    `file`: the table, beside the map if it is no absolute path. `time`: None where `rate` says how
+    fast rows follow one another. `rate`: Hz. `delimiter`, `decimal`, `comment`: of text: what
+    stands between columns (empty: found), the decimal sign, what begins a line that is none of the
+    table (empty: nothing does).
     """
 
     file: str
@@ -114,10 +105,7 @@ class TableMap(_Part):
 def read_map(path: FilePath) -> tuple[TableMap, Path]:
     """Read a map, and where its table is.
 
-    Raises
-    ------
-    UsageError
-        It is no map, or names a table that is not there.
+    Raises UsageError: it is no map, or names a table that is not there.
     """
     path = Path(path)
     try:
@@ -139,10 +127,8 @@ def mapped_columns(
 ) -> tuple[FloatArray | None, dict[str, FloatArray]]:
     """Stamps (n,) s, None where there is a rate, and every signal (n, n_joints) in SI units.
 
-    Raises
-    ------
-    UsageError, DataError
-        No such column, something else than numbers in one, or a signal of some joints only.
+    Raises UsageError or DataError: no such column, something else than numbers in one, or a signal
+    of some joints only.
     """
     signals: dict[str, list[str]] = {}
     for signal in SIGNALS:
@@ -258,10 +244,7 @@ def _kind(word: str) -> str | None:
 def proposed_map(table: Path) -> str:
     """Text of a map, every key with a comment.
 
-    Raises
-    ------
-    UsageError
-        No column is named like a position.
+    Raises UsageError: no column is named like a position.
     """
     names = column_names(table)
     time = next((name for name in names if _TIME.match(name.rpartition("/")[2])), None)

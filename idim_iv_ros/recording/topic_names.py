@@ -30,26 +30,11 @@ def topics_in_bag(
     the node that asks (``/`` where none asks) if the first of them is there, else where the only
     topic lies whose name ends with the first of them.
 
-    Parameters
-    ----------
-    path
-        The bag, for messages.
-    named
-        Name of each key of the section `signals`, the one that matters most first.
-    topics
-        Full names of the topics that can be meant.
-    node_topics
-        What relative names are for the node that asks, remapping included.
-
-    Returns
-    -------
-    dict
-        Full name by name; of a topic that the bag does not hold, where it should be.
-
-    Raises
-    ------
-    DataError
-        Several topics end with a relative name.
+    `path`: the bag, for messages. `named`: name of each key of the section `signals`, the one that
+    matters most first. `topics`: full names of the topics that can be meant. `node_topics`: what
+    relative names are for the node that asks, remapping included. Of a topic that the bag does not
+    hold the name that it should have is returned.
+    Raises DataError: several topics end with a relative name.
     """
     full_names = {name: name for name in named.values() if name.startswith("/")}
     relative = {key: name for key, name in named.items() if not name.startswith("/")}
@@ -76,13 +61,6 @@ def descriptions_of(joint_states: str, node_topics: Mapping[str, str]) -> list[s
 
     The node's own, then that in the namespace of the joint states, then those above it; at last
     the global one.
-
-    Parameters
-    ----------
-    joint_states
-        Full name.
-    node_topics
-        As of `topics_in_bag`.
     """
     likely = [node_topics[ROBOT_DESCRIPTION]] if ROBOT_DESCRIPTION in node_topics else []
     namespace = joint_states

@@ -30,13 +30,8 @@ _WHOLE = 0.5
 class Unwrapped:
     """A position without its wraps.
 
-    Attributes
-    ----------
-    position : (n,) rad
-    wraps : int
-        How many were undone.
-    breaks : (k,) int
-        Samples from which on the turn is only the nearest one: behind gaps.
+    `position` (n,) rad. `wraps`: how many were undone. `breaks` (k,) int: samples from which on the
+    turn is only the nearest one: behind gaps.
     """
 
     position: FloatArray
@@ -53,15 +48,8 @@ def without_wraps(
 ) -> dict[str, StampedMessages]:
     """Undo the wraps of positions, and of what follows them so that both are in the same turn.
 
-    Parameters
-    ----------
-    stamped
-        Messages of each topic.
-    joint_states, followers
-        Topics of the positions, and of references or encoders behind the gears.
-    joints
-    sliding
-        Prismatic joints: they have no turns.
+    `stamped`: messages of each topic. `joint_states`, `followers`: topics of the positions, and of
+    references or encoders behind the gears. `sliding`: prismatic joints: they have no turns.
     """
     new = dict(stamped)
     for column, joint in enumerate(joints):

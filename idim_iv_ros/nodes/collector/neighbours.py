@@ -69,10 +69,8 @@ class Controller:
     else its topic ``joint_trajectory``, on which it does not answer. With `interface` ``topic`` or
     ``action`` only that one is used, with ``auto`` either.
 
-    Raises
-    ------
-    UsageError
-        The action is wanted and control_msgs is not installed, or the name is none of ROS.
+    Raises UsageError: the action is wanted and control_msgs is not installed, or the name is none
+    of ROS.
     """
 
     def __init__(self, node: Node, name: str, interface: str) -> None:

@@ -153,10 +153,7 @@ class JobQueue:
     def submit(self, job: Job) -> None:
         """Work on a job now or later.
 
-        Raises
-        ------
-        UsageError
-            Another is worked on and `when_busy` says refuse, or too many wait.
+        Raises UsageError: another is worked on and `when_busy` says refuse, or too many wait.
         """
         settings = self._settings()
         if self.running is not None or self._waiting:

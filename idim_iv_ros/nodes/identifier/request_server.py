@@ -189,22 +189,12 @@ class DeferredActionServer(ActionServer):
 class RequestServer:
     """Takes requests and goals, and answers each when its job has ended.
 
-    Parameters
-    ----------
-    node
-    name
-        Of the service. That of the action ends with ``_bags``: a service and an action of one name
-        look the same in lists and in policies.
-    service, action
-        Their types: requests and goals have the same fields, answers `success`, `message` and
-        `result`, feedback `stage` and `progress`.
-    submit
-        Takes a request and who asks; returns its job, or None if it was refused and who asks has
-        the reason.
-    cancel
-        Takes a job that is to be cancelled.
-    result
-        Returns what is published of the job that has ended last.
+    `name`: of the service. That of the action ends with ``_bags``: a service and an action of one
+    name look the same in lists and in policies. `service`, `action`: their types: requests and
+    goals have the same fields, answers `success`, `message` and `result`, feedback `stage` and
+    `progress`. `submit`: takes a request and who asks; returns its job, or None if it was refused
+    and who asks has the reason. `cancel`: takes a job that is to be cancelled. `result`: returns
+    what is published of the job that has ended last.
     """
 
     def __init__(

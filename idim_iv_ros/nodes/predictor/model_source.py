@@ -30,13 +30,8 @@ class ModelSource:
 
     `output_directory` is that of the identifier.
 
-    Attributes
-    ----------
-    identified : IdentifiedModel or None
-    stamp : int
-        When its identification ended, ns since 1970.
-    reason : str
-        Why there is no model, or why a newer result was refused; else empty.
+    `stamp`: when its identification ended, ns since 1970. `reason`: why there is no model, or why a
+    newer result was refused; else empty.
     """
 
     def __init__(self, configuration: Configuration, output_directory: Path) -> None:

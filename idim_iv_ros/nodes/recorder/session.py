@@ -85,14 +85,9 @@ class RecordingSession:
     `clock` is log time now, ns; what arrives while it is zero is not recorded. `closed` takes every
     bag that was closed, and whether it ended by a fault or was given up.
 
-    Attributes
-    ----------
-    fault : str
-        What is wrong, in one line that says what to do; empty if nothing is.
-    dropped : int
-        Messages that arrived and were not written since the start.
-    ring : SnapshotRing
-        What arrived in the last seconds, recorded or not.
+    `fault`: what is wrong, in one line that says what to do; empty if nothing is. `dropped`:
+    messages that arrived and were not written since the start. `ring`: what arrived in the last
+    seconds, recorded or not.
     """
 
     def __init__(

@@ -160,14 +160,9 @@ class MonitorLimits:
 class TopicMonitor:
     """Counts of one topic since the last reset; `clock` is monotonic time, s, for its silence.
 
-    Attributes
-    ----------
-    lost : int
-        Holes in the publisher's sequence numbers; not counted while several publishers share
-        the topic, for the middleware does not say which of them sent a message.
-    late, gaps, longest_gap : int, int, float (s)
-    backward : int
-        Stamps (of the header, the source or the receipt) that lie before the one before.
+    `lost`: holes in the publisher's sequence numbers; not counted while several publishers share
+    the topic, for the middleware does not say which of them sent a message. `backward`: stamps (of
+    the header, the source or the receipt) that lie before the one before.
     """
 
     def __init__(

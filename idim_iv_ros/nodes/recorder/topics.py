@@ -60,30 +60,13 @@ class _NeverExecuted(CallbackGroup):
 class WatchedTopic:
     """Subscription, channel and counts of one topic.
 
-    Parameters
-    ----------
-    name : str
-        Fully qualified.
-    types : sequence of str or None
-        Message types that can be used; None: any that is installed.
-    joints, needed
-        As in JointContent.
-    depth : int
-        Messages that the middleware keeps.
-    best_effort : bool
-        Whether nothing is sent again for this subscription, nor a message from before it, whatever
-        the publishers offer.
-
-    Attributes
-    ----------
-    problem, note : str
-        Why the topic is not recorded, or what is unusual; empty if nothing is.
-    had_publishers : bool
-        Whether there ever was one.
-    too_large : int
-        Messages left out for their size.
-    substitutes : sequence of WatchedTopic
-        Any of them does as well where nobody publishes this one.
+    `name`: fully qualified. `types`: message types that can be used; None: any that is installed.
+    `joints`, `needed`: as in JointContent. `depth`: messages that the middleware keeps.
+    `best_effort`: whether nothing is sent again for this subscription, nor a message from before
+    it, whatever the publishers offer. `problem`, `note`: why the topic is not recorded, or what is
+    unusual; empty if nothing is. `had_publishers`: whether there ever was one. `too_large`:
+    messages left out for their size. `substitutes`: any of them does as well where nobody publishes
+    this one.
     """
 
     def __init__(

@@ -81,12 +81,8 @@ class MotionSimulation:
     ) -> tuple[list[JointTopic], FloatArray]:
         """Run the robot from rest at `start` (n_joints,) through a trajectory (if any) to rest.
 
-        Raises
-        ------
-        UsageError
-            The trajectory is for other joints or leaves their range.
-        DataError
-            The closed loop diverged.
+        Raises UsageError: the trajectory is for other joints or leaves their range. DataError: the
+        closed loop diverged.
         """
         parts = [np.tile(start, (2, 1))]
         if trajectory is not None:

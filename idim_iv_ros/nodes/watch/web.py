@@ -22,10 +22,7 @@ _POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' 
 class LivePage:
     """A server on the loopback interface, in threads of its own; port 0 is any that is free.
 
-    Raises
-    ------
-    UsageError
-        The port is taken or not allowed.
+    Raises UsageError: the port is taken or not allowed.
     """
 
     def __init__(self, port: int) -> None:

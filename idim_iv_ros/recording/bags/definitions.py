@@ -38,11 +38,7 @@ class SchemaText:
 class MessageType:
     """One version of a type.
 
-    Attributes
-    ----------
-    name : str
-    fields : mapping
-        Fields of this type and of those that it consists of, by name.
+    `fields`: fields of this type and of those that it consists of, by name.
     """
 
     name: str

@@ -34,22 +34,12 @@ _LONGEST_METADATA = 1 << 24  # bytes
 class Bag:
     """One recording on disk, or somewhere else; taken wherever the path of a bag is.
 
-    Attributes
-    ----------
-    path : Path
-        As the user named it; of a bag somewhere else its name, for messages.
-    sources : mapping of Path to ByteSource, optional
-        Files of a bag somewhere else by their names, in the order in which they were recorded.
-    topics : dict
-        Type of each topic; complete once the bag was read.
-    definitions : dict
-        Definition of each type, as far as the bag holds it.
-    damages : list of str
-        What is wrong with which file.
-    seen, missing : Counter
-        Messages of each wanted topic that were found, and that are known to be lost.
-    counted : bool
-        Whether `missing` is all that is lost.
+    `path`: as the user named it; of a bag somewhere else its name, for messages. `sources`: files
+    of a bag somewhere else by their names, in the order in which they were recorded. `topics`: type
+    of each topic; complete once the bag was read. `definitions`: definition of each type, as far as
+    the bag holds it. `damages`: what is wrong with which file. `seen`, `missing`: messages of each
+    wanted topic that were found, and that are known to be lost. `counted`: whether `missing` is all
+    that is lost.
     """
 
     path: Path
@@ -78,12 +68,7 @@ class Bag:
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
 
-        Raises
-        ------
-        UsageError
-            No such file or folder.
-        DataError
-            Not a bag.
+        Raises UsageError: no such file or folder. DataError: not a bag.
         """
         with ExitStack() as stack:
             for path, file in self._files(stack):
@@ -107,12 +92,7 @@ class Bag:
 
         From the summary of an MCAP file; one without is read as far as it goes.
 
-        Raises
-        ------
-        UsageError
-            No such file or folder.
-        DataError
-            Not a bag.
+        Raises UsageError: no such file or folder. DataError: not a bag.
         """
         topics: dict[str, str] = {}
         with ExitStack() as stack:
@@ -157,10 +137,7 @@ class Bag:
 def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
     """Return one or many paths as bags; those that are bags already stay as they are.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    Raises UsageError: there is none.
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     pairs = zip(given, as_paths(given), strict=True)
@@ -186,12 +163,7 @@ def _damages(name: str, file: BagFile) -> list[str]:
 def bag_files(path: Path) -> list[Path]:
     """Files of a bag in the order in which they were recorded.
 
-    Raises
-    ------
-    UsageError
-        No such file or folder, or one that cannot be read.
-    DataError
-        Not a bag.
+    Raises UsageError: no such file or folder, or one that cannot be read. DataError: not a bag.
     """
     if not is_there(path):
         raise UsageError(f"{path}: no such file or folder")

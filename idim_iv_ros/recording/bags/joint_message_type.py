@@ -40,16 +40,9 @@ _Columns = tuple[tuple[str, ...], Mapping[str, Column | None]]
 class JointMessageType:
     """How messages of one topic are read.
 
-    Attributes
-    ----------
-    name : str
-        Message type.
-    schema : SchemaText or None
-        Its definition as the bag holds it.
-    field : str or None
-        Which field of the message is meant; None: what suits.
-    reference : bool
-        Whether it is what the controller was asked for, rather than what was measured.
+    `name`: message type. `schema`: its definition as the bag holds it. `field`: which field of the
+    message is meant; None: what suits. `reference`: whether it is what the controller was asked
+    for, rather than what was measured.
     """
 
     name: str
@@ -65,10 +58,7 @@ class JointMessageType:
     def require_readable(self, bag: object, topic: str) -> None:
         """Refuse a type that holds no joint quantities, or whose field is not there.
 
-        Raises
-        ------
-        DataError
-            One line that says what can be written instead.
+        Raises DataError: one line that says what can be written instead.
         """
         if AND in self.name:
             raise DataError(
@@ -117,10 +107,7 @@ class JointMessageType:
     def layout(self, message: bytes, quantities: Sequence[str]) -> CdrLayout:
         """Read the layout of one message for some of position, velocity and effort.
 
-        Raises
-        ------
-        DataError
-            The bytes are not a message of this type.
+        Raises DataError: the bytes are not a message of this type.
         """
         kinds = versions(self.name, self.schema)
         for kind in kinds:

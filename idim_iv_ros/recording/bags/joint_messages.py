@@ -19,25 +19,13 @@ _UNREAD, _PASSED = -1, -2  # instead of a layout
 class JointMessages:
     """All messages of one topic, in the order in which they were found.
 
-    Attributes
-    ----------
-    topic : str
-    stamps, arrival : (n,) int
-        Header stamp (zero without header) and log time, ns.
-    values : dict
-        (n, n_joints) of each field, NaN where a message does not hold the joint.
-    layout : (n,) int
-        Which layout (joint order, missing fields) each has.
-    named : (n_layouts, n_joints) bool
-        Joints that a message of each layout names.
-    damaged : int
-        Messages that could not be read.
-    passed : int
-        Messages that name other joints only, say those of a gripper: they were passed over.
-    names : tuple of str
-        All joint names that were met.
-    origins : dict
-        Field of the message that each quantity was read from, where its type has several.
+    `stamps`, `arrival` (n,) int: header stamp (zero without header) and log time, ns. `values`: (n,
+    n_joints) of each field, NaN where a message does not hold the joint. `layout` (n,) int: which
+    layout (joint order, missing fields) each has. `named` (n_layouts, n_joints) bool: joints that a
+    message of each layout names. `damaged`: messages that could not be read. `passed`: messages
+    that name other joints only, say those of a gripper: they were passed over. `names`: all joint
+    names that were met. `origins`: field of the message that each quantity was read from, where its
+    type has several.
     """
 
     topic: str
@@ -87,14 +75,8 @@ class JointMessages:
 class JointMessageReader:
     """Collects batches of one topic; fields that are not asked for are not kept.
 
-    Attributes
-    ----------
-    topic : str
-        Or a topic with a field, as it is named to a user.
-    kind : JointMessageType
-    joints : sequence of str
-    fields : sequence of str
-        ``position``, ``velocity`` or ``effort``; for an array of numbers ``effort`` is its data.
+    `topic`: or a topic with a field, as it is named to a user. `fields`: ``position``, ``velocity``
+    or ``effort``; for an array of numbers ``effort`` is its data.
     """
 
     topic: str

@@ -52,10 +52,7 @@ _FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of 
 class McapFile(BagFile):
     """One MCAP file.
 
-    Attributes
-    ----------
-    source : ByteSource or None
-        Where the bytes are if not on this machine.
+    `source`: where the bytes are if not on this machine.
     """
 
     source: ByteSource | None = None

@@ -177,20 +177,10 @@ def _leads_on(content: mmap | bytes, place: int) -> bool:
 class McapDescription:
     """Schemas and channels of a file, from its data or from its summary.
 
-    Attributes
-    ----------
-    schemas : dict
-        Name of each schema.
-    definitions : dict
-        Definition of each type.
-    channels : dict
-        Topic of each channel of CDR messages.
-    topics : dict
-        Type of each topic.
-    counts : dict or None
-        Messages of each channel in the whole file; None where no summary says it.
-    chunks : list of ChunkIndex
-        Where chunks lie, and which channels they hold.
+    `schemas`: name of each schema. `definitions`: definition of each type. `channels`: topic of
+    each channel of CDR messages. `topics`: type of each topic. `counts`: messages of each channel
+    in the whole file; None where no summary says it. `chunks`: where chunks lie, and which channels
+    they hold.
     """
 
     schemas: dict[int, str] = field(default_factory=dict)

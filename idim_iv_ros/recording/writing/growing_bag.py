@@ -17,12 +17,7 @@ from idim_iv_ros.recording.writing.write import Storage, TopicChannel
 class SplitLimits:
     """When a new file begins; zero means never. Looked at once a commit.
 
-    Attributes
-    ----------
-    size : int
-        Bytes of a file.
-    duration : float
-        Seconds for which a file was written.
+    `size`: bytes of a file. `duration`: seconds for which a file was written.
     """
 
     size: int = 0
@@ -49,25 +44,11 @@ class GrowingBag:
     What a commit adds is counted in metadata.yaml just before it is in the file: at no instant does
     the file hold more than a reader expects, and what a crash between the two loses can be counted.
 
-    Parameters
-    ----------
-    folder : Path
-        Made here; must not exist.
-    limits : SplitLimits
-    clock : callable
-        Log time now, ns: what messages that are repeated at the start of a file are stamped with.
-        Zero while it is not known; they are repeated as soon as it is.
-    latched : mapping
-        Last message of latched topics that arrived before the bag was opened.
-    topics : sequence of TopicChannel
-        Known from the start.
-    storage : Storage
-        Compression and size of the chunks.
-
-    Raises
-    ------
-    OSError
-        The folder or its first file cannot be made.
+    `folder`: made here; must not exist. `clock`: log time now, ns: what messages that are repeated
+    at the start of a file are stamped with. Zero while it is not known; they are repeated as soon
+    as it is. `latched`: last message of latched topics that arrived before the bag was opened.
+    `topics`: known from the start. `storage`: compression and size of the chunks.
+    Raises OSError: the folder or its first file cannot be made.
     """
 
     def __init__(
@@ -130,10 +111,8 @@ class GrowingBag:
     def commit(self) -> None:
         """Put everything on disk, and begin a new file if the present one is full.
 
-        Raises
-        ------
-        OSError
-            Something could not be written; nothing that was added is lost, commit again.
+        Raises OSError: something could not be written; nothing that was added is lost, commit
+        again.
         """
         self._commit_file()
         size, duration = self.limits.size, self.limits.duration
@@ -144,10 +123,7 @@ class GrowingBag:
     def split(self) -> None:
         """Close the present file and begin the next; latched messages are repeated in it.
 
-        Raises
-        ------
-        OSError
-            The next file cannot be made or the present one not be written; it goes on.
+        Raises OSError: the next file cannot be made or the present one not be written; it goes on.
         """
         self._commit_file()
         full = self.file
@@ -159,10 +135,7 @@ class GrowingBag:
     def close(self) -> ClosedBag:
         """Write what is left and close.
 
-        Raises
-        ------
-        OSError
-            It cannot be written; the bag stays open, so that it can be tried again.
+        Raises OSError: it cannot be written; the bag stays open, so that it can be tried again.
         """
         self._commit_file()
         self.file.close()
@@ -205,10 +178,7 @@ def write_metadata(
 ) -> None:
     """Write metadata.yaml, version 9 (ROS 2 Jazzy): a reader sees the old one or the new one.
 
-    Raises
-    ------
-    OSError
-        It cannot be written; the old one stays.
+    Raises OSError: it cannot be written; the old one stays.
     """
     document = {"rosbag2_bagfile_information": _metadata(files, topics)}
     # JSON is YAML, and is written in no time: the file is renewed with every commit.

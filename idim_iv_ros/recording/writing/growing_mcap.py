@@ -16,16 +16,8 @@ Message = tuple[int, str, bytes, int, int]
 class FileSummary:
     """One file of a bag.
 
-    Attributes
-    ----------
-    name : str
-        Relative to the folder.
-    start, duration : int
-        Log time of the first message, and from there to the last, ns.
-    counts : mapping
-        Messages of each topic.
-    size : int
-        Bytes.
+    `name`: relative to the folder. `start`, `duration`: log time of the first message, and from
+    there to the last, ns. `counts`: messages of each topic. `size`: bytes.
     """
 
     name: str
@@ -48,24 +40,9 @@ class GrowingMcap:
     killed leaves a file that any MCAP reader opens, without the messages after the last commit.
     A commit that fails leaves the file as it was, and keeps its messages for the next one.
 
-    Parameters
-    ----------
-    path : Path
-        Must not exist.
-    storage : Storage
-        Compression and size of the chunks.
-
-    Attributes
-    ----------
-    counts : dict
-        Messages of each topic that were added.
-    summary : FileSummary
-        What is on disk.
-
-    Raises
-    ------
-    OSError
-        The file cannot be made.
+    `path`: must not exist. `storage`: compression and size of the chunks. `counts`: messages of
+    each topic that were added. `summary`: what is on disk.
+    Raises OSError: the file cannot be made.
     """
 
     def __init__(self, path: Path, storage: Storage | None = None) -> None:
@@ -128,15 +105,9 @@ class GrowingMcap:
     def commit(self, announce: Callable[[FileSummary], None] | None = None) -> None:
         """Put everything that was added on disk.
 
-        Parameters
-        ----------
-        announce
-            Takes what the file will hold, just before it does; an OSError of it is one of this.
-
-        Raises
-        ------
-        OSError
-            It could not be written; the file is as before, and nothing that was added is lost.
+        `announce` takes what the file will hold, just before it does; it may raise OSError, too.
+        Raises OSError: it could not be written; the file is as before, and nothing that was added
+        is lost.
         """
         self._writer.flush()
         self._waiting += self._stream.take()

@@ -47,14 +47,9 @@ PRESETS = {
 class OfferedQos:
     """Quality of service of one publisher, as rosbag2 writes it.
 
-    Attributes
-    ----------
-    reliability : str
-        ``reliable`` or ``best_effort``.
-    durability : str
-        ``volatile`` or ``transient_local``.
-    depth : int
-        Of the publisher's history; discovery does not say it, and a replay does not need it.
+    `reliability`: ``reliable`` or ``best_effort``. `durability`: ``volatile`` or
+    ``transient_local``. `depth`: of the publisher's history; discovery does not say it, and a
+    replay does not need it.
     """
 
     reliability: str = "reliable"
@@ -89,14 +84,7 @@ class Definition:
 class TopicChannel:
     """One topic of a bag.
 
-    Attributes
-    ----------
-    name, message_type : str
-        ``/joint_states``, ``sensor_msgs/msg/JointState``.
-    offered : tuple of OfferedQos
-        One for each publisher.
-    defined : Definition or None
-        Of a type that is not one of ROS 2's own.
+    `offered` has one item for each publisher; `defined` is of a type that is none of ROS 2's own.
     """
 
     name: str
@@ -143,16 +131,9 @@ def _definition(message_type: str) -> Definition:
 class ShortChunkWriter(Writer):
     """Writes chunks of at most one second of log time, and of little more than a given size.
 
-    Parameters
-    ----------
-    stream
-        Has `write`, `tell` and `flush`.
-    library
-        What wrote the file, in its header.
-    summary_offsets
-        Whether they are written; they pile up where `finish` is called again and again.
-    storage
-        Compression and size of the chunks.
+    `stream`: has `write`, `tell` and `flush`. `library`: what wrote the file, in its header.
+    `summary_offsets`: whether they are written; they pile up where `finish` is called again and
+    again. `storage`: compression and size of the chunks.
     """
 
     def __init__(
