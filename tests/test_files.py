@@ -10,7 +10,7 @@ import pytest
 from idim_iv_ros import UsageError, write_bag, write_gap_report, write_report
 from idim_iv_ros.files import is_own, require_replaceable, signed
 from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.writing.growing_mcap import GrowingMcap
+from idim_iv_ros.recording.writing.growing_bag import GrowingMcap
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 

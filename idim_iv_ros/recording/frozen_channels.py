@@ -6,7 +6,7 @@ rests. What is called frozen is longer than all of these, and than what is aroun
 while the joint moves; where the channel is smooth it must end in a jump instead.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -31,12 +31,12 @@ _MOVES = 0.02
 
 
 def without_frozen(
-    stamped: dict[str, StampedMessages],
+    stamped: Mapping[str, StampedMessages],
     joint_states: str,
     effort: str,
     joints: Sequence[str],
     start: int,
-) -> tuple[dict[str, StampedMessages], tuple[FrozenStretches, ...]]:
+) -> tuple[Mapping[str, StampedMessages], tuple[FrozenStretches, ...]]:
     """Take out what efforts and positions repeat while they are frozen.
 
     `joint_states` and `effort` are their topics, `start` is that of the recording, ns. Returns

@@ -16,15 +16,17 @@ from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointM
 from idim_iv_ros.recording.clock import StampedMessages
 from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import Grid, make_grid, pauses_of, without_pauses
-from idim_iv_ros.recording.other_topics import (
+from idim_iv_ros.recording.parts import Part, joined, parts_note, parts_of
+from idim_iv_ros.recording.plausible import without_impossible
+from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
+from idim_iv_ros.recording.request import (
+    BagMessages,
+    Request,
+    in_bag,
     prismatic_joints,
     reference_advice,
     unused_references,
 )
-from idim_iv_ros.recording.parts import Part, joined, parts_note, parts_of
-from idim_iv_ros.recording.plausible import without_impossible
-from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
-from idim_iv_ros.recording.request import BagMessages, Request, in_bag
 from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
@@ -98,22 +100,18 @@ def read_requested(
         if progress is not None:
             progress(f"reading {bag.path.name}", 0.3 * number / len(opened))
         recording = read_bag(bag, request)
-        _require_new(recording, recordings)
+        for other in recordings:
+            # It would pass for a repeat without any noise.
+            if (
+                recording.start == other.start
+                and np.array_equal(recording.effort.values, other.effort.values)
+                and np.array_equal(recording.position.values, other.position.values)
+            ):
+                raise UsageError(
+                    f"{bag.path}: the same recording as {other.path}; give each one once"
+                )
         recordings.append(recording)
     return tuple(recordings)
-
-
-def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
-    """Refuse a recording that is given twice: it would pass for a repeat without any noise."""
-    for other in before:
-        if (
-            recording.start == other.start
-            and np.array_equal(recording.effort.values, other.effort.values)
-            and np.array_equal(recording.position.values, other.position.values)
-        ):
-            raise UsageError(
-                f"{recording.path}: the same recording as {other.path}; give each one once"
-            )
 
 
 def read_bag(bag: Bag, request: Request) -> Recording:
@@ -150,7 +148,7 @@ def recording_of(messages: BagMessages) -> Recording:
         reader = messages.readers[source]
         sources[source], left_out = _checked(bag.path, reader, optional=optional)
         notes += left_out
-    parts = parts_of(sources, str(bag.path))
+    parts = list(parts_of(sources, str(bag.path)))
     return _assemble(bag.path, request, parts, messages.description, notes)
 
 
@@ -212,53 +210,43 @@ def _where_else(reader: JointMessageReader, name: str) -> str:
 def _assemble(
     path: Path,
     request: Request,
-    parts: Sequence[Part],
+    parts: list[Part],
     description: str | None,
     notes: list[Note],
 ) -> Recording:
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
-    joints = request.joints
+    joints, links = request.joints, request.link_states
     notes += parts_note(joint_states, parts, joints)
     paused = pauses_of(parts[0].stamped[joint_states])
-    if paused is not None:
-        notes.append(paused[1])
-        parts = [replace(part, stamped=without_pauses(part.stamped, paused[0])) for part in parts]
+    notes += [] if paused is None else [paused[1]]
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
-    followers = [source for source in (reference, request.link_states) if source is not None]
-    parts = [
-        replace(
-            part,
-            stamped=without_wraps(
-                part.stamped,
-                joint_states,
-                followers,
-                [joints[column] for column in part.columns],
-                prismatic,
-            ),
-        )
-        for part in parts
-    ]
+    followers = [source for source in (reference, links) if source is not None]
+    for number, part in enumerate(parts):
+        stamped = part.stamped if paused is None else without_pauses(part.stamped, paused[0])
+        names = [joints[column] for column in part.columns]
+        stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
+        parts[number] = replace(part, stamped=stamped)
     grid = _common_grid(path, request, parts)
     notes += _inactive_notes(request, parts[0].stamped, grid)
     frozen: tuple[FrozenStretches, ...] = ()
     for number, part in enumerate(parts):
-        for topic in part.stamped.values():
-            notes += topic.notes
-            notes += _with_encoder(topic.messages, request).notes()
-        names = [joints[column] for column in part.columns]
-        if effort is None:
-            continue
-        stamped, more = without_frozen(dict(part.stamped), joint_states, effort, names, grid.start)
-        parts[number], frozen = replace(part, stamped=stamped), frozen + more
+        for source, topic in part.stamped.items():
+            notes += [*topic.notes, *topic.messages.notes(some_joints=source == links)]
+        if effort is not None:
+            names = [joints[column] for column in part.columns]
+            stamped, more = without_frozen(part.stamped, joint_states, effort, names, grid.start)
+            parts[number], frozen = replace(part, stamped=stamped), frozen + more
     clocks = [topic.quality for part in parts for topic in part.stamped.values()]
     if len({clock.source for clock in clocks}) > 1:
         what = "topics with different clocks: their delay is not known"
         notes.append(Note(joint_states, what, 1))
-    torque = _no_effort(grid, len(joints))
-    if effort is not None:
+    if effort is None:
+        zeros = np.zeros((grid.samples, len(joints)))
+        torque = Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
+    else:
         torque = joined(grid, parts, effort, "effort")
-    for column, joint in enumerate(joints):
-        if effort is not None and not torque.values[:, column].any():
+    for column, joint in enumerate(() if effort is None else joints):
+        if not torque.values[:, column].any():
             why = "is zero throughout: the driver does not publish it"
             if torque.invented[:, column].all():
                 why = "is missing wherever positions are recorded"
@@ -277,20 +265,12 @@ def _assemble(
             else None
         ),
         velocity_reference=_optional(grid, parts, reference, "velocity") if reference else None,
-        link_position=(
-            joined(grid, parts, request.link_states, "position") if request.link_states else None
-        ),
+        link_position=joined(grid, parts, links, "position") if links else None,
         clocks=tuple(dict.fromkeys(clocks)),
         notes=tuple(dict.fromkeys(notes)),
         robot_description=description,
         frozen=frozen,
     )
-
-
-def _no_effort(grid: Grid, joints: int) -> Signal:
-    """Zeros for a robot that records no efforts."""
-    zeros = np.zeros((grid.samples, joints))
-    return Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
 
 
 def _inactive_notes(
@@ -311,15 +291,6 @@ def _inactive_notes(
     return [Note(topic_of(request.reference), what, 1)]
 
 
-def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
-    """Of encoders behind the gears only the joints that have one: the others miss nothing."""
-    if messages.topic != request.link_states:
-        return messages
-    values = messages.values["position"]
-    there = np.isfinite(values).any(axis=0)
-    return replace(messages, values={"position": values[:, there]})
-
-
 def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
     """Grid of the time during which all topics were recorded, at the rate of the slowest part.
 
@@ -330,23 +301,20 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
         (part.stamped[request.joint_states].time for part in parts),
         key=lambda time: float(np.median(np.diff(time))),
     )
-    every = [stamped for part in parts for stamped in part.stamped.items()]
+    topics = [stamped for part in parts for stamped in part.stamped.items()]
     needed = [
-        topic.time for source, topic in every if source in (request.joint_states, request.effort)
+        topic.time for source, topic in topics if source in (request.joint_states, request.effort)
     ]
     first = max(int(time[0]) for time in needed)
     last = min(int(time[-1]) for time in needed)
-    jumps = [note.sentence for _, topic in every for note in topic.notes if note.limits]
+    jumps = [note.sentence for _, topic in topics for note in topic.notes if note.limits]
     because = f" ({'; '.join(dict.fromkeys(jumps))})" if jumps else ""
+    apart = f"do not overlap in time{because}"
     if last <= first:
-        raise DataError(
-            f"{path}: {request.joint_states} and {request.effort} do not overlap in time{because}"
-        )
-    for source, topic in every:
+        raise DataError(f"{path}: {request.joint_states} and {request.effort} {apart}")
+    for source, topic in topics:
         if topic.time[-1] < first or topic.time[0] > last:
-            raise DataError(
-                f"{path}: {source} and {request.joint_states} do not overlap in time{because}"
-            )
+            raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
             first, last = _while_active(topic, first, last)
     grid = make_grid(states, first, last)

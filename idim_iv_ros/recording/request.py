@@ -1,15 +1,29 @@
-"""What is read of a bag: which quantities of which joints, from which field of which topic."""
+"""What is read of a bag: quantities of joints, the robot's description, perhaps its reference."""
 
+import re
+import struct
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
 
 from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, JOINT_STATE
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
-from idim_iv_ros.recording.other_topics import robot_description
 from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from idim_iv_ros.signal_source import field_of, topic_of, with_field
+
+_WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
+_QUANTITIES = {
+    "joint_states": ("position", "velocity"),
+    "effort": ("effort",),
+    "reference": ("position", "velocity"),
+    "link_states": ("position",),
+}
 
 
 @dataclass(frozen=True)
@@ -30,19 +44,14 @@ class Request:
     @property
     def named(self) -> dict[str, str]:
         """Topic of each key of a configuration that names one."""
-        keys = ("joint_states", "effort", "reference", "link_states")
-        return {key: name for key in keys if (name := getattr(self, key)) is not None}
+        return {key: name for key in _QUANTITIES if (name := getattr(self, key)) is not None}
 
     @property
     def fields(self) -> dict[str, set[str]]:
         """Fields to read of each topic."""
-        fields: dict[str, set[str]] = {self.joint_states: {"position", "velocity"}}
-        if self.effort is not None:
-            fields.setdefault(self.effort, set()).add("effort")
-        if self.reference is not None:
-            fields.setdefault(self.reference, set()).update(("position", "velocity"))
-        if self.link_states is not None:
-            fields.setdefault(self.link_states, set()).add("position")
+        fields: dict[str, set[str]] = {}
+        for key, source in self.named.items():
+            fields.setdefault(source, set()).update(_QUANTITIES[key])
         return fields
 
     @property
@@ -86,14 +95,8 @@ def in_bag(bag: Bag, request: Request) -> Request:
         field_, topic = field_of(source), full_names[topic_of(source)]
         return topic if field_ is None else with_field(topic, field_)
 
-    effort, reference, link_states = request.effort, request.reference, request.link_states
-    return replace(
-        request,
-        joint_states=full(request.joint_states),
-        effort=None if effort is None else full(effort),
-        reference=None if reference is None else full(reference),
-        link_states=None if link_states is None else full(link_states),
-    ).with_reference_field
+    sources: dict[str, Any] = {key: full(source) for key, source in request.named.items()}
+    return replace(request, **sources).with_reference_field
 
 
 @dataclass
@@ -144,3 +147,71 @@ class BagMessages:
         """Give up the messages that arrived before a time, ns."""
         earlier = {source: reader.before(arrival) for source, reader in self.readers.items()}
         return replace(self, readers=earlier)
+
+
+def robot_description(batch: MessageBatch) -> str | None:
+    """Text of the last std_msgs/String of a batch, None if it is not one."""
+    message = batch.message(len(batch) - 1)
+    try:
+        order = "<" if message[1] == 1 else ">"
+        (size,) = struct.unpack_from(order + "I", message, 4)
+        return message[8 : 8 + size].rstrip(b"\0").decode("utf-8")
+    except (struct.error, IndexError, UnicodeDecodeError):
+        return None
+
+
+def prismatic_joints(urdf: str) -> frozenset[str]:
+    """Joints that slide; none where the text is no URDF (whoever builds the model says so)."""
+    try:
+        root = ElementTree.fromstring(urdf)
+    except (ElementTree.ParseError, ValueError):
+        return frozenset()
+    joints = root.iter("joint")
+    return frozenset(e.get("name", "") for e in joints if e.get("type") == "prismatic")
+
+
+def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the topics of a bag that hold positions of all joints, likely references first.
+
+    The bag was read before, so that its topics are known; `used` are sources that are used already.
+    """
+    measured = set(map(topic_of, used))
+    # What a controller was asked for is a reference, also of the topic that gives what it measured.
+    kinds = {
+        name: JointMessageType(kind, bag.definitions.get(kind), reference=True)
+        for name, kind in bag.topics.items()
+        if kind == CONTROLLER_STATE or (kind == JOINT_STATE and name not in measured)
+    }
+    references: set[str] = set()
+    waiting = set(kinds)
+    for topic, batch in bag.unread().batches(set(kinds)) if kinds else ():
+        if topic in waiting and len(batch):
+            reader = JointMessageReader(topic, kinds[topic], joints, ["position"])
+            reader.add(batch)
+            if np.isfinite(reader.finish().values["position"]).any(axis=0).all():
+                references.add(topic)
+                waiting.discard(topic)
+            elif kinds[topic].name == JOINT_STATE:  # a controller may not be active yet
+                waiting.discard(topic)
+        if not waiting:
+            break
+
+    def likely(topic: str) -> tuple[bool, bool, str]:
+        of_controller = kinds[topic].name == CONTROLLER_STATE
+        return not of_controller, not sounds_like_reference(topic), topic
+
+    return tuple(sorted(references, key=likely))
+
+
+def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
+    """Say what to write where the reference is not on the topic that was named."""
+    references = unused_references(bag, used, joints)
+    if references:
+        first = references[0]
+        return f"; if the reference is on {first}, write `reference: {first}` under signals"
+    return "; name that of the reference in signals.reference, or leave it out"
+
+
+def sounds_like_reference(topic: str) -> bool:
+    """Whether a word of a topic's name means a reference: ``/arm/joint_command``."""
+    return any(word in _WORDS for word in re.split(r"[^a-z]+", topic.lower()))

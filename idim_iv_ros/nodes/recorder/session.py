@@ -13,8 +13,13 @@ from pathlib import Path
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import new_folder_path
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
+from idim_iv_ros.recording.writing.growing_bag import (
+    ClosedBag,
+    FileSummary,
+    GrowingBag,
+    Message,
+    SplitLimits,
+)
 from idim_iv_ros.recording.writing.write import PRESETS, Storage, TopicChannel
 
 _OVERHEAD = 250  # bytes of memory for a message beside its content

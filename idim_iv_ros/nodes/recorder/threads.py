@@ -16,7 +16,7 @@ from idim_iv_ros.errors import one_line
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.topic_monitor import MonitorLimits, Taken, TopicMonitor, batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic
-from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.growing_bag import Message
 from idim_iv_ros.recording.writing.write import TopicChannel
 
 Result = TypeVar("Result")

@@ -42,8 +42,11 @@ class JointMessages:
     def __len__(self) -> int:
         return len(self.stamps)
 
-    def notes(self) -> list[Note]:
-        """What a user should know: messages left out, changing layouts, missing values."""
+    def notes(self, *, some_joints: bool = False) -> list[Note]:
+        """What a user should know: messages left out, changing layouts, missing values.
+
+        With `some_joints` a joint that is never there misses nothing.
+        """
         notes = []
         if self.passed:
             notes.append(Note(self.topic, "messages of other joints were passed over", self.passed))
@@ -55,8 +58,10 @@ class JointMessages:
             what = "different layouts of the message (joint order or missing fields)"
             notes.append(Note(self.topic, what, layouts))
         for name, values in self.values.items():
-            missing = int(np.count_nonzero(~np.isfinite(values)))
-            if missing and missing < values.size:
+            there = np.isfinite(values)
+            there = there[:, there.any(axis=0)] if some_joints else there
+            missing = int(np.count_nonzero(~there))
+            if missing and missing < there.size:
                 notes.append(Note(self.topic, f"{name}: values missing or NaN", missing))
         return notes
 
