@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
-from idim_iv_ros.cli.output import print_marked
-from idim_iv_ros.cli.table import print_table
+from idim_iv_ros.cli.output import print_marked, print_table
 from idim_iv_ros.diagnosis.result import (
     ContrastResult,
     EffectParameter,

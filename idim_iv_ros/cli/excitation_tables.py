@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from idim_iv_ros.cli.table import LONGEST, print_table
+from idim_iv_ros.cli.output import LONGEST, print_table
 from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
 from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
 from idim_iv_ros.excitation.segments import NOT_REVEALED

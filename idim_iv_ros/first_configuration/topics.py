@@ -16,8 +16,12 @@ from idim_iv_ros.recording.bags.definitions import (
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
-from idim_iv_ros.recording.request import robot_description, sounds_like_reference
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
+from idim_iv_ros.recording.request import (
+    ROBOT_DESCRIPTION,
+    in_root,
+    robot_description,
+    sounds_like_reference,
+)
 
 _DESCRIPTION = in_root(ROBOT_DESCRIPTION)
 

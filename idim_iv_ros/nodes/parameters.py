@@ -21,7 +21,7 @@ from rclpy.utilities import remove_ros_args
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
+from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
 
 _NEEDED = {
     Parameter.Type.BOOL: "true or false",

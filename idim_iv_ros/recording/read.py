@@ -15,8 +15,16 @@ from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 from idim_iv_ros.recording.clock import StampedMessages
 from idim_iv_ros.recording.frozen_channels import without_frozen
-from idim_iv_ros.recording.grid import Grid, make_grid, pauses_of, without_pauses
-from idim_iv_ros.recording.parts import Part, joined, parts_note, parts_of
+from idim_iv_ros.recording.grid import (
+    Grid,
+    Part,
+    joined,
+    make_grid,
+    parts_note,
+    parts_of,
+    pauses_of,
+    without_pauses,
+)
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
 from idim_iv_ros.recording.request import (

@@ -9,7 +9,7 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
+from idim_iv_ros.recording.request import descriptions_of, topics_in_bag
 from tests.recording.bag_writer import STORE, TYPES, joint_state, write
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -16,7 +16,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES, JointMessageType
-from idim_iv_ros.recording.topic_names import in_root
+from idim_iv_ros.recording.request import in_root
 from idim_iv_ros.types import FloatArray, IntArray
 
 _STRING = "std_msgs/msg/String"
