@@ -20,7 +20,7 @@ import os
 import stat
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -56,8 +56,14 @@ PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of 
 NO_FILE = "a device, a pipe or a socket"
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
 
-_HEAD = 4096  # characters of an HTML file in which the generator is looked for
-_MCAP_MAGIC = b"\x89MCAP0\r\n"
+_HEAD = 4096  # bytes in which the mark of this program is looked for
+# The header of an MCAP file: opcode 1, its length, profile and library, each behind its length.
+_MCAP = b"\x89MCAP0\r\n\1" + struct.pack("<QI4sI", 23, 4, b"ros2", len(PROGRAM)) + PROGRAM.encode()
+_MARKS = {
+    **dict.fromkeys((".html", ".svg"), GENERATOR.encode()),
+    ".png": PNG_SOFTWARE,
+    ".mcap": _MCAP,
+}
 _SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobody edits it: "
 
 
@@ -105,13 +111,12 @@ def is_there(path: Path) -> bool:
     return True
 
 
-def utf_8(content: bytes) -> str:
-    """UTF-8, with or without a byte order mark."""
-    return content.decode("utf-8-sig")
-
-
 def read_text(
-    path: Path, what: str, *, megabytes: float, decode: Callable[[bytes], str] = utf_8
+    path: Path,
+    what: str,
+    *,
+    megabytes: float,
+    decode: Callable[[bytes], str] = lambda content: content.decode("utf-8-sig"),
 ) -> str:
     """Read a text file.
 
@@ -190,7 +195,12 @@ def made_folder(out: Path) -> Iterator[None]:
     Raises OSError: it cannot be made.
     """
     missing = [folder for folder in (out, *out.parents) if not folder.exists()]
-    undo = partial(_remove_empty, missing)
+
+    def undo() -> None:
+        with suppress(OSError):
+            for folder in missing:
+                folder.rmdir()
+
     try:
         with undone_if_interrupted(undo):
             out.mkdir(parents=True, exist_ok=True)
@@ -198,14 +208,6 @@ def made_folder(out: Path) -> Iterator[None]:
     except BaseException:
         undo()
         raise
-
-
-def _remove_empty(folders: Iterable[Path]) -> None:
-    for folder in folders:
-        try:
-            folder.rmdir()
-        except OSError:
-            break
 
 
 @contextmanager
@@ -287,16 +289,13 @@ def _kind(path: Path) -> str | None:
 
 def is_own(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
-    recognised_by = {
-        ".json": _own_json,
-        ".html": _own_html,
-        ".svg": _own_html,
-        ".png": _own_png,
-        ".mcap": _own_mcap,
-        ".parquet": _own_parquet,
-    }
+    suffix = path.suffix.lower()
+    own = {".json": _own_json, ".parquet": _own_parquet}.get(suffix, _own_digest)
     try:
-        return recognised_by.get(path.suffix.lower(), _own_digest)(path)
+        if suffix not in _MARKS:
+            return own(path)
+        with path.open("rb") as file:
+            return _MARKS[suffix] in file.read(_HEAD)
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -320,32 +319,6 @@ def signed(text: str) -> str:
 def _own_json(path: Path) -> bool:
     document = json.loads(path.read_text(encoding="utf-8"))
     return isinstance(document, dict) and str(document.get("format")).startswith(f"{PROGRAM}/")
-
-
-def _own_html(path: Path) -> bool:
-    with path.open(encoding="utf-8") as file:
-        return GENERATOR in file.read(_HEAD)
-
-
-def _own_png(path: Path) -> bool:
-    with path.open("rb") as file:
-        return PNG_SOFTWARE in file.read(_HEAD)
-
-
-def _own_mcap(path: Path) -> bool:
-    """Whether its header (opcode 1: length, profile, library) names this program."""
-    with path.open("rb") as file:
-        start = file.read(_HEAD)
-    if not start.startswith(_MCAP_MAGIC + b"\x01"):
-        return False
-    place = len(_MCAP_MAGIC) + 9
-    try:
-        (profile,) = struct.unpack_from("<I", start, place)
-        (size,) = struct.unpack_from("<I", start, place + 4 + profile)
-    except struct.error:
-        return False
-    library = start[place + 8 + profile :][:size]
-    return library == PROGRAM.encode()
 
 
 def _own_parquet(path: Path) -> bool:

@@ -149,7 +149,14 @@ def on_one_clock(
     stray = ~chained & (between | (stops - starts == 1))
     lengths = stops - starts
     stray_messages = np.flatnonzero(np.repeat(stray, lengths))
-    notes = _stray_notes(topic, time, stray_messages)
+    notes = []
+    if len(stray_messages):
+        first = f"message {stray_messages[0] + 1} is stamped {_seconds(time[stray_messages[0]])}"
+        what = f"{first}, far from its neighbours: it is left out"
+        if len(stray_messages) > 1:
+            what = "messages with a stray stamp are left out; the first:"
+            what = f"{len(stray_messages)} {what} {first}"
+        notes.append(Note(topic, what, 1, limits=True))
     lost = int(lengths[~chained & ~stray].sum())
     if lost:
         clocks = np.flatnonzero(~stray)
@@ -168,12 +175,6 @@ def _usual(steps: IntArray, interval: float) -> BoolArray:
     return np.asarray((steps >= -_SET_BACK * interval) & (steps <= longest))
 
 
-def _follows(steps: IntArray, arrived: IntArray, interval: float) -> BoolArray:
-    """Whether time went on by `steps`, as usual or after a pause in which `arrived` went on too."""
-    pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
-    return np.asarray(_usual(steps, interval) | pause)
-
-
 def _longest_chain(
     starts: IntArray, stops: IntArray, time: IntArray, arrival: IntArray, interval: float
 ) -> IntArray:
@@ -182,7 +183,10 @@ def _longest_chain(
     for stretch in range(1, len(starts)):
         first = max(0, stretch - _STRETCHES)
         start, ends = starts[stretch], stops[first:stretch] - 1
-        follows = _follows(time[start] - time[ends], arrival[start] - arrival[ends], interval)
+        steps, arrived = time[start] - time[ends], arrival[start] - arrival[ends]
+        # As usual, or after a pause in which the time of arrival went on, too.
+        pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
+        follows = _usual(steps, interval) | pause
         if follows.any():
             before[stretch] = first + int(np.argmax(np.where(follows, messages[first:stretch], 0)))
             messages[stretch] += messages[before[stretch]]
@@ -190,17 +194,6 @@ def _longest_chain(
     while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
     return np.array(chain[::-1])
-
-
-def _stray_notes(topic: str, time: IntArray, places: IntArray) -> list[Note]:
-    if len(places) == 0:
-        return []
-    where = f"message {places[0] + 1} is stamped {_seconds(time[places[0]])}"
-    if len(places) == 1:
-        what = f"{where}, far from its neighbours: it is left out"
-    else:
-        what = f"{len(places)} messages with a stray stamp are left out; the first: {where}"
-    return [Note(topic, what, 1, limits=True)]
 
 
 def _jump_sentence(time: IntArray, last: int, first: int, jumps: int) -> str:

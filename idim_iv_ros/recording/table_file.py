@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import is_file
 from idim_iv_ros.types import FloatArray
-
-_Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
 TEXT = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat", ".parquet", ".h5", ".hdf5", ".hdf")
@@ -264,39 +262,39 @@ class TextTable:
 
 
 def _split(spec: str) -> tuple[Path, str | None]:
+    """File and key of ``FILE[:KEY]``, all of which may be the name of a file."""
     name, colon, key = spec.rpartition(":")
-    if not colon or _is_there(spec):
-        path, key_or_none = Path(spec), None
-    else:
-        path, key_or_none = Path(name), key
+    path, whole = Path(spec), not colon
+    with suppress(UsageError):  # too long for a name
+        whole = whole or is_file(path)
+    path = path if whole else Path(name)
     if not is_file(path):
         raise UsageError(f"{path}: no such file")
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"{path}: not a table ({', '.join(SUFFIXES)})")
-    return path, key_or_none
-
-
-def _is_there(spec: str) -> bool:
-    """Whether the whole of ``FILE:KEY`` is the name of a file."""
-    try:
-        return is_file(Path(spec))
-    except UsageError:
-        return False
+    return path, None if whole else key
 
 
 def _load(path: Path, key: str | None) -> Any:
     suffix = path.suffix.lower()
     if suffix in TEXT:
         table = TextTable(path)
-        wanted = range(len(table.names)) if key is None else map(table.number, key.split(","))
-        return np.column_stack(table.columns(_different(path, list(wanted))))
+        every = range(len(table.names))
+        wanted = list(every if key is None else map(table.number, key.split(",")))
+        _require_different(path, wanted)
+        return np.column_stack(table.columns(wanted))
     if suffix == ".npy":
         # Mapped, so that a header that claims more than the file holds is an error and no memory.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
         _require_size(path, array.nbytes)
         if key is None:
             return array
-        return array[:, _different(path, [_column(path, part) for part in key.split(",")])]
+        columns = key.split(",")
+        for column in columns:
+            if not column.isdigit():
+                raise UsageError(f"{path}: no column {column}; columns are numbers from 0")
+        _require_different(path, columns)
+        return array[:, list(map(int, columns))]
     arrays = [read_array(path, name) for name in _variables(path, list(array_shapes(path)), key)]
     if len(arrays) == 1:
         return arrays[0]
@@ -340,21 +338,15 @@ def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
     for name in wanted:
         if name not in names:
             raise UsageError(f"{path}: no variable {name}; there are {listed}")
-    return _different(path, wanted)
+    _require_different(path, wanted)
+    return wanted
 
 
-def _different(path: Path, wanted: list[_Wanted]) -> list[_Wanted]:
+def _require_different(path: Path, wanted: Sequence[object]) -> None:
     """Refuse what is asked for twice: it would be the signal of two joints."""
     for column, times in Counter(wanted).items():
         if times > 1:
             raise UsageError(f"{path}: {column} is given twice; each joint has its own")
-    return wanted
-
-
-def _column(path: Path, text: str) -> int:
-    if not text.isdigit():
-        raise UsageError(f"{path}: no column {text}; columns are numbers from 0")
-    return int(text)
 
 
 def is_number(value: object) -> bool:

@@ -132,22 +132,17 @@ def mapped_columns(
     """
     signals: dict[str, list[str]] = {}
     for signal in SIGNALS:
-        columns = [getattr(joint, signal) for joint in described.joints.values()]
-        given = [column for column in columns if column is not None]
-        if given and len(given) < len(columns):
-            missing = [
-                name
-                for name, column in zip(described.joints, columns, strict=True)
-                if column is None
-            ]
+        columns = {name: getattr(joint, signal) for name, joint in described.joints.items()}
+        missing = [name for name, column in columns.items() if column is None]
+        if missing and len(missing) < len(columns):
             raise UsageError(
                 f"{signal} of {', '.join(missing)} is missing; give it for all joints, or for none"
             )
-        if given:
-            signals[signal] = given
+        if not missing:
+            signals[signal] = list(columns.values())
     wanted = [column for columns in signals.values() for column in columns]
     time = described.time
-    values = read_columns(table, described, [*wanted, *([] if time is None else [time.column])])
+    values = _read_columns(table, described, [*wanted, *([] if time is None else [time.column])])
     stamps = None
     if time is not None:
         stamps = values[time.column]
@@ -155,19 +150,16 @@ def mapped_columns(
             stamps = stamps - stamps[0]
         elif time.unit != "s":
             stamps = (stamps - stamps[0]) * _SECONDS[time.unit]
+    units = described.units
+    speed, position = _SPEEDS[units.velocity], _POSITIONS[units.position]
+    scales = {"velocity": speed, "velocity_reference": speed, "effort": _EFFORTS[units.effort]}
     return stamps, {
-        signal: _scale(signal, described.units) * np.column_stack([values[c] for c in columns])
+        signal: scales.get(signal, position) * np.column_stack([values[c] for c in columns])
         for signal, columns in signals.items()
     }
 
 
-def _scale(signal: str, units: Units) -> float:
-    if signal == "effort":
-        return _EFFORTS[units.effort]
-    return _SPEEDS[units.velocity] if "velocity" in signal else _POSITIONS[units.position]
-
-
-def read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
+def _read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
     """Columns (n,) by their names; those of an ISO time are s since 1970."""
     names = list(dict.fromkeys(wanted))
     with one_line_errors(table):

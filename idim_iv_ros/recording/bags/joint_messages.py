@@ -124,20 +124,22 @@ class JointMessageReader:
         )
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
-            self._merge()
+            self._merge(self._merged)
 
-    def _merge(self) -> None:
-        """Merge small parts: freed one by one at the end they would leave the memory in shreds."""
-        small = self._parts[self._merged :]
-        fields = {name for _, values in small for name in values}
-        width = len(self.joints)
-        merged = {
-            name: np.concatenate(
-                [values.get(name, np.full((len(head[0]), width), np.nan)) for head, values in small]
-            )
-            for name in fields
-        }
-        self._parts[self._merged :] = [(_stacked([head for head, _ in small]), merged)]
+    def _merge(self, first: int) -> None:
+        """Make one of the parts from `first` on: freed one by one they shred the memory."""
+        parts, width = self._parts[first:], len(self.joints)
+        merged = {}
+        for name in self.fields:
+            if any(name in values for _, values in parts):
+                pieces = [
+                    values.pop(name, np.broadcast_to(np.nan, (len(head[0]), width)))
+                    for head, values in parts
+                ]
+                merged[name] = np.concatenate(pieces)
+        nothing = np.zeros(0, dtype=np.int64)
+        heads = [np.concatenate([nothing, *(head[k] for head, _ in parts)]) for k in range(3)]
+        self._parts[first:] = [(tuple(heads), merged)]
         self._merged, self._waiting = len(self._parts), 0
 
     def _read(
@@ -200,20 +202,12 @@ class JointMessageReader:
 
     def finish(self) -> JointMessages:
         """All messages that were read; the parts are given up."""
+        self._merge(0)
+        (stamps, arrival, layout), read = self._parts.pop()
         width = len(self.joints)
-        stamps, arrival, layout = _stacked([head for head, _ in self._parts])
-        values = {}
-        for name in self.fields:
-            if not any(name in part for _, part in self._parts):
-                values[name] = np.broadcast_to(np.nan, (len(stamps), width))
-                continue
-            absent = np.full((0, width), np.nan)
-            pieces = [
-                part.pop(name, np.broadcast_to(np.nan, (len(head[0]), width)))
-                for head, part in self._parts
-            ]
-            values[name] = np.concatenate([absent, *pieces])
-        self._parts.clear()
+        absent = np.broadcast_to(np.nan, (len(stamps), width))
+        values = {name: read.get(name, absent) for name in self.fields}
+        self._merged = 0
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
         named = np.zeros((len(self._layouts), width), dtype=bool)
@@ -234,12 +228,3 @@ class JointMessageReader:
             names=tuple(names),
             origins=origins,
         )
-
-
-def _stacked(heads: Sequence[tuple[IntArray, ...]]) -> tuple[IntArray, IntArray, IntArray]:
-    """Stamps, arrivals and layouts of all parts."""
-    nothing = np.zeros(0, dtype=np.int64)
-    first, second, third = (
-        np.concatenate([nothing, *(head[k] for head in heads)]) for k in range(3)
-    )
-    return first, second, third
