@@ -132,10 +132,18 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
         raise UsageError(f"parameter {error}") from error
 
     def accepted(parameters: list[Parameter]) -> list[Parameter]:
+        converted = []
         try:
-            return [_as_declared(node, described, item) for item in parameters]
+            for given in parameters:
+                if given.name in described:
+                    value = _accepted(described[given.name], given)
+                    given = Parameter(given.name, value=value)
+                elif not node.has_parameter(given.name):
+                    raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
+                converted.append(given)
         except UsageError as error:
             raise _RefusedError(str(error)) from error
+        return converted
 
     node.add_pre_set_parameters_callback(accepted)
     return settings
@@ -151,14 +159,6 @@ class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
 
     def __init__(self, reason: str) -> None:
         Exception.__init__(self, reason)
-
-
-def _as_declared(node: Node, described: "Mapping[str, Field[Any]]", given: Parameter) -> Parameter:
-    if given.name in described:
-        return Parameter(given.name, value=_accepted(described[given.name], given))
-    if not node.has_parameter(given.name):
-        raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
-    return given
 
 
 def _default(described: "Field[Any]") -> Any:
@@ -189,19 +189,17 @@ def _accepted(described: "Field[Any]", given: Parameter) -> Any:
 
 
 def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(
-        name=described.name,
-        description=described.metadata["about"],
-        read_only=described.metadata["read_only"],
-    )
-    span = described.metadata["span"]
+    span, ranges = described.metadata["span"], {}
     if span is not None and isinstance(described.default, float):
         limits = FloatingPointRange(from_value=float(span[0]), to_value=float(span[1]))
-        descriptor.floating_point_range = [limits]
+        ranges["floating_point_range"] = [limits]
     elif span is not None:
         limits = IntegerRange(from_value=int(span[0]), to_value=int(span[1]))
-        descriptor.integer_range = [limits]
-    return descriptor
+        ranges["integer_range"] = [limits]
+    about, read_only = described.metadata["about"], described.metadata["read_only"]
+    return ParameterDescriptor(
+        name=described.name, description=about, read_only=read_only, **ranges
+    )
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:

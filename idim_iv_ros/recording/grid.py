@@ -93,8 +93,9 @@ def on_grid(
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
-    if _lies_on(grid, seconds):
-        first = round(float(seconds[0]) * grid.rate)
+    first = round(float(seconds[0]) * grid.rate)
+    place = seconds * grid.rate - first - np.arange(len(seconds))
+    if np.all(np.abs(place) < _ON_GRID):  # consecutive samples of the grid
         direct = values[-first : grid.samples - first] if first <= 0 else None
         if direct is not None and len(direct) == grid.samples:
             invented = ~np.isfinite(direct)
@@ -153,13 +154,6 @@ def _between(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: fl
         spline = make_interp_spline(stamps[part], values[part], k=3)
         out[inside] = spline(target[inside])
     return np.asarray(out)
-
-
-def _lies_on(grid: Grid, seconds: FloatArray) -> bool:
-    """Whether the stamps are consecutive samples of the grid."""
-    place = seconds * grid.rate
-    first = round(float(place[0]))
-    return bool(np.all(np.abs(place - first - np.arange(len(place))) < _ON_GRID))
 
 
 def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:

@@ -81,7 +81,12 @@ def import_lerobot(
             "actions that are no commanded positions cannot be compared with them"
         )
     position, command = scale * state[:, columns], scale * action[:, columns]
-    _require_radians(folder, [name for name, _ in pairs], position)
+    for (joint, _), value in zip(pairs, np.abs(position).max(axis=0), strict=True):
+        if not value <= _MOST:
+            raise DataError(
+                f"{folder}: {joint} is at {value:.4g}: no rad; give --scale 0.0174533 for degrees, "
+                "or rad for a unit of a normalised range, from the calibration of the robot"
+            )
     stamps, warnings = _stamps(time[:, 0], float(information["fps"]))
     signals = {"position": position, "reference": command}
     return write_import(
@@ -133,16 +138,6 @@ def _files(
             f"{information.get('total_episodes', 'no')} episodes, from 0"
         )
     return files, [("episode_index", "==", episode)]
-
-
-def _require_radians(folder: Path, joints: Sequence[str], position: FloatArray) -> None:
-    largest = np.abs(position).max(axis=0)
-    for joint, value in zip(joints, largest, strict=True):
-        if not value <= _MOST:
-            raise DataError(
-                f"{folder}: {joint} is at {value:.4g}: no rad; give --scale 0.0174533 for degrees, "
-                "or rad for a unit of a normalised range, from the calibration of the robot"
-            )
 
 
 def _stamps(time: FloatArray, rate: float) -> tuple[FloatArray, tuple[str, ...]]:

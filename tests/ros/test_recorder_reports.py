@@ -10,10 +10,10 @@ from idim_iv_interfaces.msg import TopicStatus
 from idim_iv_ros.nodes.recorder.report import RECENT, RecentCounts, topic_diagnosis
 from idim_iv_ros.nodes.recorder.topic_monitor import (
     JointContent,
-    MonitorLimits,
     Received,
     TopicMonitor,
 )
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from tests.recording.bag_writer import STORE, joint_state
 
@@ -87,7 +87,7 @@ def topic_of_period(clock: Clock, period: float, count: int = 20) -> SimpleNames
     sent = np.arange(count) * round(1e9 * period)
     monitor = TopicMonitor(None, False, clock)
     batch = Received("/states", [b""] * count, sent + 1000, sent, np.arange(count))
-    monitor.add(batch, MonitorLimits())
+    monitor.add(batch, RecorderSettings())
     return SimpleNamespace(
         name="/states",
         monitor=monitor,

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -250,9 +251,10 @@ class RecorderNeighbour:
 
         A UsageError is why the recorder refuses, or that it does not say which bag it was.
         """
-        self._ask("abort" if aborted else "stop", _sleep)
+        sleep = partial(time.sleep, LOOK)
+        self._ask("abort" if aborted else "stop", sleep)
         self._status = None  # that it records is no longer true
-        wait_until(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag", _sleep)
+        wait_until(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag", sleep)
         return Path(self._closed[-1])
 
     def _heard(self, message: Any) -> None:
@@ -264,10 +266,6 @@ class RecorderNeighbour:
         wait_until(future.done, _ANSWER, f"an answer of {name}", tick)
         if not future.result().success:
             raise UsageError(f"{name}: {future.result().message}")
-
-
-def _sleep() -> None:
-    time.sleep(LOOK)
 
 
 class IdentifierNeighbour:

@@ -180,7 +180,9 @@ class JobQueue:
                 break
         now = self._clock()
         self._end_what_is_late(now)
-        self._give_sign_of_life(now)
+        for job in self._jobs:
+            if now > job.said_at + _SIGN_OF_LIFE:  # nothing was heard of it for a while
+                job.say(job.stage, job.share, now)
         while self.running is None and self._waiting:
             self._begin(self._waiting.popleft())
         while self._over:
@@ -200,12 +202,6 @@ class JobQueue:
         if self.running is not None:
             self._end(1)
         self.poll()
-
-    def _give_sign_of_life(self, now: float) -> None:
-        """Repeat what is done where nothing was heard of it for a while."""
-        for job in self._jobs:
-            if now > job.said_at + _SIGN_OF_LIFE:
-                job.say(job.stage, job.share, now)
 
     def _end_what_is_late(self, now: float) -> None:
         for place, job in enumerate(tuple(self._waiting)):

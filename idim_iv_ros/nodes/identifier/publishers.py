@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Stage
 from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import GAP, REPORT, RESULT
-from idim_iv_ros.identification.result import IdentificationResult, JointResidual
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.nodes.entry import LATCHED
 from idim_iv_ros.nodes.identifier.estimate_history import (
     Comparison,
@@ -27,7 +27,6 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
-from idim_iv_ros.statistics import HypothesisTest
 
 LAST_GAP = "last_gap.json"
 
@@ -307,24 +306,15 @@ def _in_order(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
     }
 
 
-def _test(test: HypothesisTest) -> dict[str, object]:
-    kind = msg.InstrumentTest
-    outcome = {None: kind.NOT_RUN, True: kind.ACCEPTED, False: kind.REJECTED}[test.accepted]
-    return {"null_hypothesis": test.null, "outcome": outcome}
-
-
-def _residual(residual: JointResidual) -> dict[str, object]:
-    kind = msg.ResidualDiagnosis
-    whiteness = {None: kind.NOT_TESTED, True: kind.WHITE, False: kind.AUTOCORRELATED}
-    return {"whiteness": whiteness[residual.white]}
-
-
 def _interval(name: str) -> Callable[[Any], dict[str, object]]:
     """The 95 % interval of an attribute as two fields."""
     ends = (f"{name}_low", f"{name}_high")
     return lambda part: dict(zip(ends, part.ci95 or (None, None), strict=True))
 
 
+_TEST, _RESIDUAL = msg.InstrumentTest, msg.ResidualDiagnosis
+_OUTCOMES = {None: _TEST.NOT_RUN, True: _TEST.ACCEPTED, False: _TEST.REJECTED}
+_WHITENESS = {None: _RESIDUAL.NOT_TESTED, True: _RESIDUAL.WHITE, False: _RESIDUAL.AUTOCORRELATED}
 # What is not filled by an attribute of its name.
 _OTHER_NAMES: OtherNames = {
     msg.GapCause: lambda cause: {**vars(cause.evidence), "parameters": _named(cause.parameters)},
@@ -335,6 +325,6 @@ _OTHER_NAMES: OtherNames = {
         "effort_shift": _named({"effort_shift": chain.effort_shift})[0],
         "joint_shifts": _named(chain.joint_shifts),
     },
-    msg.InstrumentTest: _test,
-    msg.ResidualDiagnosis: _residual,
+    _TEST: lambda test: {"null_hypothesis": test.null, "outcome": _OUTCOMES[test.accepted]},
+    _RESIDUAL: lambda residual: {"whiteness": _WHITENESS[residual.white]},
 }

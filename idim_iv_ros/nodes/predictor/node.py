@@ -71,11 +71,6 @@ class ModelSource:
         """Link that each joint carries; empty before there is a URDF."""
         return () if self._described is None else self._described.links
 
-    @property
-    def needs_description(self) -> bool:
-        """Whether the URDF has to come from a topic."""
-        return self._configuration.robot.description is None
-
     def describe(self, text: str, source: str) -> None:
         """Take the URDF of a topic."""
         if self._described is None or self._described.text != text:
@@ -186,7 +181,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         node.create_subscription(
             msg.IdentificationResult, "identifier/result", self._announced, LATCHED
         )
-        if self._source.needs_description:
+        if self._configuration.robot.description is None:
             for name in dict.fromkeys(map(node.resolve_topic_name, _DESCRIPTIONS)):
                 node.create_subscription(String, name, self._described, LATCHED)
         steady_timer(node, 1.0 / self._settings.rate, self._predict)

@@ -175,7 +175,9 @@ class RecordingSession:
                 f"{bag.folder}: {error.strerror or error}: closed without the last "
                 f"{closed.lost} messages; free space before the next recording"
             )
-        closed = _marked(closed) if aborted else closed
+        if aborted:  # so that nobody takes it for a whole one
+            with suppress(OSError):  # it is announced as not complete all the same
+                closed = replace(closed, folder=bag.folder.rename(f"{bag.folder}_aborted"))
         self._end(closed, faulty=bool(closed.lost), aborted=aborted)
         return closed
 
@@ -330,12 +332,3 @@ class RecordingSession:
                 f"{self.settings.bag_directory}: {free / 1e6:.0f} MB of free disk, "
                 f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
             )
-
-
-def _marked(closed: ClosedBag) -> ClosedBag:
-    """Name the folder of a bag that was given up so that nobody takes it for a whole one."""
-    folder = closed.folder
-    try:
-        return replace(closed, folder=folder.rename(f"{folder}_aborted"))
-    except OSError:  # it is announced as not complete all the same
-        return closed

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.bags.cdr import CdrLayout
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
@@ -149,14 +150,6 @@ class Received:
     sequence: IntArray
 
 
-@dataclass(frozen=True)
-class MonitorLimits:
-    """What counts as late (s) and as a gap (in usual periods)."""
-
-    late_after: float = 0.1
-    gap_factor: float = 5.0
-
-
 class TopicMonitor:
     """Counts of one topic since the last reset; `clock` is monotonic time, s, for its silence.
 
@@ -209,17 +202,17 @@ class TopicMonitor:
         """Seconds since the last message (or since the topic was first watched)."""
         return self._clock() - self._arrived
 
-    def add(self, batch: Received, limits: MonitorLimits) -> None:
-        """Count a batch."""
+    def add(self, batch: Received, settings: RecorderSettings) -> None:
+        """Count a batch; the settings say what is late, and what a gap."""
         if not batch.messages:
             return
         self._arrived = self._clock()
         self.received += len(batch.messages)
         self.bytes += sum(map(len, batch.messages))
         self._count_lost(batch.sequence)
-        late = batch.received - batch.sent > limits.late_after * 1e9
+        late = batch.received - batch.sent > settings.late_after * 1e9
         self.late += int(np.count_nonzero(late))
-        self._count_gaps(batch.sent, limits.gap_factor)
+        self._count_gaps(batch.sent, settings.gap_factor)
         self._count_backward(batch)
         if self.content is not None:
             self.content.look(batch.messages)
@@ -258,7 +251,8 @@ def batch_of(topic: str, taken: Sequence[Taken]) -> Received:
     count = len(taken)
     received = (info["received_timestamp"] or 0 for _, info in taken)
     sent = (info["source_timestamp"] or 0 for _, info in taken)
-    sequence = (_number(info["publication_sequence_number"]) for _, info in taken)
+    numbers = (info["publication_sequence_number"] for _, info in taken)
+    sequence = (-1 if number is None or number >= _UNKNOWN else number for number in numbers)
     return Received(
         topic,
         [message for message, _ in taken],
@@ -266,10 +260,6 @@ def batch_of(topic: str, taken: Sequence[Taken]) -> Received:
         np.fromiter(sent, np.int64, count),
         np.fromiter(sequence, np.int64, count),
     )
-
-
-def _number(sequence: int | None) -> int:
-    return -1 if sequence is None or sequence >= _UNKNOWN else sequence
 
 
 def _falls(times: IntArray, before: int | None) -> NDArray[np.bool_]:

@@ -3,13 +3,14 @@
 import os
 import shutil
 import tempfile
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import zstandard
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -75,15 +76,22 @@ class Bag:
                 for topic, batch in file.batches(wanted):
                     note_type(self.topics, topic, file.topics[topic])
                     self._define(file)
-                    self._meet(topic, batch)
+                    self.seen[topic] += len(batch)
+                    # Batch by batch: what is lost between two of them has no part in it.
+                    self._passed[topic] += int(np.ptp(batch.arrival))
+                    self._steps[topic] += len(batch) - 1
                     yield topic, batch
                 for topic, kind in file.topics.items():
                     note_type(self.topics, topic, kind)
                 self._define(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
-                named = "the file" if path == self.path else path.name
-                self.damages += _damages(named, file)
+                name = "the file" if path == self.path else path.name
+                if file.truncated:
+                    self.damages.append(f"{name} ends in the middle")
+                if file.damaged:
+                    places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
+                    self.damages.append(f"{name} is damaged in {places}")
         if not self.counted:
             self._compare(wanted)
 
@@ -97,7 +105,10 @@ class Bag:
         topics: dict[str, str] = {}
         with ExitStack() as stack:
             for _, file in self._files(stack):
-                topics.update(file.summarised_topics() or _met(file))
+                summarised = file.summarised_topics()
+                if not summarised:
+                    deque(file.batches(set()), maxlen=0)  # read to its end
+                topics.update(summarised or file.topics)
         return topics
 
     def _files(self, stack: ExitStack) -> Iterator[tuple[Path, BagFile]]:
@@ -116,12 +127,6 @@ class Bag:
         whole = _decompressed(local, stack) if local.suffix.lower() == ".zstd" else local
         kinds: dict[str, type[BagFile]] = {".mcap": McapFile, ".bag": Ros1File}
         return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
-
-    def _meet(self, topic: str, batch: MessageBatch) -> None:
-        self.seen[topic] += len(batch)
-        # Batch by batch: what is lost between two of them has no part in it.
-        self._passed[topic] += int(batch.arrival.max()) - int(batch.arrival.min())
-        self._steps[topic] += len(batch) - 1
 
     def _compare(self, wanted: set[str]) -> None:
         """Count what is missing against metadata.yaml, where it says how much there was."""
@@ -142,22 +147,6 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     pairs = zip(given, as_paths(given), strict=True)
     return tuple(bag if isinstance(bag, Bag) else Bag(path) for bag, path in pairs)
-
-
-def _met(file: BagFile) -> dict[str, str]:
-    for _ in file.batches(set()):
-        pass
-    return file.topics
-
-
-def _damages(name: str, file: BagFile) -> list[str]:
-    damages = []
-    if file.truncated:
-        damages.append(f"{name} ends in the middle")
-    if file.damaged:
-        places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
-        damages.append(f"{name} is damaged in {places}")
-    return damages
 
 
 def bag_files(path: Path) -> list[Path]:

@@ -138,7 +138,9 @@ class McapFile(BagFile):
             elif opcode in (SCHEMA, CHANNEL):
                 self._describe(opcode, content[start:end])
             elif opcode == INDEX:
-                self._index(content[start:end], indices)
+                (channel,) = struct.unpack_from("<H", content, start)
+                entries = np.frombuffer(content[start + 6 : end], dtype="<i8").reshape(-1, 2)
+                indices[channel] = entries[:, 1]
             elif opcode == MESSAGE:
                 loose.append(record)
                 if len(loose) >= _LOOSE_TOGETHER or end - loose[0].start > _LOOSE_BYTES:
@@ -189,11 +191,6 @@ class McapFile(BagFile):
             self._lose()
             return None
         return content
-
-    def _index(self, record: bytes, indices: dict[int, IntArray]) -> None:
-        (channel,) = struct.unpack_from("<H", record)
-        entries = np.frombuffer(record, dtype="<i8", offset=6).reshape(-1, 2)
-        indices[channel] = entries[:, 1]
 
     def _chunk(
         self, chunk: bytes | None, indices: dict[int, IntArray], wanted: set[str]

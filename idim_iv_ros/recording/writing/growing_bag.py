@@ -125,7 +125,9 @@ class GrowingMcap:
         trailer = self._stream.take()
         self._stream.begin = body
         content = bytes(self._waiting) + trailer
-        summary = self._summary(self._end + len(content))
+        duration = 0 if self._first is None or self._last is None else self._last - self._first
+        size = self._end + len(content)
+        summary = FileSummary(self.path.name, self._first, duration, dict(self.counts), size)
         if announce is not None:
             announce(summary)
         try:
@@ -138,12 +140,6 @@ class GrowingMcap:
         self._trailer = trailer
         self._waiting.clear()
         self.summary = summary
-
-    def _summary(self, size: int) -> FileSummary:
-        if self._first is None or self._last is None:
-            return FileSummary(self.path.name, None, 0, dict(self.counts), size)
-        duration = self._last - self._first
-        return FileSummary(self.path.name, self._first, duration, dict(self.counts), size)
 
     def close(self) -> None:
         """Give the file up; what was committed stays."""
@@ -359,7 +355,7 @@ def write_metadata(
                     "type": topic.message_type,
                     "serialization_format": "cdr",
                     "offered_qos_profiles": [qos.document for qos in topic.offered],
-                    "type_description_hash": topic.type_hash,
+                    "type_description_hash": topic.definition.hash,
                 },
                 "message_count": sum(file.counts.get(topic.name, 0) for file in files),
             }
