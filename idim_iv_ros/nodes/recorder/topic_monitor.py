@@ -209,32 +209,24 @@ class TopicMonitor:
         self._arrived = self._clock()
         self.received += len(batch.messages)
         self.bytes += sum(map(len, batch.messages))
-        self._count_lost(batch.sequence)
         late = batch.received - batch.sent > settings.late_after * 1e9
         self.late += int(np.count_nonzero(late))
-        self._count_gaps(batch.sent, settings.gap_factor)
+        if batch.sequence[0] >= 0:
+            before = batch.sequence[0] - 1 if self._sequence is None else self._sequence
+            steps = np.diff(batch.sequence, prepend=before)
+            self._sequence = int(batch.sequence[-1])
+            self.lost += int(np.sum(steps[steps > 1] - 1)) if self.one_publisher else 0
+        before = batch.sent[0] if self._last_sent is None else self._last_sent
+        steps = np.diff(batch.sent, prepend=before)
+        steps = steps[steps > 0]
+        if self.period is not None:
+            gap = settings.gap_factor * self.period * 1e9
+            self.gaps += int(np.count_nonzero(steps > gap))
+        self.longest_gap = max(self.longest_gap, float(steps.max(initial=0)) * 1e-9)
+        self._periods = np.append(self._periods, steps)[-_PERIODS:]
         self._count_backward(batch)
         if self.content is not None:
             self.content.look(batch.messages)
-
-    def _count_lost(self, sequence: IntArray) -> None:
-        if sequence[0] < 0:
-            return
-        before = sequence[0] - 1 if self._sequence is None else self._sequence
-        steps = np.diff(sequence, prepend=before)
-        self._sequence = int(sequence[-1])
-        if self.one_publisher:
-            self.lost += int(np.sum(steps[steps > 1] - 1))
-
-    def _count_gaps(self, sent: IntArray, factor: float) -> None:
-        before = sent[0] if self._last_sent is None else self._last_sent
-        steps = np.diff(sent, prepend=before)
-        steps = steps[steps > 0]
-        period = self.period
-        if period is not None and len(steps):
-            self.gaps += int(np.count_nonzero(steps > factor * period * 1e9))
-        self.longest_gap = max(self.longest_gap, float(steps.max(initial=0)) * 1e-9)
-        self._periods = np.append(self._periods, steps)[-_PERIODS:]
 
     def _count_backward(self, batch: Received) -> None:
         back = _falls(batch.sent, self._last_sent) | _falls(batch.received, self._last_received)
