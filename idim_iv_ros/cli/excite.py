@@ -54,8 +54,7 @@ def excite_command(
         ),
     ] = None,
     start: Annotated[
-        str | None,
-        typer.Option(metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen."),
+        str | None, typer.Option(metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen.")
     ] = None,
     rate: Annotated[float, typer.Option(help="Samples per second of the CSV.")] = 1000.0,
     message_rate: Annotated[
@@ -103,11 +102,7 @@ def excite_command(
     model = motions.load_model(configuration)
     given = None if acceleration is None else shared.numbers("--acceleration", acceleration)
     limits = motions.motion_limits(
-        model,
-        configuration,
-        margin=margin,
-        acceleration=given,
-        floor=floor,
+        model, configuration, margin=margin, acceleration=given, floor=floor
     )
     posture = None if start is None else np.array(shared.numbers("--start", start))
     if message_rate is not None:

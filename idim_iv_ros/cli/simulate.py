@@ -66,13 +66,7 @@ def simulate_command(
         else:
             motion = read_trajectory(trajectory)
         bags, truth = recording.simulate(
-            configuration,
-            out,
-            motion,
-            seeds=seeds,
-            effects=effects,
-            force=force,
-            progress=progress,
+            configuration, out, motion, seeds=seeds, effects=effects, force=force, progress=progress
         )
     output.document(recording.simulation_document(bags, truth))
     if (urdf := configuration.robot.description) is not None:

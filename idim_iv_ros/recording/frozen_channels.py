@@ -66,10 +66,7 @@ def without_frozen(
     if not frozen_stretches:
         return stamped, ()
     cleaned = dict(stamped)
-    for source, name, marked in (
-        (joint_states, "position", lost[0]),
-        (effort, "effort", lost[1]),
-    ):
+    for source, name, marked in ((joint_states, "position", lost[0]), (effort, "effort", lost[1])):
         values = cleaned[source].messages.values[name]
         cleaned[source] = cleaned[source].with_values(name, np.where(marked, np.nan, values))
     return cleaned, tuple(frozen_stretches)

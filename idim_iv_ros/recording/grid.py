@@ -264,10 +264,7 @@ def _speed(samples: FloatArray, rate: float) -> float:
 
 
 def _curve(
-    seconds: FloatArray,
-    duration: float,
-    ends: tuple[float, float],
-    speeds: tuple[float, float],
+    seconds: FloatArray, duration: float, ends: tuple[float, float], speeds: tuple[float, float]
 ) -> FloatArray:
     """Positions at `seconds` of a motion between two positions with given speeds there.
 

@@ -216,11 +216,7 @@ def _where_else(reader: JointMessageReader, name: str) -> str:
 
 
 def _assemble(
-    path: Path,
-    request: Request,
-    parts: list[Part],
-    description: str | None,
-    notes: list[Note],
+    path: Path, request: Request, parts: list[Part], description: str | None, notes: list[Note]
 ) -> Recording:
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states

@@ -32,10 +32,7 @@ def in_root(name: str) -> str:
 
 
 def topics_in_bag(
-    path: Path,
-    named: Mapping[str, str],
-    topics: Collection[str],
-    node_topics: Mapping[str, str],
+    path: Path, named: Mapping[str, str], topics: Collection[str], node_topics: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the full names of topics that a configuration names.
 

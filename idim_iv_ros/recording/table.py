@@ -142,11 +142,7 @@ def import_table(
 
 
 def import_mapped(
-    out: FilePath,
-    columns: FilePath,
-    *,
-    robot_description: str | None = None,
-    force: bool = False,
+    out: FilePath, columns: FilePath, *, robot_description: str | None = None, force: bool = False
 ) -> ImportSummary:
     """Write the table of a map (`table_map.TableMap`) as an MCAP bag with the same topics.
 

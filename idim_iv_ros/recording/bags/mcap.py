@@ -105,11 +105,7 @@ class McapFile(BagFile):
             yield from self._walk(content, wanted, len(MAGIC), file.fileno())
 
     def _walk(
-        self,
-        content: mmap.mmap | bytes,
-        wanted: set[str],
-        place: int,
-        file: int | None = None,
+        self, content: mmap.mmap | bytes, wanted: set[str], place: int, file: int | None = None
     ) -> Iterator[tuple[str, MessageBatch]]:
         # A chunk is followed by its indices.
         chunk: bytes | None = None
@@ -180,14 +176,7 @@ class McapFile(BagFile):
                 content = payload
             if checksum not in (0, zlib.crc32(content)):
                 raise ValueError("wrong checksum")
-        except (
-            struct.error,
-            ValueError,
-            RuntimeError,
-            EOFError,
-            MemoryError,
-            zstandard.ZstdError,
-        ):
+        except (struct.error, ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError):
             self._lose()
             return None
         return content
