@@ -25,14 +25,8 @@ _KINDS = {"reference": "position", "link": "position", "velocity_reference": "ve
 class ImportSummary:
     """What was imported.
 
-    Attributes
-    ----------
-    samples : int
-    rate, duration : float
-        Mean rate in Hz, s.
-    signals : tuple of str
-    warnings : tuple of str
-        Rows that hold no possible value, and were written as missing; what was assumed.
+    `rate`, `duration`: mean rate in Hz, s. `warnings`: rows that hold no possible value, and were
+    written as missing; what was assumed.
     """
 
     samples: int
@@ -146,23 +140,10 @@ def import_mapped(
 ) -> ImportSummary:
     """Write the table of a map (`table_map.TableMap`) as an MCAP bag with the same topics.
 
-    Parameters
-    ----------
-    out
-        The bag.
-    columns
-        The map, YAML.
-    robot_description
-        Text of the URDF, for /robot_description.
-    force
-        Replace a file that this program did not write.
-
-    Raises
-    ------
-    UsageError
-        No such file or column, a library that is not installed, or `out` cannot be written.
-    DataError
-        As `import_table`.
+    `out`: the bag. `columns`: the map, YAML. `robot_description`: text of the URDF, for
+    /robot_description. `force`: replace a file that this program did not write.
+    Raises UsageError: no such file or column, a library that is not installed, or `out` cannot be
+    written. DataError: as `import_table`.
     """
     described, table = read_map(columns)
     joints = list(described.joints)

@@ -19,7 +19,6 @@ Taken = tuple[bytes, dict[str, int | None]]
 _UNKNOWN = 1 << 63  # sequence numbers from here on mean that the middleware does not count
 _PERIODS = 200  # recent ones, whose median is the usual period
 
-_NAMES_START = 12  # behind the encapsulation header and the stamp: frame, then names
 _READ_AT_ONCE = 20  # unknown layouts that are read in one batch
 _KEPT = 64  # layouts
 
@@ -37,8 +36,7 @@ class JointContent:
         self.malformed = 0
         self.joint_sets: list[tuple[str, ...]] = []
         self._type, self._joints, self._needed = message_type, tuple(joints), tuple(needed)
-        self._layouts: dict[tuple[int, bytes], CdrLayout] = {}
-        self._ends: dict[int, int] = {}  # behind the names, of messages of each size
+        self._layouts: list[CdrLayout] = []
         self._missing: tuple[str, ...] = ()
 
     @property
@@ -72,32 +70,24 @@ class JointContent:
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
         read = 0
-        for message in messages:
-            if read < _READ_AT_ONCE and self._key(message) not in self._layouts:
+        for size in dict.fromkeys(map(len, messages)):
+            content = b"".join(message for message in messages if len(message) == size)
+            rows = np.frombuffer(content, dtype=np.uint8).reshape(-1, size)
+            for layout in self._layouts:
+                rows = rows[~layout.agrees(rows)] if layout.size == size else rows
+            while len(rows) and read < _READ_AT_ONCE:
                 read += 1
-                self._read(message)
+                try:
+                    layout = JointMessageType(self._type).layout(rows[0].tobytes(), self._needed)
+                except DataError:
+                    self.malformed += 1
+                    rows = rows[1:]
+                    continue
+                self._layouts = [*self._layouts[1 - _KEPT :], layout]
+                self._met(layout)
+                rows = rows[~layout.agrees(rows)]
         if messages:
             self._numbers(messages[-1])
-
-    def _key(self, message: bytes) -> tuple[int, bytes]:
-        size = len(message)
-        return size, message[_NAMES_START : self._ends.get(size, _NAMES_START)]
-
-    def _read(self, message: bytes) -> None:
-        try:
-            layout = JointMessageType(self._type).layout(message, self._needed)
-        except DataError:
-            self.malformed += 1
-            return
-        end = _NAMES_START
-        if self._type == JOINT_STATE:  # behind the count of positions; two other counts follow
-            end = int(layout.structure[-9]) + 1
-        if len(self._layouts) >= _KEPT:
-            self._layouts.clear()
-            self._ends.clear()
-        self._ends[len(message)] = end
-        self._layouts[self._key(message)] = layout
-        self._met(layout)
 
     def _met(self, layout: CdrLayout) -> None:
         names = tuple(sorted(layout.names))
@@ -106,13 +96,14 @@ class JointContent:
             self.joint_sets.append(names)
 
     def _numbers(self, message: bytes) -> None:
-        layout = self._layouts.get(self._key(message))
+        rows = np.frombuffer(message, dtype=np.uint8)[None, :]
+        sized = (layout for layout in self._layouts if layout.size == len(message))
+        layout = next((layout for layout in sized if layout.agrees(rows)[0]), None)
         if layout is None:
             return
         self._met(layout)
         if self._joints and layout.names and set(layout.names).isdisjoint(self._joints):
             return  # of another part of the robot
-        rows = np.frombuffer(message, dtype=np.uint8)[None, :]
         missing = []
         for field in self._needed:
             values = layout.numbers(rows, field)[0] if field in layout.columns else np.zeros(0)
