@@ -277,17 +277,17 @@ class Configuration(Section):
     processing: ProcessingSection = ProcessingSection()
     identification: IdentificationSection = IdentificationSection()
     source: Annotated[YamlPath | None, Field(exclude=True)] = None
-    _own_topics: dict[str, str] = PrivateAttr(default_factory=dict)
+    _node_topics: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @property
-    def own_topics(self) -> dict[str, str]:
+    def node_topics(self) -> dict[str, str]:
         """What relative topics are for the node that asks; empty where none does."""
-        return dict(self._own_topics)
+        return dict(self._node_topics)
 
-    def with_own_topics(self, topics: Mapping[str, str]) -> "Configuration":
+    def with_node_topics(self, topics: Mapping[str, str]) -> "Configuration":
         """Return the configuration for a node for which relative topics have these names."""
         copied = self.model_copy()
-        copied._own_topics = dict(topics)
+        copied._node_topics = dict(topics)
         return copied
 
     @model_validator(mode="after")

@@ -267,7 +267,7 @@ def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
             raise UsageError(f"{path}: cannot be written: {reason}") from error
         if kind not in (None, "file"):
             raise UsageError(f"{path} is {kind}; give another --out")
-        if kind and not force and not is_own(path):
+        if kind and not force and not written_by_program(path):
             raise UsageError(
                 f"{path}: exists, and was not written by idim_iv_ros or was changed since; give "
                 "another --out, or --force to replace it"
@@ -287,13 +287,13 @@ def _kind(path: Path) -> str | None:
     return "file" if stat.S_ISREG(mode) else NO_FILE
 
 
-def is_own(path: Path) -> bool:
+def written_by_program(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
     suffix = path.suffix.lower()
-    own = {".json": _own_json, ".parquet": _own_parquet}.get(suffix, _own_digest)
+    recognised = {".json": _marked_json, ".parquet": _marked_parquet}.get(suffix, _marked_digest)
     try:
         if suffix not in _MARKS:
-            return own(path)
+            return recognised(path)
         with path.open("rb") as file:
             return _MARKS[suffix] in file.read(_HEAD)
     except (OSError, ValueError, RecursionError):
@@ -316,12 +316,12 @@ def signed(text: str) -> str:
     return f"{_SIGNATURE}{digest(text)}\n{text}"
 
 
-def _own_json(path: Path) -> bool:
+def _marked_json(path: Path) -> bool:
     document = json.loads(path.read_text(encoding="utf-8"))
     return isinstance(document, dict) and str(document.get("format")).startswith(f"{PROGRAM}/")
 
 
-def _own_parquet(path: Path) -> bool:
+def _marked_parquet(path: Path) -> bool:
     """Whether the metadata in its footer (content, length, ``PAR1``) names this program."""
     with path.open("rb") as file:
         end = file.seek(0, os.SEEK_END)
@@ -334,14 +334,14 @@ def _own_parquet(path: Path) -> bool:
         return PROGRAM.encode() in file.read(size)
 
 
-def _own_digest(path: Path) -> bool:
+def _marked_digest(path: Path) -> bool:
     text = path.read_text(encoding="utf-8")
     first, _, rest = text.partition("\n")
     if first.startswith(_SIGNATURE):
         return first.removeprefix(_SIGNATURE) == digest(rest)
     stem = path.name.split(".", 1)[0]
     for document in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
-        if document.is_file() and _own_json(document):
+        if document.is_file() and _marked_json(document):
             files = json.loads(document.read_text(encoding="utf-8")).get(FILES)
             if isinstance(files, dict) and files.get(path.name) == digest(text):
                 return True

@@ -118,7 +118,7 @@ def read_contents(path: Path) -> BagContents:
         No such bag, or not one.
     """
     bag = Bag(path)
-    topics = bag.known_topics()
+    topics = bag.topic_types()
     described = {name for name in topics if name.endswith(_DESCRIPTION)}
     kinds = {name: kind for name, kind in topics.items() if may_hold_joints(kind)}
     descriptions: dict[str, str] = {}

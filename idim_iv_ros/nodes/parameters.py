@@ -246,7 +246,7 @@ def with_topics_of_node(node: Node, configuration: Configuration) -> Configurati
                 f"{configuration.source}: signals: {name!r} is no topic of ROS: letters, digits "
                 "and _, no digit first, parts separated by /"
             ) from error
-    return configuration.with_own_topics(names)
+    return configuration.with_node_topics(names)
 
 
 def refuse_unknown_arguments(arguments: Sequence[str]) -> None:

@@ -85,7 +85,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     if not np.array_equal(order, np.arange(len(messages))):
         messages = messages.taken(order)
     fresh = np.concatenate([[True], np.diff(ordered) > 0])
-    messages, repeated = _one_of_each_stamp(messages, fresh)
+    messages, repeated = _one_per_stamp(messages, fresh)
     if repeated:
         notes.append(Note(topic, "repeated stamps: the first message of each is kept", repeated))
     ordered = ordered[fresh]
@@ -109,7 +109,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     return StampedMessages(messages, ordered, quality, tuple(notes))
 
 
-def _one_of_each_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
+def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
     """Put sorted messages of one stamp together: of each number the first one counts.
 
     Returns a message wherever `fresh` (n,) begins a stamp, and how many messages added nothing.

@@ -102,7 +102,7 @@ class Request:
     reference: str | None
     prismatic: Collection[str] = ()
     link_states: str | None = None
-    own_topics: Mapping[str, str] = field(default_factory=dict)
+    node_topics: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def named(self) -> dict[str, str]:
@@ -137,7 +137,7 @@ class Request:
     @property
     def descriptions(self) -> list[str]:
         """Topics that may hold the robot's description, the likeliest first."""
-        return descriptions_of(topic_of(self.joint_states), self.own_topics)
+        return descriptions_of(topic_of(self.joint_states), self.node_topics)
 
 
 def in_bag(bag: Bag, request: Request) -> Request:
@@ -149,10 +149,10 @@ def in_bag(bag: Bag, request: Request) -> Request:
         return request.with_reference_field
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.unread().known_topics().items()
+    kinds = bag.unread().topic_types().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
     named = {key: topic_of(name) for key, name in request.named.items()}
-    full_names = topics_in_bag(bag.path, named, topics, request.own_topics)
+    full_names = topics_in_bag(bag.path, named, topics, request.node_topics)
 
     def full(source: str) -> str:
         field_, topic = field_of(source), full_names[topic_of(source)]

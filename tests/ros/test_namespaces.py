@@ -83,7 +83,7 @@ def test_two_recorders_record_each_its_own_robot(
         assert observer.call("stop").success
         closed[side] = only_bag(tmp_path / side)
     observer.node.destroy_subscription(subscription)
-    (left, right) = ({*Bag(bag).known_topics()} for bag in closed.values())
+    (left, right) = ({*Bag(bag).topic_types()} for bag in closed.values())
     assert left == {"/left/joint_states", "/left/joint_reference", "/robot_description"}
     assert right == {"/right/joint_states", "/motion/reference", "/robot_description"}
     configured = load_configuration(relative).signals
@@ -122,7 +122,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(own_context, tmp_path: P
     identifier._jobs.poll()
     (request,) = workers[0].requests
     identifier.close()
-    namespaced = configuration.with_own_topics(request["topics"])
+    namespaced = configuration.with_node_topics(request["topics"])
     result = identify([Path(bag) for bag in request["bags"]], namespaced, estimator="idim-ls")
     values = {parameter.name: parameter.value for parameter in result.parameters}
     assert values == pytest.approx(

@@ -184,7 +184,7 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
     configuration = Configuration.model_validate(request["configuration"])
     source = request["source"]
     configuration = configuration.model_copy(update={"source": Path(source) if source else None})
-    configuration = configuration.with_own_topics(request["topics"])
+    configuration = configuration.with_node_topics(request["topics"])
     last: tuple[str, float] = ("", 0.0)
 
     def progress(stage: str, share: float) -> None:

@@ -237,7 +237,7 @@ class JobQueue:
                 "bags": [str(bag) for bag in job.bags],
                 "configuration": configuration.model_dump(mode="json", exclude_unset=True),
                 "source": configuration.source and str(configuration.source),
-                "topics": configuration.own_topics,
+                "topics": configuration.node_topics,
                 "estimator": job.estimator,
                 "without": job.without,
                 "out": str(folder),

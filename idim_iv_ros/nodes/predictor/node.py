@@ -143,7 +143,7 @@ class ModelSource:
 
 _LOOK = 0.5  # s between two looks for publishers and for a new result
 _MARKERS = 0.2  # s between two messages for RViz
-_DIAMETER, _TEXT, _ABOVE = 0.14, 0.05, 0.12  # m
+_DIAMETER, _TEXT, _LIFT = 0.14, 0.05, 0.12  # m
 _GREY = (0.55, 0.55, 0.58)
 # As good as the identification, twice its noise floor, four times or more.
 _COLOURS = ((0.13, 0.60, 0.33), (0.95, 0.68, 0.10), (0.80, 0.12, 0.16))
@@ -342,7 +342,7 @@ def residual_markers(
         sphere.scale.x = sphere.scale.y = sphere.scale.z = _DIAMETER
         sphere.color = ColorRGBA(r=red, g=green, b=blue, a=_ALPHA)
         text = _marker(link, "share", number, Marker.TEXT_VIEW_FACING)
-        text.pose.position.z = _ABOVE
+        text.pose.position.z = _LIFT
         text.scale.z = _TEXT
         text.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
         text.text = f"{joint} {share:.1f}×" if math.isfinite(share) else f"{joint} –"

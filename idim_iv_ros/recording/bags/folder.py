@@ -95,7 +95,7 @@ class Bag:
         if not self.counted:
             self._compare(wanted)
 
-    def known_topics(self) -> dict[str, str]:
+    def topic_types(self) -> dict[str, str]:
         """Return the type of each topic, without the messages where that can be had.
 
         From the summary of an MCAP file; one without is read as far as it goes.

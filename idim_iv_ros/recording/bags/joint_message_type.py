@@ -98,7 +98,7 @@ class JointMessageType:
                 f"{bag}: {topic} is {self.name}: say which of its fields holds the numbers of the "
                 f"joints, as {topic}#FIELD ({', '.join(fields)})"
             )
-        if not _holds_numbers(kinds[0], self.field):
+        if not _has_numbers(kinds[0], self.field):
             raise UsageError(
                 f"{bag}: {topic} is {self.name}, which has no numbers in {self.field}; its fields "
                 f"are {', '.join(fields)}"
@@ -191,7 +191,7 @@ def _named_field(located: Located, field: str, quantities: Sequence[str]) -> _Co
     return names if width == len(names) else (), {_first_of(quantities): column}
 
 
-def _holds_numbers(kind: MessageType, path: str) -> bool:
+def _has_numbers(kind: MessageType, path: str) -> bool:
     """Whether a path leads to numbers, or to a JointState."""
     described: Any = (Nodetype.NAME, kind.name)
     for name in path.split("."):
