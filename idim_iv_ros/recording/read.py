@@ -1,6 +1,6 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,10 +9,9 @@ import numpy as np
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, with_loss
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
-from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
+from idim_iv_ros.recording.bags.joint_messages import JointMessages, checked_messages
 from idim_iv_ros.recording.clock import StampedMessages
 from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import (
@@ -25,7 +24,6 @@ from idim_iv_ros.recording.grid import (
     pauses_of,
     without_pauses,
 )
-from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
 from idim_iv_ros.recording.request import (
     BagMessages,
@@ -154,65 +152,10 @@ def recording_of(messages: BagMessages) -> Recording:
             raise DataError(_missing(bag, source, request))
         optional = source == request.link_states
         reader = messages.readers[source]
-        sources[source], left_out = _checked(bag.path, reader, optional=optional)
+        sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
         notes += left_out
     parts = list(parts_of(sources, str(bag.path)))
     return _assemble(bag.path, request, parts, messages.description, notes)
-
-
-def _checked(
-    path: Path, reader: JointMessageReader, *, optional: bool = False
-) -> tuple[JointMessages, list[Note]]:
-    """Messages without impossible values, and what was left out.
-
-    `optional`: of some joints only, one at least.
-
-    Raises DataError: a joint or a field is not there.
-    """
-    messages = reader.finish()
-    topic = reader.topic
-    if len(messages) == 0 and not messages.passed:
-        damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
-        raise DataError(f"{path}: no message on {topic} can be read{damaged}")
-    absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
-    if optional and len(absent) < len(reader.joints):
-        absent = []
-    for joint in absent:
-        raise DataError(
-            f"{path}: {topic} never holds joint {joint}; it holds "
-            f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
-        )
-    notes = []
-    values = dict(messages.values)
-    for name in reader.fields:
-        values[name], sentence = without_impossible(
-            name,
-            values[name],
-            reader.joints,
-            f"{path}: {topic}",
-            "look at the driver, its units and its byte order",
-        )
-        if sentence:
-            notes.append(Note(topic, f"{sentence}; left out", 1, limits=True))
-        if name == "velocity" or optional:
-            continue
-        for column, joint in enumerate(reader.joints):
-            if not np.isfinite(values[name][:, column]).any():
-                raise DataError(
-                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
-                    f"{_where_else(reader, name)}"
-                )
-    return replace(messages, values=values), notes
-
-
-def _where_else(reader: JointMessageReader, name: str) -> str:
-    """What to write where a controller does not publish a quantity."""
-    topic = topic_of(reader.topic)
-    if reader.kind.name not in ROS2_CONTROL:
-        return ""
-    if name == "effort":
-        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
-    return f"; was the controller of {topic} active while this was recorded?"
 
 
 def _assemble(
@@ -372,3 +315,50 @@ def _missing(bag: Bag, topic: str, request: Request) -> str:
         return f"{path}: no topic {topic}, nor any other topic with joint states{advice}"
     listed = ", ".join(sorted(usable))
     return f"{path}: no topic {topic}; joint states are on {listed}{advice}"
+
+
+# s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
+# lose about a tenth of a second at each edge.
+SEGMENT = 300.0
+# A topic that is this far behind the others, in segments, has ended: nobody waits for it.
+_BEHIND = 2
+
+
+def read_segments(
+    bag: Bag, request: Request, seconds: float = SEGMENT
+) -> Iterator[Recording | DataError]:
+    """Read a bag segment by segment; one of up to one and a half segments is read as a whole.
+
+    Segments end at the same arrival time in all topics. The last one takes what remains, from half
+    a segment to one and a half. One that does not hold what is asked for is given as its error:
+    others may.
+
+    Raises UsageError: no such bag. DataError or OSError: the bag or its files cannot be read.
+    """
+    messages = BagMessages(bag, in_bag(bag, request))
+    latest = dict.fromkeys(messages.request.topics, 0)
+    length, end = round(1e9 * seconds), 0
+    for topic, batch in bag.batches(messages.topics):
+        if topic in latest and len(batch):
+            end = end or int(batch.arrival.min()) + length
+            # All topics are half a segment behind the end, as far as they go on. Topics of a chunk
+            # come one after the other: when one comes again, the chunk before is done, and a topic
+            # that was not in it for two segments has ended.
+            while (
+                min(latest.values()) >= end + length // 2 or latest[topic] >= end + _BEHIND * length
+            ):
+                yield _segment(messages.before(end))
+                end += length
+            latest[topic] = max(latest[topic], int(batch.arrival.max()))
+        messages.add(topic, batch)
+    while end and max(latest.values()) >= end + length // 2:
+        yield _segment(messages.before(end))
+        end += length
+    yield _segment(messages)
+
+
+def _segment(messages: BagMessages) -> Recording | DataError:
+    try:
+        return recording_of(messages)
+    except DataError as error:
+        return with_loss(error, messages.bag, messages.request.topics)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,16 @@ class Controller:
                 f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no "
                 "digit first, parts separated by /"
             ) from error
-        self._kind: Any = None if interface == TOPIC else _action_type(required=interface == ACTION)
+        self._kind: Any = None
+        if interface != TOPIC:
+            try:
+                self._kind = import_module("control_msgs.action").FollowJointTrajectory
+            except ImportError as error:
+                if interface == ACTION:
+                    raise UsageError(
+                        "interface: control_msgs is not installed: set it to topic, or install "
+                        "ros-jazzy-control-msgs"
+                    ) from error
         self._action = f"{name}/follow_joint_trajectory"
         self._client = None if self._kind is None else ActionClient(node, self._kind, self._action)
         self._publisher = (
@@ -163,20 +173,6 @@ class Controller:
             self._failure = (
                 f"the controller ends the motion: {names.get(code, code)} {words}".strip()
             )
-
-
-def _action_type(required: bool) -> Any:
-    """Return FollowJointTrajectory; None where control_msgs is not installed."""
-    try:
-        from control_msgs.action import FollowJointTrajectory
-    except ImportError as error:
-        if required:
-            raise UsageError(
-                "interface: control_msgs is not installed: set it to topic, or install "
-                "ros-jazzy-control-msgs"
-            ) from error
-        return None
-    return FollowJointTrajectory
 
 
 class RecorderNeighbour:

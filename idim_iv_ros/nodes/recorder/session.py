@@ -185,17 +185,11 @@ class RecordingSession:
         """Have no latched message of the robot that was recorded before."""
         self._latched.clear()
 
-    def pause(self) -> str:
-        """Leave out what arrives from now on, and say so."""
+    def go_on(self, state: State) -> str:
+        """Record what arrives from now on, or leave it out (paused), and say so."""
         self._open_bag()
-        self.state = State.PAUSED
-        return "paused"
-
-    def resume(self) -> str:
-        """Record again, and say so."""
-        self._open_bag()
-        self.state = State.RECORDING
-        return "recording"
+        self.state = state
+        return state.name.lower()
 
     def split(self) -> Path:
         """Go on in a new file and return the one that was closed.

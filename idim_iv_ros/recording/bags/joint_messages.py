@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import CdrLayout, MessageBatch
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.joint_message_type import PLAIN, JointMessageType
+from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note
+from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _TOGETHER = 200_000  # messages
@@ -228,3 +232,58 @@ class JointMessageReader:
             names=tuple(names),
             origins=origins,
         )
+
+
+def checked_messages(
+    path: Path, reader: JointMessageReader, *, optional: bool = False
+) -> tuple[JointMessages, list[Note]]:
+    """Messages without impossible values, and what was left out.
+
+    `optional`: of some joints only, one at least.
+
+    Raises DataError: a joint or a field is not there.
+    """
+    messages = reader.finish()
+    topic = reader.topic
+    if len(messages) == 0 and not messages.passed:
+        damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
+        raise DataError(f"{path}: no message on {topic} can be read{damaged}")
+    absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
+    if optional and len(absent) < len(reader.joints):
+        absent = []
+    for joint in absent:
+        raise DataError(
+            f"{path}: {topic} never holds joint {joint}; it holds "
+            f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
+        )
+    notes = []
+    values = dict(messages.values)
+    for name in reader.fields:
+        values[name], sentence = without_impossible(
+            name,
+            values[name],
+            reader.joints,
+            f"{path}: {topic}",
+            "look at the driver, its units and its byte order",
+        )
+        if sentence:
+            notes.append(Note(topic, f"{sentence}; left out", 1, limits=True))
+        if name == "velocity" or optional:
+            continue
+        for column, joint in enumerate(reader.joints):
+            if not np.isfinite(values[name][:, column]).any():
+                raise DataError(
+                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
+                    f"{_where_else(reader, name)}"
+                )
+    return replace(messages, values=values), notes
+
+
+def _where_else(reader: JointMessageReader, name: str) -> str:
+    """What to write where a controller does not publish a quantity."""
+    topic = topic_of(reader.topic)
+    if reader.kind.name not in ROS2_CONTROL:
+        return ""
+    if name == "effort":
+        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
+    return f"; was the controller of {topic} active while this was recorded?"

@@ -92,10 +92,6 @@ class GrowingMcap:
         self._channels[topic.name] = topic.register(self._writer)
         self.counts[topic.name] = 0
 
-    def knows(self, topic: str) -> bool:
-        """Whether a topic was described."""
-        return topic in self._channels
-
     def add(self, messages: Iterable[Message]) -> None:
         """Take messages of described topics."""
         add_message, channels, counts = self._writer.add_message, self._channels, self.counts
@@ -252,7 +248,7 @@ class GrowingBag:
     def describe(self, topic: TopicChannel) -> None:
         """Make a topic known; its messages may follow."""
         self.topics[topic.name] = topic
-        if not self.file.knows(topic.name):
+        if topic.name not in self.file.counts:
             self.file.describe(topic)
 
     def add(self, messages: Sequence[Message]) -> None:
