@@ -27,10 +27,7 @@ _STRETCHES = 50
 
 @dataclass(frozen=True)
 class StampedMessages:
-    """Messages with strictly increasing times.
-
-    `messages`: sorted, without repeated stamps. `time` (n,) int: ns.
-    """
+    """Messages, sorted and without repeated stamps, and their increasing `time` (n,) int, ns."""
 
     messages: JointMessages
     time: IntArray

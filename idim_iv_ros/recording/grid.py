@@ -40,10 +40,7 @@ _STOP = 0.5  # s, in which a joint comes to rest in a long gap, and starts again
 
 @dataclass(frozen=True)
 class Grid:
-    """Sample k is at start + k / rate.
-
-    `start`: ns. `rate`: Hz.
-    """
+    """Sample k is at `start` (ns) + k / `rate` (Hz)."""
 
     start: int
     rate: float
@@ -175,10 +172,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Pauses:
-    """What is cut out of time.
-
-    `begin`, `end` (k,) int: of each cut, ns.
-    """
+    """What is cut out of time, from `begin` to `end` (k,) int, ns."""
 
     begin: IntArray
     end: IntArray
@@ -231,10 +225,7 @@ def without_pauses(
 
 
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
-    """Replace the invented samples between measured ones, in place.
-
-    `values`, `invented`: (n,) of one joint. `rate`: Hz.
-    """
+    """Replace the invented samples (n,) of one joint between measured ones, in place."""
     edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     since = np.concatenate([[0], ends])  # where what is measured before each gap begins

@@ -164,10 +164,7 @@ def in_bag(bag: Bag, request: Request) -> Request:
 
 @dataclass
 class BagMessages:
-    """What was read of a bag so far.
-
-    `request`: with the full names of its topics. `readers`: messages of each source that was met.
-    """
+    """What was read of a bag so far: messages of each source, of a request with full names."""
 
     bag: Bag
     request: Request

@@ -60,9 +60,8 @@ class PastEstimates:
 class Comparison:
     """The newest identification of one kind beside its baseline.
 
-    `baseline`: None where there is nothing to compare with. `drifts`: one for each parameter; empty
-    without a baseline. `since`: stamp of the first identification from which on all drift, ns since
-    1970.
+    `drifts` has one item for each parameter, none without a baseline. `since` is the stamp of the
+    first identification from which on all drift, ns since 1970.
     """
 
     newest: PastEstimates

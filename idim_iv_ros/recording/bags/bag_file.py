@@ -21,12 +21,9 @@ _TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their b
 
 
 class ByteSource(Protocol):
-    """A file somewhere else; any part of it can be fetched.
+    """A file somewhere else; any part of it can be fetched."""
 
-    `size`: bytes.
-    """
-
-    size: int
+    size: int  # bytes
 
     def read(self, first: int, last: int) -> bytes:
         """Bytes `first` … `last`, the end excluded.

@@ -36,10 +36,7 @@ class SchemaText:
 
 @dataclass(frozen=True)
 class MessageType:
-    """One version of a type.
-
-    `fields`: fields of this type and of those that it consists of, by name.
-    """
+    """One version of a type: its fields and those of the types that it consists of, by name."""
 
     name: str
     fields: Mapping[str, Fields]

@@ -50,10 +50,7 @@ _FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of 
 
 @dataclass
 class McapFile(BagFile):
-    """One MCAP file.
-
-    `source`: where the bytes are if not on this machine.
-    """
+    """One MCAP file; `source` is where the bytes are if not on this machine."""
 
     source: ByteSource | None = None
     _description: McapDescription = field(default_factory=McapDescription)

@@ -173,13 +173,10 @@ class _Stream(BytesIO):
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """When a new file begins; zero means never. Looked at once a commit.
+    """When a new file begins; zero means never. Looked at once a commit."""
 
-    `size`: bytes of a file. `duration`: seconds for which a file was written.
-    """
-
-    size: int = 0
-    duration: float = 0.0
+    size: int = 0  # bytes of a file
+    duration: float = 0.0  # s for which a file was written
 
 
 @dataclass(frozen=True)
