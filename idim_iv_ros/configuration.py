@@ -23,6 +23,8 @@ from idim_iv_ros.validation import first_problem, shortened
 
 # Steps of the simulated plant in one control period.
 _MOST_STEPS = 100
+# Lists that do not hold one item for each joint.
+_OF_ANY_LENGTH = ("joints", "gravity", "couplings", "trim", "friction", "exclude")
 
 
 def _printable(text: str) -> str:
@@ -176,16 +178,12 @@ class ControllerSection(Section):
     @model_validator(mode="after")
     def _gains_of_the_law(self) -> "ControllerSection":
         needed = {"pd": ("kp", "kd"), "cascade": ("kp", "kv"), "unknown": ()}[self.type]
-        allowed = {
-            "pd": {"kp", "kd", "ki"},
-            "cascade": {"kp", "kv", "drive_gain"},
-            "unknown": set(),
-        }[self.type]
-        for key in needed:
-            if getattr(self, key) is None:
+        optional = {"pd": ("ki",), "cascade": ("drive_gain",), "unknown": ()}[self.type]
+        for key in ("kp", "kd", "ki", "kv", "drive_gain"):
+            given = getattr(self, key) is not None
+            if key in needed and not given:
                 raise ValueError(f"type {self.type} needs {key}")
-        for key in {"kp", "kd", "ki", "kv", "drive_gain"} - allowed:
-            if getattr(self, key) is not None:
+            if given and key not in (*needed, *optional):
                 raise ValueError(f"{key} does not belong to type {self.type}")
         return self
 
@@ -277,17 +275,17 @@ class Configuration(Section):
     processing: ProcessingSection = ProcessingSection()
     identification: IdentificationSection = IdentificationSection()
     source: Annotated[YamlPath | None, Field(exclude=True)] = None
-    _own_topics: dict[str, str] = PrivateAttr(default_factory=dict)
+    _node_topics: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @property
-    def own_topics(self) -> dict[str, str]:
+    def node_topics(self) -> dict[str, str]:
         """What relative topics are for the node that asks; empty where none does."""
-        return dict(self._own_topics)
+        return dict(self._node_topics)
 
-    def with_own_topics(self, topics: Mapping[str, str]) -> "Configuration":
+    def with_node_topics(self, topics: Mapping[str, str]) -> "Configuration":
         """Return the configuration for a node for which relative topics have these names."""
         copied = self.model_copy()
-        copied._own_topics = dict(topics)
+        copied._node_topics = dict(topics)
         return copied
 
     @model_validator(mode="after")
@@ -295,24 +293,16 @@ class Configuration(Section):
         n = len(self.robot.joints)
         if len(set(self.robot.joints)) != n:
             raise ValueError("robot.joints names a joint twice")
-        lists = {
-            "robot.position_offset": self.robot.position_offset,
-            "simulator.armature": self.simulator.armature,
-            "simulator.torque_offset": self.simulator.torque_offset,
-            "signals.effort_scale": self.signals.effort_scale,
-            "processing.minimum_speed": self.processing.minimum_speed,
-        }
-        for key in ("position_noise", "encoder_resolution", "torque_noise", "disturbance"):
-            lists[f"simulated_robot.{key}"] = getattr(self.simulated_robot, key)
-        for key in ("kp", "kd", "ki", "kv", "drive_gain", "torque_limit"):
-            lists[f"controller.{key}"] = getattr(self.controller, key)
-        for name, values in lists.items():
-            if values is not None and len(values) != n:
-                raise ValueError(f"{name} has {len(values)} values for {n} joints")
-        for name in ("motor_to_joint", "motor_to_joint_torque"):
-            matrix = getattr(self.robot, name)
-            if matrix is not None and (len(matrix) != n or any(len(row) != n for row in matrix)):
-                raise ValueError(f"robot.{name} must be {n} by {n}")
+        sections = {key: section for key, section in self if isinstance(section, Section)}
+        for key, section in sections.items():
+            for name, values in section:
+                if not isinstance(values, list) or name in _OF_ANY_LENGTH:
+                    continue
+                if name.startswith("motor_to_joint"):
+                    if any(len(row) != n for row in (values, *values)):
+                        raise ValueError(f"{key}.{name} must be {n} by {n}")
+                elif len(values) != n:
+                    raise ValueError(f"{key}.{name} has {len(values)} values for {n} joints")
         self._couplings()
         self._plant_step()
         return self

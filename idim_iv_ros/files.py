@@ -20,7 +20,7 @@ import os
 import stat
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -56,18 +56,21 @@ PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of 
 NO_FILE = "a device, a pipe or a socket"
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
 
-_HEAD = 4096  # characters of an HTML file in which the generator is looked for
-_MCAP_MAGIC = b"\x89MCAP0\r\n"
+_HEAD = 4096  # bytes in which the mark of this program is looked for
+# The header of an MCAP file: opcode 1, its length, profile and library, each behind its length.
+_MCAP = b"\x89MCAP0\r\n\1" + struct.pack("<QI4sI", 23, 4, b"ros2", len(PROGRAM)) + PROGRAM.encode()
+_MARKS = {
+    **dict.fromkeys((".html", ".svg"), GENERATOR.encode()),
+    ".png": PNG_SOFTWARE,
+    ".mcap": _MCAP,
+}
 _SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobody edits it: "
 
 
 def as_paths(bags: FilePaths) -> tuple[Path, ...]:
     """Return one or many bags as paths.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    Raises UsageError: there is none.
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     if not given:
@@ -78,10 +81,7 @@ def as_paths(bags: FilePaths) -> tuple[Path, ...]:
 def as_file(out: FilePath) -> Path:
     """Return the path of a file that will be written.
 
-    Raises
-    ------
-    UsageError
-        It has no name: it is empty, ``.`` or ``/``.
+    Raises UsageError: it has no name: it is empty, ``.`` or ``/``.
     """
     path = Path(out)
     if not path.name:
@@ -97,10 +97,8 @@ def is_file(path: Path) -> bool:
 def is_there(path: Path) -> bool:
     """Whether there is a file or folder `path`.
 
-    Raises
-    ------
-    UsageError
-        The name is no name for this system (too long), or a folder on the way may not be entered.
+    Raises UsageError: the name is no name for this system (too long), or a folder on the way may
+    not be entered.
     """
     try:
         path.stat()
@@ -113,32 +111,21 @@ def is_there(path: Path) -> bool:
     return True
 
 
-def utf_8(content: bytes) -> str:
-    """UTF-8, with or without a byte order mark."""
-    return content.decode("utf-8-sig")
-
-
 def read_text(
-    path: Path, what: str, *, megabytes: float, decode: Callable[[bytes], str] = utf_8
+    path: Path,
+    what: str,
+    *,
+    megabytes: float,
+    decode: Callable[[bytes], str] = lambda content: content.decode("utf-8-sig"),
 ) -> str:
     """Read a text file.
 
     A device or a pipe is refused before it is opened: it may never end, or never begin.
 
-    Parameters
-    ----------
-    path
-    what
-        What is expected there, for the message: ``the trajectory``.
-    megabytes
-        The largest size that such a file has.
-    decode
-        From the bytes to the text; a `ValueError` or `LookupError` where they are none.
-
-    Raises
-    ------
-    UsageError
-        Missing, unreadable, no regular file, too large, or no text; one line with the path.
+    `what` is expected, for the message: ``the trajectory``; `megabytes` is the largest size of
+    such a file. `decode` makes text of bytes, or raises `ValueError` or `LookupError`.
+    Raises UsageError: missing, unreadable, no regular file, too large, or no text; one line with
+    the path.
     """
     try:
         state = path.stat()
@@ -159,10 +146,7 @@ def read_text(
 def probe_place(path: Path) -> None:
     """Find out, before long work, whether a file can be written beside `path`.
 
-    Raises
-    ------
-    OSError
-        It cannot, and why.
+    Raises OSError: it cannot, and why.
     """
     probe = _temporary(path)
     with uninterrupted():
@@ -175,10 +159,8 @@ def probe_place(path: Path) -> None:
 def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
     """Refuse, before long work, files that could not be written or must not be replaced.
 
-    Raises
-    ------
-    UsageError
-        The folder of a file is missing or cannot be written, or as `require_replaceable`.
+    Raises UsageError: the folder of a file is missing or cannot be written, or as
+    `require_replaceable`.
     """
     files = list(files)
     require_replaceable(files, force=force)
@@ -194,10 +176,7 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
 def require_folder_place(folder: Path) -> None:
     """Refuse, before long work, a folder that cannot be written, or not be made.
 
-    Raises
-    ------
-    UsageError
-        One line with the folder, and where that ends.
+    Raises UsageError: one line with the folder, and where that ends.
     """
     place = folder.absolute()
     while not (is_there(place) or place.is_symlink()):
@@ -213,13 +192,15 @@ def require_folder_place(folder: Path) -> None:
 def made_folder(out: Path) -> Iterator[None]:
     """Make a folder and its parents; those that are empty after a failure are taken away again.
 
-    Raises
-    ------
-    OSError
-        It cannot be made.
+    Raises OSError: it cannot be made.
     """
     missing = [folder for folder in (out, *out.parents) if not folder.exists()]
-    undo = partial(_remove_empty, missing)
+
+    def undo() -> None:
+        with suppress(OSError):
+            for folder in missing:
+                folder.rmdir()
+
     try:
         with undone_if_interrupted(undo):
             out.mkdir(parents=True, exist_ok=True)
@@ -229,22 +210,11 @@ def made_folder(out: Path) -> Iterator[None]:
         raise
 
 
-def _remove_empty(folders: Iterable[Path]) -> None:
-    for folder in folders:
-        try:
-            folder.rmdir()
-        except OSError:
-            break
-
-
 @contextmanager
 def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
     """Temporary files that take the names of `paths`, all together, if the ``with`` ends well.
 
-    Raises
-    ------
-    OSError
-        A file cannot be written, or a folder has its name.
+    Raises OSError: a file cannot be written, or a folder has its name.
     """
     temporary = {path: _temporary(path) for path in paths}
     with ExitStack() as undone:
@@ -262,10 +232,7 @@ def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
 def write_together(texts: Mapping[Path, str]) -> None:
     """Write text files that appear complete and together, or not at all.
 
-    Raises
-    ------
-    OSError
-        A file cannot be written, or a folder has its name.
+    Raises OSError: a file cannot be written, or a folder has its name.
     """
     with complete_files(texts) as temporary:
         for path, text in texts.items():
@@ -289,11 +256,8 @@ def _temporary(path: Path) -> Path:
 def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
     """Refuse to replace a file that this program did not write.
 
-    Raises
-    ------
-    UsageError
-        There is such a file (unless `force`), something else than a file in its place, or a name
-        that cannot be.
+    Raises UsageError: there is such a file (unless `force`), something else than a file in its
+    place, or a name that cannot be.
     """
     for path in paths:
         try:
@@ -303,7 +267,7 @@ def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
             raise UsageError(f"{path}: cannot be written: {reason}") from error
         if kind not in (None, "file"):
             raise UsageError(f"{path} is {kind}; give another --out")
-        if kind and not force and not is_own(path):
+        if kind and not force and not written_by_program(path):
             raise UsageError(
                 f"{path}: exists, and was not written by idim_iv_ros or was changed since; give "
                 "another --out, or --force to replace it"
@@ -323,18 +287,15 @@ def _kind(path: Path) -> str | None:
     return "file" if stat.S_ISREG(mode) else NO_FILE
 
 
-def is_own(path: Path) -> bool:
+def written_by_program(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
-    recognised_by = {
-        ".json": _own_json,
-        ".html": _own_html,
-        ".svg": _own_html,
-        ".png": _own_png,
-        ".mcap": _own_mcap,
-        ".parquet": _own_parquet,
-    }
+    suffix = path.suffix.lower()
+    recognised = {".json": _marked_json, ".parquet": _marked_parquet}.get(suffix, _marked_digest)
     try:
-        return recognised_by.get(path.suffix.lower(), _own_digest)(path)
+        if suffix not in _MARKS:
+            return recognised(path)
+        with path.open("rb") as file:
+            return _MARKS[suffix] in file.read(_HEAD)
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -355,38 +316,12 @@ def signed(text: str) -> str:
     return f"{_SIGNATURE}{digest(text)}\n{text}"
 
 
-def _own_json(path: Path) -> bool:
+def _marked_json(path: Path) -> bool:
     document = json.loads(path.read_text(encoding="utf-8"))
     return isinstance(document, dict) and str(document.get("format")).startswith(f"{PROGRAM}/")
 
 
-def _own_html(path: Path) -> bool:
-    with path.open(encoding="utf-8") as file:
-        return GENERATOR in file.read(_HEAD)
-
-
-def _own_png(path: Path) -> bool:
-    with path.open("rb") as file:
-        return PNG_SOFTWARE in file.read(_HEAD)
-
-
-def _own_mcap(path: Path) -> bool:
-    """Whether its header (opcode 1: length, profile, library) names this program."""
-    with path.open("rb") as file:
-        start = file.read(_HEAD)
-    if not start.startswith(_MCAP_MAGIC + b"\x01"):
-        return False
-    place = len(_MCAP_MAGIC) + 9
-    try:
-        (profile,) = struct.unpack_from("<I", start, place)
-        (size,) = struct.unpack_from("<I", start, place + 4 + profile)
-    except struct.error:
-        return False
-    library = start[place + 8 + profile :][:size]
-    return library == PROGRAM.encode()
-
-
-def _own_parquet(path: Path) -> bool:
+def _marked_parquet(path: Path) -> bool:
     """Whether the metadata in its footer (content, length, ``PAR1``) names this program."""
     with path.open("rb") as file:
         end = file.seek(0, os.SEEK_END)
@@ -399,14 +334,14 @@ def _own_parquet(path: Path) -> bool:
         return PROGRAM.encode() in file.read(size)
 
 
-def _own_digest(path: Path) -> bool:
+def _marked_digest(path: Path) -> bool:
     text = path.read_text(encoding="utf-8")
     first, _, rest = text.partition("\n")
     if first.startswith(_SIGNATURE):
         return first.removeprefix(_SIGNATURE) == digest(rest)
     stem = path.name.split(".", 1)[0]
     for document in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
-        if document.is_file() and _own_json(document):
+        if document.is_file() and _marked_json(document):
             files = json.loads(document.read_text(encoding="utf-8")).get(FILES)
             if isinstance(files, dict) and files.get(path.name) == digest(text):
                 return True

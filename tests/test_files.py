@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from idim_iv_ros import UsageError, write_bag, write_gap_report, write_report
-from idim_iv_ros.files import is_own, require_replaceable, signed
+from idim_iv_ros.files import require_replaceable, signed, written_by_program
 from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.writing.growing_mcap import GrowingMcap
+from idim_iv_ros.recording.writing.growing_bag import GrowingMcap
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
@@ -32,7 +32,7 @@ def test_reports_and_bags_of_this_program_are_its_own(tmp_path: Path) -> None:
     files += write_gap_report(sample_gap(2, "none"), tmp_path / "why")
     write_bag(tmp_path / "a.mcap", [TOPIC])
     for path in (*files, tmp_path / "a.mcap"):
-        assert is_own(path), path
+        assert written_by_program(path), path
 
 
 @pytest.mark.parametrize(
@@ -108,15 +108,15 @@ def test_a_file_may_have_the_longest_name_that_the_system_allows(tmp_path: Path)
     path = tmp_path / ("x" * 250 + ".mcap")
     write_bag(path, [TOPIC])
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
-    assert is_own(path)
+    assert written_by_program(path)
 
 
 def test_a_signed_text_is_its_own_until_it_is_edited(tmp_path: Path) -> None:
     path = tmp_path / "arm.yaml"
     path.write_text(signed("robot: {}\n"))
-    assert is_own(path)
+    assert written_by_program(path)
     path.write_text(path.read_text().replace("robot", "Robot"))
-    assert not is_own(path)
+    assert not written_by_program(path)
 
 
 def test_a_report_beside_a_file_of_the_user_is_not_written(tmp_path: Path) -> None:

@@ -16,10 +16,10 @@ from idim_iv_ros.cli.fleet import fleet
 from idim_iv_ros.cli.identify import identify_command
 from idim_iv_ros.cli.import_table import import_command
 from idim_iv_ros.cli.init import init_command
+from idim_iv_ros.cli.main import complain
 from idim_iv_ros.cli.replay import replay_command
 from idim_iv_ros.cli.servo import servo_command
 from idim_iv_ros.cli.simulate import simulate_command
-from idim_iv_ros.cli.streams import complain
 
 application = typer.Typer(
     name="idim-iv",

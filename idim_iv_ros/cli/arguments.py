@@ -17,13 +17,11 @@ Bags = Annotated[
     typer.Argument(help="MCAP files, rosbag2 folders, .db3 or ROS 1 .bag files of one robot."),
 ]
 Config = Annotated[
-    Path,
-    typer.Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one."),
+    Path, typer.Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one.")
 ]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 OutOrJson = Annotated[
-    Path | None,
-    typer.Option("--out", help="Folder for the results; may be left out with --json."),
+    Path | None, typer.Option("--out", help="Folder for the results; may be left out with --json.")
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace files that idim_iv_ros did not write.")

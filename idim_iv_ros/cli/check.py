@@ -61,7 +61,7 @@ def _print_report(console: Console, report: CheckReport, whole: bool) -> None:
     from rich.padding import Padding
     from rich.text import Text
 
-    from idim_iv_ros.cli.table import LONGEST, print_table
+    from idim_iv_ros.cli.output import LONGEST, print_table
 
     def print_indented(*parts: str | tuple[str, str]) -> None:
         console.print(Padding(Text.assemble(*parts), (0, 0, 0, 2), expand=False))

@@ -35,8 +35,7 @@ def compare_command(
 
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.cli.output import Output, print_table
     from idim_iv_ros.files import signed, write_together
     from idim_iv_ros.identification.compare import compare_results
     from idim_iv_ros.report import require_writable

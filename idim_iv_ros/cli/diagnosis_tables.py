@@ -5,14 +5,8 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
-from idim_iv_ros.cli.output import print_marked
-from idim_iv_ros.cli.table import print_table
-from idim_iv_ros.diagnosis.result import (
-    ContrastResult,
-    EffectParameter,
-    GapResult,
-    Indistinguishable,
-)
+from idim_iv_ros.cli.output import print_marked, print_table
+from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, GapResult
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline
 from idim_iv_ros.report.gap_words import (
@@ -65,10 +59,15 @@ def print_diagnosis(console: Console, result: GapResult, *, whole: bool = True) 
         _print_stages(console, result)
     elif result.stages and result.contrast is None:
         _print_gaps(console, result)
-    if whole:
-        _print_details(console, result)
-    else:
+    if not whole:
         _print_what_is_left(console, result)
+        return
+    if result.hints:
+        rows = [hint_row(result, hint) for hint in result.hints]
+        print_table(console, "Hints, no causes", _HINTS, rows)
+    if result.not_testable:
+        print_table(console, "Not testable on this recording", _UNTESTABLE, untestable(result))
+    print_marked(console, "Note", result.notes)
 
 
 def _print_causes(console: Console, result: GapResult, whole: bool) -> None:
@@ -111,16 +110,6 @@ def _print_what_is_left(console: Console, result: GapResult) -> None:
     console.print(Text(f"--verbose adds {', '.join(['all numbers', *left])}"))
 
 
-def _print_details(console: Console, result: GapResult) -> None:
-    """Print hints with their reasons, what could not be tested, and notes."""
-    if result.hints:
-        rows = [hint_row(result, hint) for hint in result.hints]
-        print_table(console, "Hints, no causes", _HINTS, rows)
-    if result.not_testable:
-        print_table(console, "Not testable on this recording", _UNTESTABLE, untestable(result))
-    print_marked(console, "Note", result.notes)
-
-
 def _print_contrast(
     console: Console, result: GapResult, contrast: ContrastResult, whole: bool
 ) -> None:
@@ -139,7 +128,11 @@ def _print_contrast(
                 f"({100.0 * torque.share_of_torque:.3g} %)"
                 for torque in cause.torques[: None if whole else 2]
             ),
-            _alternatives(cause.indistinguishable_from, cause.joint),
+            "\n".join(
+                effect_at(other.effect, None if other.joint == cause.joint else other.joint)
+                for other in cause.indistinguishable_from
+            )
+            or "–",
         )
         for cause in contrast.causes
     ]
@@ -159,12 +152,6 @@ def _parameters(parameters: dict[str, EffectParameter], most: int = 4) -> str:
         lines.append(f"{name.replace('_', ' ')} = {' '.join(number)}")
     left = len(parameters) - len(lines)
     return "\n".join([*lines, f"and {left} more"] if left else lines)
-
-
-def _alternatives(others: Sequence[Indistinguishable], joint: str | None) -> str:
-    """Return the effects that explain the recording as well, with their joint if it is another."""
-    names = (effect_at(o.effect, None if o.joint == joint else o.joint) for o in others)
-    return "\n".join(names) or "–"
 
 
 def _print_gaps(console: Console, result: GapResult) -> None:

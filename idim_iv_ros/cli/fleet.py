@@ -146,7 +146,7 @@ def _print(console: Console, answer: Fleet, pages: dict[str, Path], whole: bool)
     """Print which robots need attention, what their types say, and what was left out."""
     from rich.text import Text
 
-    from idim_iv_ros.cli.table import LONGEST, print_table
+    from idim_iv_ros.cli.output import LONGEST, print_table
     from idim_iv_ros.report.fleet import headline
 
     result = answer.result

@@ -94,7 +94,7 @@ def print_parameters(
 
     The best determined ones come first where not the `whole` table is printed.
     """
-    from idim_iv_ros.cli.table import LONGEST, print_table
+    from idim_iv_ros.cli.output import LONGEST, print_table
 
     rows: list[tuple[float, tuple[str, ...]]] = []
     for parameter in result.parameters:

@@ -43,8 +43,7 @@ def init_command(
 
     Example: idim-iv init run1.mcap --urdf ur5.urdf --out ur5.yaml
     """
-    from idim_iv_ros.cli.output import Output, next_command, print_marked
-    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
     from idim_iv_ros.files import INIT_FORMAT, require_file_place
     from idim_iv_ros.recording.table_map import SUFFIXES as TABLES
     from idim_iv_ros.signal_source import NO_EFFORT

@@ -4,9 +4,12 @@ import atexit
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from io import TextIOWrapper
 from itertools import pairwise
 
+from idim_iv_ros.encoding import SPELT
+from idim_iv_ros.errors import IdimError, UsageError, silence_foreign_warnings
 from idim_iv_ros.interruption import SIGNALS, STATUS, interruption_ends_process
 
 
@@ -21,8 +24,6 @@ def main() -> None:
     with interruption_ends_process():
         # Here, so that Ctrl-C has its answer while they are imported.
         from idim_iv_ros.cli.application import application
-        from idim_iv_ros.cli.streams import STDOUT, complain, drop_stdout, prepare_streams
-        from idim_iv_ros.errors import IdimError, silence_foreign_warnings
 
         silence_foreign_warnings()
         try:
@@ -71,10 +72,60 @@ def _words(error: Exception) -> str:
 
 def _require_names(arguments: Sequence[str]) -> None:
     """Refuse an argument that is empty, and the name ``-`` for a file."""
-    from idim_iv_ros.errors import UsageError
-
     for option, argument in pairwise(["", *arguments]):
         if not argument and option != "--namespace":
             raise UsageError("an argument is empty; is a variable of the shell not set?")
         if argument == "-" or argument.endswith("=-"):
             raise UsageError("-: name a file (./- if it has that name); --json prints results")
+
+
+STDOUT = "stdout"  # in errors, in the place of the name of a file
+_NARROWEST = 20  # columns in which words of the tables can be read
+
+
+def prepare_streams() -> None:
+    """Make stdout and stderr take whatever is printed.
+
+    Raises UsageError: stdout is closed.
+    """
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - until the end
+    if sys.stdout is None:
+        raise UsageError("stdout is closed; send it to /dev/null if nobody reads it")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors=SPELT)
+    for name in {"write", "flush"} - set(vars(sys.stdout)):
+        setattr(sys.stdout, name, _naming(STDOUT, getattr(sys.stdout, name)))
+    columns = os.environ.get("COLUMNS", "")
+    if not (columns.isdecimal() and int(columns) >= _NARROWEST):
+        os.environ.pop("COLUMNS", None)
+
+
+def drop_stdout() -> None:
+    """Let what still waits for stdout go nowhere: Python would complain of it at its end."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, sys.stdout.fileno())
+    os.close(devnull)
+
+
+def complain(text: str) -> None:
+    """Print what went wrong as one line on stderr."""
+    from rich.console import Console
+    from rich.text import Text
+
+    line = Text.assemble(("idim-iv:", "bold red"), " ", " ".join(text.split()))
+    Console(stderr=True, soft_wrap=True).print(line)
+
+
+def _naming(name: str, write: Callable[..., object]) -> Callable[..., object]:
+    """Return the same function, whose errors say which file it is of."""
+
+    def named(*arguments: object) -> object:
+        try:
+            return write(*arguments)
+        except OSError as error:
+            error.filename = name
+            raise
+
+    return named

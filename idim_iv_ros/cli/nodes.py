@@ -23,8 +23,7 @@ Namespace = Annotated[
     ),
 ]
 Result = Annotated[
-    Path | None,
-    typer.Option(help="A result.json; left out: the newest of --results."),
+    Path | None, typer.Option(help="A result.json; left out: the newest of --results.")
 ]
 Results = Annotated[Path, typer.Option(help="Folder in which `idim-iv serve` writes its results.")]
 

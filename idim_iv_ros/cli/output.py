@@ -1,5 +1,6 @@
 """Where a command's words go: tables for people, one JSON document for programs, or nothing."""
 
+import re
 import sys
 import threading
 import time
@@ -7,11 +8,14 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from textwrap import fill
 from typing import Any, TypeVar
 
 from rich import progress as bars
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
+from rich.table import Table
 from rich.text import Text
 
 from idim_iv_ros.encoding import json_text, shell_command
@@ -52,10 +56,8 @@ class Output:
         The numbers are written to the file `name` in the folder `out`. Returned are the result,
         and the paths of numbers and page, which are None without --out.
 
-        Raises
-        ------
-        UsageError
-            There is no place for a file, or neither --out nor --json: nothing was computed.
+        Raises UsageError: there is no place for a file, or neither --out nor --json: nothing was
+        computed.
         """
         from idim_iv_ros.files import REPORT
         from idim_iv_ros.report import require_writable, write_report
@@ -174,3 +176,50 @@ def next_command(command: str, bags: Sequence[Path | str], config: Path, *option
     """Return ``idim-iv COMMAND BAG… --config FILE OPTIONS``."""
     words = [command, *map(str, bags), "--config", str(config), *options]
     return f"idim-iv {shell_command(*words)}"
+
+
+LONGEST = 24  # rows that are printed without --verbose
+
+
+def print_table(
+    console: Console,
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    most: int | None = None,
+    rest: str = "--verbose prints them",
+) -> None:
+    """Print rows of plain text under a title; columns that say nothing in any row are left out.
+
+    A heading that begins with ``>`` stands over numbers with their units, aligned to the right.
+    Names and numbers stay on one line: only texts are broken where the terminal is narrow, for
+    which rich wants the least width of every column. Of more than `most` rows the first are
+    printed, how many are left, and in the words of `rest` where they are.
+    """
+    shown = rows[:most]
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")
+    contents, least = [], -2
+    for place, heading in enumerate(columns):
+        if rows and all(row[place] in ("", "–") for row in rows):
+            continue
+        cells, words = [row[place] for row in shown], heading.removeprefix(">")
+        unbroken = words != heading or not any(" " in cell for cell in cells)
+        parts = re.split("\n" if unbroken else r"\s", "\n".join([*cells, *words.split()]))
+        width = max(map(cell_len, parts))
+        table.add_column(
+            fill(words, width) if unbroken else words,
+            justify="left" if words == heading else "right",
+            min_width=width,
+            no_wrap=unbroken,
+        )
+        contents.append(map(Text, cells))
+        least += width + 2
+    for row in zip(*contents, strict=True):
+        table.add_row(*row)
+    if title:
+        console.print(Text(title, style="bold"))
+    table.width = least if least > console.width else None
+    console.print(table, crop=False)
+    if len(shown) < len(rows):
+        console.print(Text(f"… and {len(rows) - len(shown)} more: {rest}", style="dim"))

@@ -53,8 +53,7 @@ def replay_command(
 
     Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
     """
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.cli.output import Output, print_table
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)

@@ -41,8 +41,7 @@ def servo_command(
 
     Example: idim-iv servo run1.mcap --config so101.yaml --out servos
     """
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.cli.output import Output, print_table
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.errors import UsageError
 

@@ -47,8 +47,7 @@ def simulate_command(
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
-    from idim_iv_ros.cli.output import Output, next_command, print_marked
-    from idim_iv_ros.cli.table import print_table
+    from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -67,13 +66,7 @@ def simulate_command(
         else:
             motion = read_trajectory(trajectory)
         bags, truth = recording.simulate(
-            configuration,
-            out,
-            motion,
-            seeds=seeds,
-            effects=effects,
-            force=force,
-            progress=progress,
+            configuration, out, motion, seeds=seeds, effects=effects, force=force, progress=progress
         )
     output.document(recording.simulation_document(bags, truth))
     if (urdf := configuration.robot.description) is not None:

@@ -16,8 +16,12 @@ from idim_iv_ros.recording.bags.definitions import (
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
-from idim_iv_ros.recording.other_topics import robot_description, sounds_like_reference
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
+from idim_iv_ros.recording.request import (
+    ROBOT_DESCRIPTION,
+    in_root,
+    robot_description,
+    sounds_like_reference,
+)
 
 _DESCRIPTION = in_root(ROBOT_DESCRIPTION)
 
@@ -114,7 +118,7 @@ def read_contents(path: Path) -> BagContents:
         No such bag, or not one.
     """
     bag = Bag(path)
-    topics = bag.known_topics()
+    topics = bag.topic_types()
     described = {name for name in topics if name.endswith(_DESCRIPTION)}
     kinds = {name: kind for name, kind in topics.items() if may_hold_joints(kind)}
     descriptions: dict[str, str] = {}

@@ -37,7 +37,7 @@ from idim_iv_ros.fleet.statistics.common_causes import is_nothing
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.progress import Progress, part_of
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.segments import read_segments
+from idim_iv_ros.recording.read import read_segments
 
 BAGS = "bags"  # folder of the results of bags, below those of the fleet
 DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results of the fleet

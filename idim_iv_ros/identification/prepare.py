@@ -196,7 +196,7 @@ def configured_request(configuration: Configuration) -> Request:
         reference=signals.reference,
         prismatic=prismatic,
         link_states=signals.link_states,
-        own_topics=configuration.own_topics,
+        node_topics=configuration.node_topics,
     )
 
 

@@ -140,13 +140,8 @@ class JointTopic:
 class Place:
     """Where a robot is, by one message.
 
-    Attributes
-    ----------
-    position : (n_joints,)
-        rad (m), in the order of the configuration.
-    heard, measured : float
-        Monotonic time of receipt, and of its stamp (of receipt where the stamp is of another
-        clock), s.
+    `position` (n_joints,): rad (m), in the order of the configuration. `heard`, `measured`:
+    monotonic time of receipt, and of its stamp (of receipt where the stamp is of another clock), s.
     """
 
     position: FloatArray

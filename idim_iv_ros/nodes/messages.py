@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
+from rclpy.time import Time
 from std_msgs.msg import Header
 
 from idim_iv_interfaces import msg
@@ -41,10 +41,9 @@ def message_of(
             if isinstance(given_value, inner_kind):
                 return given_value
             return message_of(inner_kind, given_value, other_names)
-        if form == "std_msgs/Header":
-            return Header(stamp=time_message(given_value or 0))
-        if form == "builtin_interfaces/Time":
-            return time_message(given_value or 0)
+        if form in ("std_msgs/Header", "builtin_interfaces/Time"):
+            stamp = Time(nanoseconds=given_value or 0).to_msg()
+            return Header(stamp=stamp) if form == "std_msgs/Header" else stamp
         if form == "double":
             return float("nan") if given_value is None else float(given_value)
         if form == "string":
@@ -56,12 +55,6 @@ def message_of(
         return given[name] if name in given else None if absent else getattr(part, name)
 
     return kind(**{name: value(form, content(name)) for name, form in forms.items()})
-
-
-def time_message(stamp: int) -> Time:
-    """Return a time, ns since 1970, as a message."""
-    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-    return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def diagnostic_status(

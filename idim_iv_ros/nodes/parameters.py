@@ -21,7 +21,7 @@ from rclpy.utilities import remove_ros_args
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION
+from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
 
 _NEEDED = {
     Parameter.Type.BOOL: "true or false",
@@ -72,10 +72,8 @@ class NodeProgram(Generic[Kind]):
 
     `arguments` are the command line of the node.
 
-    Raises
-    ------
-    UsageError
-        A value given at the start is not allowed, or is that of an unknown parameter.
+    Raises UsageError: a value given at the start is not allowed, or is that of an unknown
+    parameter.
     """
 
     def __init__(self, node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> None:
@@ -134,10 +132,18 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
         raise UsageError(f"parameter {error}") from error
 
     def accepted(parameters: list[Parameter]) -> list[Parameter]:
+        converted = []
         try:
-            return [_as_declared(node, described, item) for item in parameters]
+            for given in parameters:
+                if given.name in described:
+                    value = _accepted(described[given.name], given)
+                    given = Parameter(given.name, value=value)
+                elif not node.has_parameter(given.name):
+                    raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
+                converted.append(given)
         except UsageError as error:
             raise _RefusedError(str(error)) from error
+        return converted
 
     node.add_pre_set_parameters_callback(accepted)
     return settings
@@ -153,14 +159,6 @@ class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
 
     def __init__(self, reason: str) -> None:
         Exception.__init__(self, reason)
-
-
-def _as_declared(node: Node, described: "Mapping[str, Field[Any]]", given: Parameter) -> Parameter:
-    if given.name in described:
-        return Parameter(given.name, value=_accepted(described[given.name], given))
-    if not node.has_parameter(given.name):
-        raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
-    return given
 
 
 def _default(described: "Field[Any]") -> Any:
@@ -191,19 +189,17 @@ def _accepted(described: "Field[Any]", given: Parameter) -> Any:
 
 
 def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(
-        name=described.name,
-        description=described.metadata["about"],
-        read_only=described.metadata["read_only"],
-    )
-    span = described.metadata["span"]
+    span, ranges = described.metadata["span"], {}
     if span is not None and isinstance(described.default, float):
         limits = FloatingPointRange(from_value=float(span[0]), to_value=float(span[1]))
-        descriptor.floating_point_range = [limits]
+        ranges["floating_point_range"] = [limits]
     elif span is not None:
         limits = IntegerRange(from_value=int(span[0]), to_value=int(span[1]))
-        descriptor.integer_range = [limits]
-    return descriptor
+        ranges["integer_range"] = [limits]
+    about, read_only = described.metadata["about"], described.metadata["read_only"]
+    return ParameterDescriptor(
+        name=described.name, description=about, read_only=read_only, **ranges
+    )
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
@@ -224,10 +220,8 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
 def read_configuration(node: Node, file: str) -> Configuration:
     """Return the configuration of the parameter ``configuration``, as the node sees its topics.
 
-    Raises
-    ------
-    UsageError
-        It cannot be read, or names what is no topic; one line that names the parameter.
+    Raises UsageError: it cannot be read, or names what is no topic; one line that names the
+    parameter.
     """
     try:
         return with_topics_of_node(node, load_configuration(Path(file)))
@@ -241,10 +235,7 @@ def with_topics_of_node(node: Node, configuration: Configuration) -> Configurati
     Its relative topics are looked for first where the node would subscribe them itself: in its
     namespace, with its remappings.
 
-    Raises
-    ------
-    UsageError
-        A name is none that ROS allows.
+    Raises UsageError: a name is none that ROS allows.
     """
     names: dict[str, str] = {}
     for name in (*configuration.signals.relative_topics, ROBOT_DESCRIPTION):
@@ -255,7 +246,7 @@ def with_topics_of_node(node: Node, configuration: Configuration) -> Configurati
                 f"{configuration.source}: signals: {name!r} is no topic of ROS: letters, digits "
                 "and _, no digit first, parts separated by /"
             ) from error
-    return configuration.with_own_topics(names)
+    return configuration.with_node_topics(names)
 
 
 def refuse_unknown_arguments(arguments: Sequence[str]) -> None:

@@ -167,8 +167,7 @@ class CollectorSettings(Settings):
 
     configuration: str = parameter("", "the robot's YAML file; set again, it is read anew")
     allow_motion: bool = parameter(
-        False,
-        "whether the robot may be moved; set to false while it moves, it is stopped",
+        False, "whether the robot may be moved; set to false while it moves, it is stopped"
     )
     controller: str = parameter(
         "joint_trajectory_controller",
@@ -199,9 +198,7 @@ class CollectorSettings(Settings):
         math.nan, "height that all moving frames stay above, m in the base frame; nan: none"
     )
     tracking_error: float = parameter(
-        0.1,
-        "a robot that is so far from where it should be is stopped, rad (m)",
-        (0.001, 1.0),
+        0.1, "a robot that is so far from where it should be is stopped, rad (m)", (0.001, 1.0)
     )
     start_delay: float = parameter(
         1.0, "time until the controller begins a motion at the latest, s", (0.05, 120.0)

@@ -27,17 +27,7 @@ _STRETCHES = 50
 
 @dataclass(frozen=True)
 class StampedMessages:
-    """Messages with strictly increasing times.
-
-    Attributes
-    ----------
-    messages : JointMessages
-        Sorted, without repeated stamps.
-    time : (n,) int
-        ns.
-    quality : ClockQuality
-    notes : tuple of Note
-    """
+    """Messages, sorted and without repeated stamps, and their increasing `time` (n,) int, ns."""
 
     messages: JointMessages
     time: IntArray
@@ -57,10 +47,7 @@ class StampedMessages:
 def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     """Sort messages by their header stamps, or by arrival where the stamps say nothing.
 
-    Raises
-    ------
-    DataError
-        Too few messages, or time mostly runs backward.
+    Raises DataError: too few messages, or time mostly runs backward.
     """
     topic, count = messages.topic, len(messages)
     if count < 2:
@@ -95,7 +82,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     if not np.array_equal(order, np.arange(len(messages))):
         messages = messages.taken(order)
     fresh = np.concatenate([[True], np.diff(ordered) > 0])
-    messages, repeated = _one_of_each_stamp(messages, fresh)
+    messages, repeated = _one_per_stamp(messages, fresh)
     if repeated:
         notes.append(Note(topic, "repeated stamps: the first message of each is kept", repeated))
     ordered = ordered[fresh]
@@ -119,15 +106,10 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     return StampedMessages(messages, ordered, quality, tuple(notes))
 
 
-def _one_of_each_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
+def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
     """Put sorted messages of one stamp together: of each number the first one counts.
 
-    Returns
-    -------
-    JointMessages
-        One where `fresh` (n,) begins a stamp.
-    int
-        Messages that added nothing.
+    Returns a message wherever `fresh` (n,) begins a stamp, and how many messages added nothing.
     """
     if fresh.all():
         return messages, 0
@@ -149,20 +131,8 @@ def on_one_clock(
 
     Stretches in which time goes on are put together to the longest recording in which it does.
 
-    Parameters
-    ----------
-    topic
-    time, arrival
-        (n,) ns: stamps, and when the messages arrived.
-    interval
-        Sampling interval, ns.
-
-    Returns
-    -------
-    kept : (k,) int
-        Places of the messages that one clock stamped.
-    notes : list of Note
-        What was left out, and why.
+    `time` and `arrival` (n,) are stamps and times of arrival, `interval` is that of sampling, ns.
+    Returns the places (k,) of the messages that one clock stamped, and notes on the others.
     """
     # After a pause, too, a stretch begins: a stray time of arrival makes one.
     starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))
@@ -176,7 +146,14 @@ def on_one_clock(
     stray = ~chained & (between | (stops - starts == 1))
     lengths = stops - starts
     stray_messages = np.flatnonzero(np.repeat(stray, lengths))
-    notes = _stray_notes(topic, time, stray_messages)
+    notes = []
+    if len(stray_messages):
+        first = f"message {stray_messages[0] + 1} is stamped {_seconds(time[stray_messages[0]])}"
+        what = f"{first}, far from its neighbours: it is left out"
+        if len(stray_messages) > 1:
+            what = "messages with a stray stamp are left out; the first:"
+            what = f"{len(stray_messages)} {what} {first}"
+        notes.append(Note(topic, what, 1, limits=True))
     lost = int(lengths[~chained & ~stray].sum())
     if lost:
         clocks = np.flatnonzero(~stray)
@@ -195,12 +172,6 @@ def _usual(steps: IntArray, interval: float) -> BoolArray:
     return np.asarray((steps >= -_SET_BACK * interval) & (steps <= longest))
 
 
-def _follows(steps: IntArray, arrived: IntArray, interval: float) -> BoolArray:
-    """Whether time went on by `steps`, as usual or after a pause in which `arrived` went on too."""
-    pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
-    return np.asarray(_usual(steps, interval) | pause)
-
-
 def _longest_chain(
     starts: IntArray, stops: IntArray, time: IntArray, arrival: IntArray, interval: float
 ) -> IntArray:
@@ -209,7 +180,10 @@ def _longest_chain(
     for stretch in range(1, len(starts)):
         first = max(0, stretch - _STRETCHES)
         start, ends = starts[stretch], stops[first:stretch] - 1
-        follows = _follows(time[start] - time[ends], arrival[start] - arrival[ends], interval)
+        steps, arrived = time[start] - time[ends], arrival[start] - arrival[ends]
+        # As usual, or after a pause in which the time of arrival went on, too.
+        pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
+        follows = _usual(steps, interval) | pause
         if follows.any():
             before[stretch] = first + int(np.argmax(np.where(follows, messages[first:stretch], 0)))
             messages[stretch] += messages[before[stretch]]
@@ -217,17 +191,6 @@ def _longest_chain(
     while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
     return np.array(chain[::-1])
-
-
-def _stray_notes(topic: str, time: IntArray, places: IntArray) -> list[Note]:
-    if len(places) == 0:
-        return []
-    where = f"message {places[0] + 1} is stamped {_seconds(time[places[0]])}"
-    if len(places) == 1:
-        what = f"{where}, far from its neighbours: it is left out"
-    else:
-        what = f"{len(places)} messages with a stray stamp are left out; the first: {where}"
-    return [Note(topic, what, 1, limits=True)]
 
 
 def _jump_sentence(time: IntArray, last: int, first: int, jumps: int) -> str:

@@ -6,7 +6,7 @@ rests. What is called frozen is longer than all of these, and than what is aroun
 while the joint moves; where the channel is smooth it must end in a jump instead.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -31,29 +31,16 @@ _MOVES = 0.02
 
 
 def without_frozen(
-    stamped: dict[str, StampedMessages],
+    stamped: Mapping[str, StampedMessages],
     joint_states: str,
     effort: str,
     joints: Sequence[str],
     start: int,
-) -> tuple[dict[str, StampedMessages], tuple[FrozenStretches, ...]]:
+) -> tuple[Mapping[str, StampedMessages], tuple[FrozenStretches, ...]]:
     """Take out what efforts and positions repeat while they are frozen.
 
-    Parameters
-    ----------
-    stamped
-        Messages of each topic.
-    joint_states, effort
-        Topics of the positions and of the efforts.
-    joints
-    start
-        Of the recording, ns.
-
-    Returns
-    -------
-    dict
-        The same messages, with NaN for frozen values.
-    tuple of FrozenStretches
+    `joint_states` and `effort` are their topics, `start` is that of the recording, ns. Returns
+    the messages of each topic with NaN for frozen values, and what was taken out.
     """
     states, efforts = stamped[joint_states], stamped[effort]
     positions, torques = states.messages.values["position"], efforts.messages.values["effort"]
@@ -62,48 +49,34 @@ def without_frozen(
     for column, joint in enumerate(joints):
         position = positions[:, column]
         lost[0][:, column] = frozen_positions(position, moving_speed(position))
-        there = _at(efforts.time, states.time, position)
+        there = position
+        if not np.array_equal(efforts.time, states.time):
+            finite, begin = np.isfinite(position), states.time[0]
+            measured = states.time[finite] - begin, position[finite]
+            there = np.interp(efforts.time - begin, *measured)
         lost[1][:, column] = frozen_efforts(torques[:, column], there, moving_speed(there))
         for name, topic, frozen in (
             ("position", states, lost[0][:, column]),
             ("effort", efforts, lost[1][:, column]),
         ):
-            channel = f"{name} of {joint} on {topic.messages.topic}"
-            seconds: FloatArray = (topic.time - start).astype(np.float64) * 1e-9
-            stretches = described(channel, frozen, seconds)
-            frozen_stretches += [] if stretches is None else [stretches]
+            if frozen.any():
+                channel = f"{name} of {joint} on {topic.messages.topic}"
+                seconds: FloatArray = (topic.time - start).astype(np.float64) * 1e-9
+                frozen_stretches.append(_described(channel, frozen, seconds))
     if not frozen_stretches:
         return stamped, ()
     cleaned = dict(stamped)
-    for source, name, marked in (
-        (joint_states, "position", lost[0]),
-        (effort, "effort", lost[1]),
-    ):
+    for source, name, marked in ((joint_states, "position", lost[0]), (effort, "effort", lost[1])):
         values = cleaned[source].messages.values[name]
         cleaned[source] = cleaned[source].with_values(name, np.where(marked, np.nan, values))
     return cleaned, tuple(frozen_stretches)
 
 
-def _at(wanted: IntArray, time: IntArray, position: FloatArray) -> FloatArray:
-    """Positions at the times of the efforts, linearly where these are others."""
-    if wanted is time or np.array_equal(wanted, time):
-        return position
-    finite = np.isfinite(position)
-    begin = time[0]
-    return np.asarray(np.interp(wanted - begin, time[finite] - begin, position[finite]))
-
-
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:
     """Mark the repeats of an effort that is frozen while its joint moves.
 
-    Parameters
-    ----------
-    effort
-        (n,) of one joint, as published.
-    position
-        (n,) of the same joint at the same times.
-    speed
-        From which the joint moves, per sample; see `moving_speed`.
+    `effort`: (n,) of one joint, as published. `position`: (n,) of the same joint at the same times.
+    `speed`: from which the joint moves, per sample; see `moving_speed`.
     """
     frozen = _frozen(effort, position, speed, jumps=False)
     if not frozen.any():
@@ -126,7 +99,9 @@ def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bo
     longer than the runs around it.
     """
     none = np.zeros(len(values), dtype=bool)
-    first, last = _runs(values)
+    # Runs of equal values; a missing value equals none.
+    first = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    last = np.concatenate([first[1:] - 1, [len(values) - 1]])
     lengths = last - first + 1
     # Most channels end here, and cost nothing more.
     if lengths.max(initial=0) <= _LEAST_REPEATS + 1:
@@ -138,19 +113,20 @@ def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bo
     chosen = moved & (lengths > max(_LONGER * usual, _LEAST_REPEATS + 1.0))
     if not chosen.any():
         return none
-    if jumps or not _is_noisy(values):
+    changes = np.diff(values[first])
+    slopes, bends = np.abs(changes), np.abs(np.diff(changes))
+    slopes, bends = slopes[np.isfinite(slopes)], bends[np.isfinite(bends)]
+    # Noise passes a step of the channel at most times.
+    noisy = len(bends) > 0 and np.median(bends) > _NOISY * np.median(slopes)
+    if jumps or not noisy:
         chosen &= _jumps(values, first, last)
     else:
         chosen[chosen] = _alone(lengths, moved, np.flatnonzero(chosen))
-    return _repeats(len(values), first[chosen], last[chosen])
-
-
-def _is_noisy(values: FloatArray) -> bool:
-    """Whether noise passes a step of the channel at most times, by its changes."""
-    changes = np.diff(values[_runs(values)[0]])
-    slopes, bends = np.abs(changes), np.abs(np.diff(changes))
-    slopes, bends = slopes[np.isfinite(slopes)], bends[np.isfinite(bends)]
-    return len(bends) > 0 and bool(np.median(bends) > _NOISY * np.median(slopes))
+    # All places of the runs but the first: that one was measured.
+    change = np.zeros(len(values) + 1, dtype=int)
+    change[first[chosen] + 1] += 1
+    change[last[chosen] + 1] -= 1
+    return np.asarray(np.cumsum(change)[:-1] > 0)
 
 
 def moving_speed(position: FloatArray) -> float:
@@ -162,12 +138,6 @@ def moving_speed(position: FloatArray) -> float:
     speeds = np.abs(measured[span:] - measured[:-span]) / span
     peak = float(np.quantile(speeds, 0.99))
     return _MOVES * peak if peak > 0.0 else np.inf
-
-
-def _runs(values: FloatArray) -> tuple[IntArray, IntArray]:
-    """First and last place of each run of equal values; a missing value equals none."""
-    new = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
-    return new, np.concatenate([new[1:] - 1, [len(values) - 1]])
 
 
 def _moved(position: FloatArray, first: IntArray, last: IntArray, speed: float) -> BoolArray:
@@ -200,27 +170,11 @@ def _jumps(values: FloatArray, first: IntArray, last: IntArray) -> BoolArray:
     return np.asarray(steps[last] > _JUMP * np.maximum(after[last + 1], smallest))
 
 
-def _repeats(size: int, first: IntArray, last: IntArray) -> BoolArray:
-    """All places of the runs but the first: that one was measured."""
-    change = np.zeros(size + 1, dtype=int)
-    change[first + 1] += 1
-    change[last + 1] -= 1
-    return np.asarray(np.cumsum(change)[:size] > 0)
-
-
-def described(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches | None:
-    """Describe what was found at times `seconds` (n,) of the recording; None for nothing."""
-    if not frozen.any():
-        return None
+def _described(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches:
+    """Describe what is frozen at times `seconds` (n,) of the recording."""
     edges = np.diff(np.concatenate([[False], frozen, [False]]).astype(int))
     first, end = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     lengths = seconds[end - 1] - seconds[first - 1]
     samples = int(np.count_nonzero(frozen))
-    return FrozenStretches(
-        channel=channel,
-        samples=samples,
-        share=samples / len(frozen),
-        stretches=len(first),
-        first=float(seconds[first[0] - 1]),
-        longest=float(lengths.max()),
-    )
+    begin, longest = float(seconds[first[0] - 1]), float(lengths.max())
+    return FrozenStretches(channel, samples, samples / len(frozen), len(first), begin, longest)

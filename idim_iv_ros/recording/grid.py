@@ -6,14 +6,15 @@ spectrum and the closed loop is simulated through them: a corner at the edge of 
 acceleration that the robot never had.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.recording.clock import GAP, StampedMessages
+from idim_iv_ros.recording.bags.joint_messages import JointMessages
+from idim_iv_ros.recording.clock import GAP, StampedMessages, stamp_messages
 from idim_iv_ros.recording.recording import Note, Signal
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -39,16 +40,7 @@ _STOP = 0.5  # s, in which a joint comes to rest in a long gap, and starts again
 
 @dataclass(frozen=True)
 class Grid:
-    """Sample k is at start + k / rate.
-
-    Attributes
-    ----------
-    start : int
-        ns.
-    rate : float
-        Hz.
-    samples : int
-    """
+    """Sample k is at `start` (ns) + k / `rate` (Hz)."""
 
     start: int
     rate: float
@@ -98,8 +90,9 @@ def on_grid(
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
-    if _lies_on(grid, seconds):
-        first = round(float(seconds[0]) * grid.rate)
+    first = round(float(seconds[0]) * grid.rate)
+    place = seconds * grid.rate - first - np.arange(len(seconds))
+    if np.all(np.abs(place) < _ON_GRID):  # consecutive samples of the grid
         direct = values[-first : grid.samples - first] if first <= 0 else None
         if direct is not None and len(direct) == grid.samples:
             invented = ~np.isfinite(direct)
@@ -160,13 +153,6 @@ def _between(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: fl
     return np.asarray(out)
 
 
-def _lies_on(grid: Grid, seconds: FloatArray) -> bool:
-    """Whether the stamps are consecutive samples of the grid."""
-    place = seconds * grid.rate
-    first = round(float(place[0]))
-    return bool(np.all(np.abs(place - first - np.arange(len(place))) < _ON_GRID))
-
-
 def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
     after = np.searchsorted(stamps, target, side="left")
     before = np.clip(after - 1, 0, len(stamps) - 1)
@@ -186,13 +172,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Pauses:
-    """What is cut out of time.
-
-    Attributes
-    ----------
-    begin, end : (k,) int
-        Of each cut, ns.
-    """
+    """What is cut out of time, from `begin` to `end` (k,) int, ns."""
 
     begin: IntArray
     end: IntArray
@@ -245,15 +225,7 @@ def without_pauses(
 
 
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
-    """Replace the invented samples between measured ones, in place.
-
-    Parameters
-    ----------
-    values, invented
-        (n,) of one joint.
-    rate
-        Hz.
-    """
+    """Replace the invented samples (n,) of one joint between measured ones, in place."""
     edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     since = np.concatenate([[0], ends])  # where what is measured before each gap begins
@@ -283,10 +255,7 @@ def _speed(samples: FloatArray, rate: float) -> float:
 
 
 def _curve(
-    seconds: FloatArray,
-    duration: float,
-    ends: tuple[float, float],
-    speeds: tuple[float, float],
+    seconds: FloatArray, duration: float, ends: tuple[float, float], speeds: tuple[float, float]
 ) -> FloatArray:
     """Positions at `seconds` of a motion between two positions with given speeds there.
 
@@ -301,3 +270,94 @@ def _curve(
     positions = [ends[0], *rests, ends[1]]
     spline = CubicHermiteSpline(times, positions, [speeds[0], 0.0, 0.0, speeds[1]])
     return np.asarray(spline(seconds))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Joints that come together, and the messages of each source that hold them.
+
+    An arm and its gripper, or the joints of one arm, may share a topic with a message each, with
+    stamps and rates of their own: every part is put in order, stamped and interpolated by itself.
+
+    `columns` (k,) int: places of the joints among all that are read. `stamped`: with the columns of
+    these joints only.
+    """
+
+    columns: IntArray
+    stamped: Mapping[str, StampedMessages]
+
+
+def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:
+    """Split the messages of all sources by the joints that come together in every source.
+
+    Raises DataError: see `stamp_messages`.
+    """
+    labels = np.array([_together(messages.named) for messages in sources.values()])
+    _, label = np.unique(labels, axis=1, return_inverse=True)
+    columns = [np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())]
+    return tuple(
+        Part(
+            joints,
+            {
+                source: stamp_messages(_of_joints(messages, joints), where)
+                for source, messages in sources.items()
+            },
+        )
+        for joints in columns
+    )
+
+
+def _together(named: BoolArray) -> IntArray:
+    """Label (n_joints,) the joints that messages name (n_layouts, n_joints) together."""
+    label = np.arange(named.shape[1])
+    for layout in named:
+        joined = np.isin(label, label[layout])
+        label[joined] = np.min(label[joined], initial=named.shape[1])
+    present = named.any(axis=0)
+    # Joints that are never named split nothing.
+    label[~present] = label[present][0] if present.any() else 0
+    return label
+
+
+def _of_joints(messages: JointMessages, joints: IntArray) -> JointMessages:
+    """Messages that name some of the joints, or no joint at all, with these joints only."""
+    whole = len(joints) == messages.named.shape[1]
+    some = np.flatnonzero(messages.named[:, joints].any(axis=1) | ~messages.named.any(axis=1))
+    kept = np.isin(messages.layout, some if len(some) else messages.layout)
+    chosen = messages if kept.all() else messages.taken(np.flatnonzero(kept))
+    if whole:
+        return chosen
+    values = {name: value[:, joints] for name, value in chosen.values.items()}
+    return replace(chosen, values=values, named=messages.named[:, joints])
+
+
+def parts_note(topic: str, parts: Sequence[Part], joints: Sequence[str]) -> list[Note]:
+    """Say which joints come in which message, where there is more than one."""
+    if len(parts) == 1:
+        return []
+    listed = "; ".join(", ".join(joints[place] for place in part.columns) for part in parts)
+    return [Note(topic, f"the joints come in {len(parts)} messages, put together: {listed}", 1)]
+
+
+def joined(
+    grid: Grid, parts: Sequence[Part], source: str, name: str, *, stepwise: bool = False
+) -> Signal:
+    """One quantity of all joints on the grid, each part from its own stamps.
+
+    `stepwise`: a value stays until the next one, as commands of servos do.
+    """
+    first = parts[0].stamped[source].messages
+    origin = f"{first.topic} {first.origins.get(name, name)}"
+    signals = []
+    for part in parts:
+        stamped = part.stamped[source]
+        values, smooth = stamped.messages.values[name], name == "position"
+        signals.append(
+            on_grid(grid, stamped.time, values, origin, smooth=smooth, stepwise=stepwise)
+        )
+    if len(parts) == 1:
+        return signals[0]
+    order = np.argsort(np.concatenate([part.columns for part in parts]))
+    values = np.hstack([signal.values for signal in signals])[:, order]
+    invented = np.hstack([signal.invented for signal in signals])[:, order]
+    return Signal(read_only(values), read_only(invented), origin)

@@ -30,30 +30,14 @@ def import_lerobot(
 ) -> ImportSummary:
     """Write one episode as an MCAP bag with /joint_states and /joint_reference.
 
-    Parameters
-    ----------
-    out
-        The bag.
-    folder
-        Of the data set, with meta/info.json and data/.
-    episode
-        Its number.
-    joints
-        ``COLUMN`` or ``JOINT=COLUMN``: columns of the state by their names in the data set, and
-        what the URDF calls them; None: all columns. A gripper is left out by not naming it.
-    scale
-        What positions and commands are multiplied with to be in rad (0.0174533 for degrees).
-    robot_description
-        Text of the URDF, for /robot_description.
-    force
-        Replace a file that this program did not write.
-
-    Raises
-    ------
-    UsageError
-        No such data set, episode or column, or pyarrow is not installed.
-    DataError
-        Positions that are no radians.
+    `out`: the bag. `folder`: of the data set, with meta/info.json and data/. `episode`: its number.
+    `joints`: ``COLUMN`` or ``JOINT=COLUMN``: columns of the state by their names in the data set,
+    and what the URDF calls them; None: all columns. A gripper is left out by not naming it.
+    `scale`: what positions and commands are multiplied with to be in rad (0.0174533 for degrees).
+    `robot_description`: text of the URDF, for /robot_description. `force`: replace a file that this
+    program did not write.
+    Raises UsageError: no such data set, episode or column, or pyarrow is not installed. DataError:
+    positions that are no radians.
     """
     folder = Path(folder)
     out = require_bag_place(out, [], force=force)
@@ -81,7 +65,12 @@ def import_lerobot(
             "actions that are no commanded positions cannot be compared with them"
         )
     position, command = scale * state[:, columns], scale * action[:, columns]
-    _require_radians(folder, [name for name, _ in pairs], position)
+    for (joint, _), value in zip(pairs, np.abs(position).max(axis=0), strict=True):
+        if not value <= _MOST:
+            raise DataError(
+                f"{folder}: {joint} is at {value:.4g}: no rad; give --scale 0.0174533 for degrees, "
+                "or rad for a unit of a normalised range, from the calibration of the robot"
+            )
     stamps, warnings = _stamps(time[:, 0], float(information["fps"]))
     signals = {"position": position, "reference": command}
     return write_import(
@@ -133,16 +122,6 @@ def _files(
             f"{information.get('total_episodes', 'no')} episodes, from 0"
         )
     return files, [("episode_index", "==", episode)]
-
-
-def _require_radians(folder: Path, joints: Sequence[str], position: FloatArray) -> None:
-    largest = np.abs(position).max(axis=0)
-    for joint, value in zip(joints, largest, strict=True):
-        if not value <= _MOST:
-            raise DataError(
-                f"{folder}: {joint} is at {value:.4g}: no rad; give --scale 0.0174533 for degrees, "
-                "or rad for a unit of a normalised range, from the calibration of the robot"
-            )
 
 
 def _stamps(time: FloatArray, rate: float) -> tuple[FloatArray, tuple[str, ...]]:

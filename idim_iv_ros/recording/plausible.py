@@ -27,25 +27,11 @@ def without_impossible(
 ) -> tuple[FloatArray, str]:
     """Values with NaN for what is impossible, and a sentence on it; as they are if nothing is.
 
-    Parameters
-    ----------
-    name
-        ``position``, ``velocity`` or ``effort``.
-    values
-        (n, n_joints)
-    joints
-        Of the columns.
-    where, advice
-        Beginning and end of the error.
-    row, first
-        What a row is called, and the number of the first one.
-    missing
-        Whether a value that is missing (NaN) is wrong, too.
-
-    Raises
-    ------
-    DataError
-        There are too many to believe the rest.
+    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: of the
+    columns. `where`, `advice`: beginning and end of the error. `row`, `first`: what a row is
+    called, and the number of the first one. `missing`: whether a value that is missing (NaN) is
+    wrong, too.
+    Raises DataError: there are too many to believe the rest.
     """
     most = LARGEST[name]
     # The least and the greatest are found without a copy; NaN makes both of them NaN.

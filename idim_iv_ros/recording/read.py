@@ -1,6 +1,6 @@
 """From bags to recordings: the door through which everything enters."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,22 +9,30 @@ import numpy as np
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, with_loss
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
-from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
+from idim_iv_ros.recording.bags.joint_messages import JointMessages, checked_messages
 from idim_iv_ros.recording.clock import StampedMessages
 from idim_iv_ros.recording.frozen_channels import without_frozen
-from idim_iv_ros.recording.grid import Grid, make_grid, pauses_of, without_pauses
-from idim_iv_ros.recording.other_topics import (
+from idim_iv_ros.recording.grid import (
+    Grid,
+    Part,
+    joined,
+    make_grid,
+    parts_note,
+    parts_of,
+    pauses_of,
+    without_pauses,
+)
+from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
+from idim_iv_ros.recording.request import (
+    BagMessages,
+    Request,
+    in_bag,
     prismatic_joints,
     reference_advice,
     unused_references,
 )
-from idim_iv_ros.recording.parts import Part, joined, parts_note, parts_of
-from idim_iv_ros.recording.plausible import without_impossible
-from idim_iv_ros.recording.recording import FrozenStretches, Note, Recording, Signal
-from idim_iv_ros.recording.request import BagMessages, Request, in_bag
 from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
@@ -98,22 +106,18 @@ def read_requested(
         if progress is not None:
             progress(f"reading {bag.path.name}", 0.3 * number / len(opened))
         recording = read_bag(bag, request)
-        _require_new(recording, recordings)
+        for other in recordings:
+            # It would pass for a repeat without any noise.
+            if (
+                recording.start == other.start
+                and np.array_equal(recording.effort.values, other.effort.values)
+                and np.array_equal(recording.position.values, other.position.values)
+            ):
+                raise UsageError(
+                    f"{bag.path}: the same recording as {other.path}; give each one once"
+                )
         recordings.append(recording)
     return tuple(recordings)
-
-
-def _require_new(recording: Recording, before: Sequence[Recording]) -> None:
-    """Refuse a recording that is given twice: it would pass for a repeat without any noise."""
-    for other in before:
-        if (
-            recording.start == other.start
-            and np.array_equal(recording.effort.values, other.effort.values)
-            and np.array_equal(recording.position.values, other.position.values)
-        ):
-            raise UsageError(
-                f"{recording.path}: the same recording as {other.path}; give each one once"
-            )
 
 
 def read_bag(bag: Bag, request: Request) -> Recording:
@@ -138,10 +142,7 @@ def read_bag(bag: Bag, request: Request) -> Recording:
 def recording_of(messages: BagMessages) -> Recording:
     """Put the messages of all sources on one grid.
 
-    Raises
-    ------
-    DataError
-        A topic, a joint or a field is missing, or the messages make no recording.
+    Raises DataError: a topic, a joint or a field is missing, or the messages make no recording.
     """
     sources: dict[str, JointMessages] = {}
     bag, request = messages.bag, messages.request
@@ -151,120 +152,48 @@ def recording_of(messages: BagMessages) -> Recording:
             raise DataError(_missing(bag, source, request))
         optional = source == request.link_states
         reader = messages.readers[source]
-        sources[source], left_out = _checked(bag.path, reader, optional=optional)
+        sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
         notes += left_out
-    parts = parts_of(sources, str(bag.path))
+    parts = list(parts_of(sources, str(bag.path)))
     return _assemble(bag.path, request, parts, messages.description, notes)
 
 
-def _checked(
-    path: Path, reader: JointMessageReader, *, optional: bool = False
-) -> tuple[JointMessages, list[Note]]:
-    """Messages without impossible values, and what was left out.
-
-    `optional`: of some joints only, one at least.
-
-    Raises
-    ------
-    DataError
-        A joint or a field is not there.
-    """
-    messages = reader.finish()
-    topic = reader.topic
-    if len(messages) == 0 and not messages.passed:
-        damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
-        raise DataError(f"{path}: no message on {topic} can be read{damaged}")
-    absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
-    if optional and len(absent) < len(reader.joints):
-        absent = []
-    for joint in absent:
-        raise DataError(
-            f"{path}: {topic} never holds joint {joint}; it holds "
-            f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
-        )
-    notes = []
-    values = dict(messages.values)
-    for name in reader.fields:
-        values[name], sentence = without_impossible(
-            name,
-            values[name],
-            reader.joints,
-            f"{path}: {topic}",
-            "look at the driver, its units and its byte order",
-        )
-        if sentence:
-            notes.append(Note(topic, f"{sentence}; left out", 1, limits=True))
-        if name == "velocity" or optional:
-            continue
-        for column, joint in enumerate(reader.joints):
-            if not np.isfinite(values[name][:, column]).any():
-                raise DataError(
-                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
-                    f"{_where_else(reader, name)}"
-                )
-    return replace(messages, values=values), notes
-
-
-def _where_else(reader: JointMessageReader, name: str) -> str:
-    """What to write where a controller does not publish a quantity."""
-    topic = topic_of(reader.topic)
-    if reader.kind.name not in ROS2_CONTROL:
-        return ""
-    if name == "effort":
-        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
-    return f"; was the controller of {topic} active while this was recorded?"
-
-
 def _assemble(
-    path: Path,
-    request: Request,
-    parts: Sequence[Part],
-    description: str | None,
-    notes: list[Note],
+    path: Path, request: Request, parts: list[Part], description: str | None, notes: list[Note]
 ) -> Recording:
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
-    joints = request.joints
+    joints, links = request.joints, request.link_states
     notes += parts_note(joint_states, parts, joints)
     paused = pauses_of(parts[0].stamped[joint_states])
-    if paused is not None:
-        notes.append(paused[1])
-        parts = [replace(part, stamped=without_pauses(part.stamped, paused[0])) for part in parts]
+    notes += [] if paused is None else [paused[1]]
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
-    followers = [source for source in (reference, request.link_states) if source is not None]
-    parts = [
-        replace(
-            part,
-            stamped=without_wraps(
-                part.stamped,
-                joint_states,
-                followers,
-                [joints[column] for column in part.columns],
-                prismatic,
-            ),
-        )
-        for part in parts
-    ]
+    followers = [source for source in (reference, links) if source is not None]
+    for number, part in enumerate(parts):
+        stamped = part.stamped if paused is None else without_pauses(part.stamped, paused[0])
+        names = [joints[column] for column in part.columns]
+        stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
+        parts[number] = replace(part, stamped=stamped)
     grid = _common_grid(path, request, parts)
     notes += _inactive_notes(request, parts[0].stamped, grid)
     frozen: tuple[FrozenStretches, ...] = ()
     for number, part in enumerate(parts):
-        for topic in part.stamped.values():
-            notes += topic.notes
-            notes += _with_encoder(topic.messages, request).notes()
-        names = [joints[column] for column in part.columns]
-        if effort is None:
-            continue
-        stamped, more = without_frozen(dict(part.stamped), joint_states, effort, names, grid.start)
-        parts[number], frozen = replace(part, stamped=stamped), frozen + more
+        for source, topic in part.stamped.items():
+            notes += [*topic.notes, *topic.messages.notes(some_joints=source == links)]
+        if effort is not None:
+            names = [joints[column] for column in part.columns]
+            stamped, more = without_frozen(part.stamped, joint_states, effort, names, grid.start)
+            parts[number], frozen = replace(part, stamped=stamped), frozen + more
     clocks = [topic.quality for part in parts for topic in part.stamped.values()]
     if len({clock.source for clock in clocks}) > 1:
         what = "topics with different clocks: their delay is not known"
         notes.append(Note(joint_states, what, 1))
-    torque = _no_effort(grid, len(joints))
-    if effort is not None:
+    if effort is None:
+        zeros = np.zeros((grid.samples, len(joints)))
+        torque = Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
+    else:
         torque = joined(grid, parts, effort, "effort")
-    for column, joint in enumerate(joints):
-        if effort is not None and not torque.values[:, column].any():
+    for column, joint in enumerate(() if effort is None else joints):
+        if not torque.values[:, column].any():
             why = "is zero throughout: the driver does not publish it"
             if torque.invented[:, column].all():
                 why = "is missing wherever positions are recorded"
@@ -283,20 +212,12 @@ def _assemble(
             else None
         ),
         velocity_reference=_optional(grid, parts, reference, "velocity") if reference else None,
-        link_position=(
-            joined(grid, parts, request.link_states, "position") if request.link_states else None
-        ),
+        link_position=joined(grid, parts, links, "position") if links else None,
         clocks=tuple(dict.fromkeys(clocks)),
         notes=tuple(dict.fromkeys(notes)),
         robot_description=description,
         frozen=frozen,
     )
-
-
-def _no_effort(grid: Grid, joints: int) -> Signal:
-    """Zeros for a robot that records no efforts."""
-    zeros = np.zeros((grid.samples, joints))
-    return Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
 
 
 def _inactive_notes(
@@ -317,44 +238,30 @@ def _inactive_notes(
     return [Note(topic_of(request.reference), what, 1)]
 
 
-def _with_encoder(messages: JointMessages, request: Request) -> JointMessages:
-    """Of encoders behind the gears only the joints that have one: the others miss nothing."""
-    if messages.topic != request.link_states:
-        return messages
-    values = messages.values["position"]
-    there = np.isfinite(values).any(axis=0)
-    return replace(messages, values={"position": values[:, there]})
-
-
 def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
     """Grid of the time during which all topics were recorded, at the rate of the slowest part.
 
-    Raises
-    ------
-    DataError
-        There is no such time, or too little of it, or hardly anything was recorded in it.
+    Raises DataError: there is no such time, or too little of it, or hardly anything was recorded in
+    it.
     """
     states = max(
         (part.stamped[request.joint_states].time for part in parts),
         key=lambda time: float(np.median(np.diff(time))),
     )
-    every = [stamped for part in parts for stamped in part.stamped.items()]
+    topics = [stamped for part in parts for stamped in part.stamped.items()]
     needed = [
-        topic.time for source, topic in every if source in (request.joint_states, request.effort)
+        topic.time for source, topic in topics if source in (request.joint_states, request.effort)
     ]
     first = max(int(time[0]) for time in needed)
     last = min(int(time[-1]) for time in needed)
-    jumps = [note.sentence for _, topic in every for note in topic.notes if note.limits]
+    jumps = [note.sentence for _, topic in topics for note in topic.notes if note.limits]
     because = f" ({'; '.join(dict.fromkeys(jumps))})" if jumps else ""
+    apart = f"do not overlap in time{because}"
     if last <= first:
-        raise DataError(
-            f"{path}: {request.joint_states} and {request.effort} do not overlap in time{because}"
-        )
-    for source, topic in every:
+        raise DataError(f"{path}: {request.joint_states} and {request.effort} {apart}")
+    for source, topic in topics:
         if topic.time[-1] < first or topic.time[0] > last:
-            raise DataError(
-                f"{path}: {source} and {request.joint_states} do not overlap in time{because}"
-            )
+            raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
             first, last = _while_active(topic, first, last)
     grid = make_grid(states, first, last)
@@ -408,3 +315,50 @@ def _missing(bag: Bag, topic: str, request: Request) -> str:
         return f"{path}: no topic {topic}, nor any other topic with joint states{advice}"
     listed = ", ".join(sorted(usable))
     return f"{path}: no topic {topic}; joint states are on {listed}{advice}"
+
+
+# s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
+# lose about a tenth of a second at each edge.
+SEGMENT = 300.0
+# A topic that is this far behind the others, in segments, has ended: nobody waits for it.
+_BEHIND = 2
+
+
+def read_segments(
+    bag: Bag, request: Request, seconds: float = SEGMENT
+) -> Iterator[Recording | DataError]:
+    """Read a bag segment by segment; one of up to one and a half segments is read as a whole.
+
+    Segments end at the same arrival time in all topics. The last one takes what remains, from half
+    a segment to one and a half. One that does not hold what is asked for is given as its error:
+    others may.
+
+    Raises UsageError: no such bag. DataError or OSError: the bag or its files cannot be read.
+    """
+    messages = BagMessages(bag, in_bag(bag, request))
+    latest = dict.fromkeys(messages.request.topics, 0)
+    length, end = round(1e9 * seconds), 0
+    for topic, batch in bag.batches(messages.topics):
+        if topic in latest and len(batch):
+            end = end or int(batch.arrival.min()) + length
+            # All topics are half a segment behind the end, as far as they go on. Topics of a chunk
+            # come one after the other: when one comes again, the chunk before is done, and a topic
+            # that was not in it for two segments has ended.
+            while (
+                min(latest.values()) >= end + length // 2 or latest[topic] >= end + _BEHIND * length
+            ):
+                yield _segment(messages.before(end))
+                end += length
+            latest[topic] = max(latest[topic], int(batch.arrival.max()))
+        messages.add(topic, batch)
+    while end and max(latest.values()) >= end + length // 2:
+        yield _segment(messages.before(end))
+        end += length
+    yield _segment(messages)
+
+
+def _segment(messages: BagMessages) -> Recording | DataError:
+    try:
+        return recording_of(messages)
+    except DataError as error:
+        return with_loss(error, messages.bag, messages.request.topics)

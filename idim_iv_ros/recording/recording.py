@@ -31,15 +31,8 @@ class Signal:
 class Note:
     """One thing a user should know about how a recording was read.
 
-    Attributes
-    ----------
-    topic : str
-        Empty where it is about the file.
-    what : str
-    count : int
-        How many times.
-    limits : bool
-        Whether measurements were lost, so that a user should hear of it unasked.
+    `topic`: empty where it is about the file. `count`: how many times. `limits`: whether
+    measurements were lost, so that a user should hear of it unasked.
     """
 
     topic: str
@@ -77,19 +70,9 @@ class ClockQuality:
 class FrozenStretches:
     """Where one channel of a recording is frozen.
 
-    Attributes
-    ----------
-    channel : str
-        In words: ``effort of joint_2 on /joint_states``.
-    samples : int
-        Measurements that were left out for it.
-    share : float
-        Of all measurements of the channel.
-    stretches : int
-    first : float
-        When the first one begins, s from the start of the recording.
-    longest : float
-        s
+    `channel`: in words: ``effort of joint_2 on /joint_states``. `samples`: measurements that were
+    left out for it. `share`: of all measurements of the channel. `first`: when the first one
+    begins, s from the start of the recording. `longest`: s.
     """
 
     channel: str

@@ -1,15 +1,92 @@
-"""What is read of a bag: which quantities of which joints, from which field of which topic."""
+"""What is read of a bag: topics, quantities of joints, the description, perhaps its reference.
 
+A topic with a leading slash is meant as it is written. One without is relative, as everywhere in
+ROS: a node in the namespace ``/left`` records ``joint_states`` as ``/left/joint_states``, and the
+same configuration finds it there again.
+"""
+
+import re
+import struct
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
+import numpy as np
+
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, JOINT_STATE
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
-from idim_iv_ros.recording.other_topics import robot_description
-from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
 from idim_iv_ros.signal_source import field_of, topic_of, with_field
+
+ROBOT_DESCRIPTION = "robot_description"
+
+
+def in_root(name: str) -> str:
+    """Return a name as a node without a namespace resolves it."""
+    return name if name.startswith("/") else f"/{name}"
+
+
+def topics_in_bag(
+    path: Path, named: Mapping[str, str], topics: Collection[str], node_topics: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the full names of topics that a configuration names.
+
+    All relative names lie in one namespace, for a reference of another robot is none: in that of
+    the node that asks (``/`` where none asks) if the first of them is there, else where the only
+    topic lies whose name ends with the first of them.
+
+    `path`: the bag, for messages. `named`: name of each key of the section `signals`, the one that
+    matters most first. `topics`: full names of the topics that can be meant. `node_topics`: what
+    relative names are for the node that asks, remapping included. Of a topic that the bag does not
+    hold the name that it should have is returned.
+    Raises DataError: several topics end with a relative name.
+    """
+    full_names = {name: name for name in named.values() if name.startswith("/")}
+    relative = {key: name for key, name in named.items() if not name.startswith("/")}
+    if not relative:
+        return full_names
+    key, first = next(iter(relative.items()))
+    mine = {name: node_topics.get(name, in_root(name)) for name in relative.values()}
+    candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
+    if mine[first] in topics or not candidates:
+        return {**full_names, **mine}
+    if len(candidates) > 1:
+        rest = ", ".join(other for other, name in relative.items() if name != first)
+        others = f", and the same for {rest}" if rest else ""
+        raise DataError(
+            f"{path}: signals.{key}: {first} may be {' or '.join(candidates)}: write the full name "
+            f"of your robot's, as `{key}: {candidates[0]}`, under signals{others}"
+        )
+    namespace = candidates[0].removesuffix(first)
+    return {**full_names, **{name: namespace + name for name in relative.values()}}
+
+
+def descriptions_of(joint_states: str, node_topics: Mapping[str, str]) -> list[str]:
+    """Return the topics that may hold the description of a robot, the likeliest first.
+
+    The node's own, then that in the namespace of the joint states, then those above it; at last
+    the global one.
+    """
+    likely = [node_topics[ROBOT_DESCRIPTION]] if ROBOT_DESCRIPTION in node_topics else []
+    namespace = joint_states
+    while namespace:
+        namespace = namespace.rpartition("/")[0]
+        likely.append(f"{namespace}/{ROBOT_DESCRIPTION}")
+    return list(dict.fromkeys(likely))
+
+
+_WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
+_QUANTITIES = {
+    "joint_states": ("position", "velocity"),
+    "effort": ("effort",),
+    "reference": ("position", "velocity"),
+    "link_states": ("position",),
+}
 
 
 @dataclass(frozen=True)
@@ -25,24 +102,19 @@ class Request:
     reference: str | None
     prismatic: Collection[str] = ()
     link_states: str | None = None
-    own_topics: Mapping[str, str] = field(default_factory=dict)
+    node_topics: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def named(self) -> dict[str, str]:
         """Topic of each key of a configuration that names one."""
-        keys = ("joint_states", "effort", "reference", "link_states")
-        return {key: name for key in keys if (name := getattr(self, key)) is not None}
+        return {key: name for key in _QUANTITIES if (name := getattr(self, key)) is not None}
 
     @property
     def fields(self) -> dict[str, set[str]]:
         """Fields to read of each topic."""
-        fields: dict[str, set[str]] = {self.joint_states: {"position", "velocity"}}
-        if self.effort is not None:
-            fields.setdefault(self.effort, set()).add("effort")
-        if self.reference is not None:
-            fields.setdefault(self.reference, set()).update(("position", "velocity"))
-        if self.link_states is not None:
-            fields.setdefault(self.link_states, set()).add("position")
+        fields: dict[str, set[str]] = {}
+        for key, source in self.named.items():
+            fields.setdefault(source, set()).update(_QUANTITIES[key])
         return fields
 
     @property
@@ -65,52 +137,34 @@ class Request:
     @property
     def descriptions(self) -> list[str]:
         """Topics that may hold the robot's description, the likeliest first."""
-        return descriptions_of(topic_of(self.joint_states), self.own_topics)
+        return descriptions_of(topic_of(self.joint_states), self.node_topics)
 
 
 def in_bag(bag: Bag, request: Request) -> Request:
     """Return the request with the full names of its topics in this bag.
 
-    Raises
-    ------
-    UsageError, DataError
-        No such bag, or several topics may be meant.
+    Raises UsageError or DataError: no such bag, or several topics may be meant.
     """
     if all(name.startswith("/") for name in request.named.values()):
         return request.with_reference_field
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.unread().known_topics().items()
+    kinds = bag.unread().topic_types().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
     named = {key: topic_of(name) for key, name in request.named.items()}
-    full_names = topics_in_bag(bag.path, named, topics, request.own_topics)
+    full_names = topics_in_bag(bag.path, named, topics, request.node_topics)
 
     def full(source: str) -> str:
         field_, topic = field_of(source), full_names[topic_of(source)]
         return topic if field_ is None else with_field(topic, field_)
 
-    effort, reference, link_states = request.effort, request.reference, request.link_states
-    return replace(
-        request,
-        joint_states=full(request.joint_states),
-        effort=None if effort is None else full(effort),
-        reference=None if reference is None else full(reference),
-        link_states=None if link_states is None else full(link_states),
-    ).with_reference_field
+    sources: dict[str, Any] = {key: full(source) for key, source in request.named.items()}
+    return replace(request, **sources).with_reference_field
 
 
 @dataclass
 class BagMessages:
-    """What was read of a bag so far.
-
-    Attributes
-    ----------
-    bag : Bag
-    request : Request
-        With the full names of its topics.
-    readers : dict
-        Messages of each source that was met.
-    """
+    """What was read of a bag so far: messages of each source, of a request with full names."""
 
     bag: Bag
     request: Request
@@ -130,10 +184,8 @@ class BagMessages:
     def add(self, topic: str, batch: MessageBatch) -> None:
         """Take messages of a topic, for each source that is read from it.
 
-        Raises
-        ------
-        UsageError, DataError
-            They hold no quantities of joints, or not in the field that is named.
+        Raises UsageError or DataError: they hold no quantities of joints, or not in the field that
+        is named.
         """
         if topic in self.request.descriptions:
             text = robot_description(batch)
@@ -155,3 +207,71 @@ class BagMessages:
         """Give up the messages that arrived before a time, ns."""
         earlier = {source: reader.before(arrival) for source, reader in self.readers.items()}
         return replace(self, readers=earlier)
+
+
+def robot_description(batch: MessageBatch) -> str | None:
+    """Text of the last std_msgs/String of a batch, None if it is not one."""
+    message = batch.message(len(batch) - 1)
+    try:
+        order = "<" if message[1] == 1 else ">"
+        (size,) = struct.unpack_from(order + "I", message, 4)
+        return message[8 : 8 + size].rstrip(b"\0").decode("utf-8")
+    except (struct.error, IndexError, UnicodeDecodeError):
+        return None
+
+
+def prismatic_joints(urdf: str) -> frozenset[str]:
+    """Joints that slide; none where the text is no URDF (whoever builds the model says so)."""
+    try:
+        root = ElementTree.fromstring(urdf)
+    except (ElementTree.ParseError, ValueError):
+        return frozenset()
+    joints = root.iter("joint")
+    return frozenset(e.get("name", "") for e in joints if e.get("type") == "prismatic")
+
+
+def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the topics of a bag that hold positions of all joints, likely references first.
+
+    The bag was read before, so that its topics are known; `used` are sources that are used already.
+    """
+    measured = set(map(topic_of, used))
+    # What a controller was asked for is a reference, also of the topic that gives what it measured.
+    kinds = {
+        name: JointMessageType(kind, bag.definitions.get(kind), reference=True)
+        for name, kind in bag.topics.items()
+        if kind == CONTROLLER_STATE or (kind == JOINT_STATE and name not in measured)
+    }
+    references: set[str] = set()
+    waiting = set(kinds)
+    for topic, batch in bag.unread().batches(set(kinds)) if kinds else ():
+        if topic in waiting and len(batch):
+            reader = JointMessageReader(topic, kinds[topic], joints, ["position"])
+            reader.add(batch)
+            if np.isfinite(reader.finish().values["position"]).any(axis=0).all():
+                references.add(topic)
+                waiting.discard(topic)
+            elif kinds[topic].name == JOINT_STATE:  # a controller may not be active yet
+                waiting.discard(topic)
+        if not waiting:
+            break
+
+    def likely(topic: str) -> tuple[bool, bool, str]:
+        of_controller = kinds[topic].name == CONTROLLER_STATE
+        return not of_controller, not sounds_like_reference(topic), topic
+
+    return tuple(sorted(references, key=likely))
+
+
+def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
+    """Say what to write where the reference is not on the topic that was named."""
+    references = unused_references(bag, used, joints)
+    if references:
+        first = references[0]
+        return f"; if the reference is on {first}, write `reference: {first}` under signals"
+    return "; name that of the reference in signals.reference, or leave it out"
+
+
+def sounds_like_reference(topic: str) -> bool:
+    """Whether a word of a topic's name means a reference: ``/arm/joint_command``."""
+    return any(word in _WORDS for word in re.split(r"[^a-z]+", topic.lower()))

@@ -23,12 +23,8 @@ _LISTED = 6
 class SessionPart:
     """Where one recording lies in its session.
 
-    Attributes
-    ----------
-    bag : str
-        Name of its file or folder, with the path where two have the same name.
-    start, duration : float
-        s, of the session and of the recording.
+    `bag`: name of its file or folder, with the path where two have the same name. `start`,
+    `duration`: s, of the session and of the recording.
     """
 
     bag: str
@@ -40,13 +36,8 @@ class SessionPart:
 class Session:
     """Recordings in the order of their first stamps, and the time that they share.
 
-    Attributes
-    ----------
-    recordings : tuple of Recording
-    parts : tuple of SessionPart
-        One for each recording; they do not overlap.
-    sentences : tuple of str
-        How stamps became the time of the session; empty for a single recording.
+    `parts`: one for each recording; they do not overlap. `sentences`: how stamps became the time of
+    the session; empty for a single recording.
     """
 
     recordings: tuple[Recording, ...]
@@ -62,10 +53,7 @@ def session_of(recordings: Sequence[Recording]) -> Session:
     `LONGEST_PAUSE`. A recording whose stamps begin before another one ends follows without a
     pause. The time of the session starts with the first sample of the first recording.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    Raises UsageError: there is none.
     """
     if not recordings:
         raise UsageError("no recording is given; name at least one bag")

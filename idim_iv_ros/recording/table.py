@@ -25,14 +25,8 @@ _KINDS = {"reference": "position", "link": "position", "velocity_reference": "ve
 class ImportSummary:
     """What was imported.
 
-    Attributes
-    ----------
-    samples : int
-    rate, duration : float
-        Mean rate in Hz, s.
-    signals : tuple of str
-    warnings : tuple of str
-        Rows that hold no possible value, and were written as missing; what was assumed.
+    `rate`, `duration`: mean rate in Hz, s. `warnings`: rows that hold no possible value, and were
+    written as missing; what was assumed.
     """
 
     samples: int
@@ -142,31 +136,14 @@ def import_table(
 
 
 def import_mapped(
-    out: FilePath,
-    columns: FilePath,
-    *,
-    robot_description: str | None = None,
-    force: bool = False,
+    out: FilePath, columns: FilePath, *, robot_description: str | None = None, force: bool = False
 ) -> ImportSummary:
     """Write the table of a map (`table_map.TableMap`) as an MCAP bag with the same topics.
 
-    Parameters
-    ----------
-    out
-        The bag.
-    columns
-        The map, YAML.
-    robot_description
-        Text of the URDF, for /robot_description.
-    force
-        Replace a file that this program did not write.
-
-    Raises
-    ------
-    UsageError
-        No such file or column, a library that is not installed, or `out` cannot be written.
-    DataError
-        As `import_table`.
+    `out`: the bag. `columns`: the map, YAML. `robot_description`: text of the URDF, for
+    /robot_description. `force`: replace a file that this program did not write.
+    Raises UsageError: no such file or column, a library that is not installed, or `out` cannot be
+    written. DataError: as `import_table`.
     """
     described, table = read_map(columns)
     joints = list(described.joints)
@@ -191,10 +168,7 @@ def import_mapped(
 def require_bag_place(out: FilePath, joints: Sequence[str], *, force: bool) -> Path:
     """Refuse a bag that cannot be written, and names that no message can hold.
 
-    Raises
-    ------
-    UsageError
-        One line with the bag or the name.
+    Raises UsageError: one line with the bag or the name.
     """
     out = Path(out)
     if out.suffix.lower() != ".mcap":
@@ -221,14 +195,8 @@ def write_import(
 ) -> ImportSummary:
     """Write the topics of an import, rows that hold no possible value as missing.
 
-    Parameters
-    ----------
-    stamps
-        (n,) s of the measurements and of the references.
-    signals
-        (n, n_joints) of `table_map.SIGNALS`.
-    sources
-        What the table of each signal is called.
+    `stamps`: (n,) s of the measurements and of the references. `signals`: (n, n_joints) of
+    `table_map.SIGNALS`. `sources`: what the table of each signal is called.
     """
     possible, warnings = {}, list(warnings)
     for name, values in signals.items():

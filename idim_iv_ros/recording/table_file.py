@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import is_file
 from idim_iv_ros.types import FloatArray
-
-_Wanted = TypeVar("_Wanted", str, int)  # name of a variable, or number of a column
 
 TEXT = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat", ".parquet", ".h5", ".hdf5", ".hdf")
@@ -33,10 +31,7 @@ _LARGEST = 1 << 30  # bytes of one array
 def read_table(spec: str) -> FloatArray:
     """Two-dimensional numbers (n_samples, n_columns) of ``FILE[:KEY]``.
 
-    Raises
-    ------
-    UsageError
-        No such file, variable or column, or something else than real numbers.
+    Raises UsageError: no such file, variable or column, or something else than real numbers.
     """
     path, key = _split(spec)
     with one_line_errors(path):
@@ -76,10 +71,7 @@ def one_line_errors(path: Path) -> Iterator[None]:
 def real_numbers(values: Any, source: str) -> FloatArray:
     """Numbers in double precision; beyond it they are infinite, which is refused later.
 
-    Raises
-    ------
-    UsageError
-        They are something else than real numbers.
+    Raises UsageError: they are something else than real numbers.
     """
     array = np.asarray(values)
     if array.dtype.kind not in _NUMBERS:
@@ -138,15 +130,8 @@ def read_array(path: Path, name: str) -> Any:
 def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatArray:
     """One column of parquet files, (n_samples, n_columns): of lists several, of dates s since 1970.
 
-    Parameters
-    ----------
-    options
-        Of `pyarrow.parquet.read_table`, for example its `filters`.
-
-    Raises
-    ------
-    UsageError
-        pyarrow is not installed, or there is no such column.
+    `options`: of `pyarrow.parquet.read_table`, for example its `filters`.
+    Raises UsageError: pyarrow is not installed, or there is no such column.
     """
     parquet = needs_tables(paths[0], "pyarrow.parquet")
     _variables(paths[0], parquet.read_schema(paths[0]).names, name)
@@ -161,10 +146,7 @@ def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatAr
 def needs_tables(path: Path, module: str) -> Any:
     """Return a module that only some tables need.
 
-    Raises
-    ------
-    UsageError
-        It is not installed.
+    Raises UsageError: it is not installed.
     """
     try:
         return import_module(module)
@@ -177,14 +159,8 @@ def needs_tables(path: Path, module: str) -> Any:
 class TextFormat:
     """How a table is written as text.
 
-    Attributes
-    ----------
-    delimiter : str
-        Between columns; empty: what stands most often in the first row.
-    decimal : str
-        ``.`` or ``,``.
-    comment : str
-        Begins lines that are none of the table; empty: nothing does.
+    `delimiter`: between columns; empty: what stands most often in the first row. `decimal`: ``.``
+    or ``,``. `comment`: begins lines that are none of the table; empty: nothing does.
     """
 
     delimiter: str = ""
@@ -195,16 +171,9 @@ class TextFormat:
 class TextTable:
     """A table as text, with a row of names or without.
 
-    Attributes
-    ----------
-    names : list of str
-        Of the columns; their numbers where there are none. A comment before numbers of as many
-        columns holds names, too: NumPy writes them so.
-
-    Raises
-    ------
-    UsageError
-        There is nothing but comments.
+    `names`: of the columns; their numbers where there are none. A comment before numbers of as many
+    columns holds names, too: NumPy writes them so.
+    Raises UsageError: there is nothing but comments.
     """
 
     def __init__(self, path: Path, text_format: TextFormat | None = None) -> None:
@@ -237,10 +206,7 @@ class TextTable:
     def number(self, column: str) -> int:
         """Number of a column by its name, or by its number from 0.
 
-        Raises
-        ------
-        UsageError
-            There is none, or several.
+        Raises UsageError: there is none, or several.
         """
         if self.names.count(column) > 1:
             raise UsageError(
@@ -257,15 +223,8 @@ class TextTable:
     def columns(self, wanted: Sequence[int], time: int | None = None) -> list[FloatArray]:
         """Columns (n,) by their numbers, empty cells as NaN.
 
-        Parameters
-        ----------
-        time
-            Number of one that may hold dates of ISO 8601: they are read as s since 1970.
-
-        Raises
-        ------
-        DataError
-            Rows of different lengths, or something else in a cell.
+        `time`: number of one that may hold dates of ISO 8601: they are read as s since 1970.
+        Raises DataError: rows of different lengths, or something else in a cell.
         """
         rows = csv.reader(filter(self._without_comment, self._lines()), delimiter=self._delimiter)
         parts: list[list[FloatArray]] = [[np.zeros(0)] for _ in wanted]
@@ -303,39 +262,39 @@ class TextTable:
 
 
 def _split(spec: str) -> tuple[Path, str | None]:
+    """File and key of ``FILE[:KEY]``, all of which may be the name of a file."""
     name, colon, key = spec.rpartition(":")
-    if not colon or _is_there(spec):
-        path, key_or_none = Path(spec), None
-    else:
-        path, key_or_none = Path(name), key
+    path, whole = Path(spec), not colon
+    with suppress(UsageError):  # too long for a name
+        whole = whole or is_file(path)
+    path = path if whole else Path(name)
     if not is_file(path):
         raise UsageError(f"{path}: no such file")
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"{path}: not a table ({', '.join(SUFFIXES)})")
-    return path, key_or_none
-
-
-def _is_there(spec: str) -> bool:
-    """Whether the whole of ``FILE:KEY`` is the name of a file."""
-    try:
-        return is_file(Path(spec))
-    except UsageError:
-        return False
+    return path, None if whole else key
 
 
 def _load(path: Path, key: str | None) -> Any:
     suffix = path.suffix.lower()
     if suffix in TEXT:
         table = TextTable(path)
-        wanted = range(len(table.names)) if key is None else map(table.number, key.split(","))
-        return np.column_stack(table.columns(_different(path, list(wanted))))
+        every = range(len(table.names))
+        wanted = list(every if key is None else map(table.number, key.split(",")))
+        _require_different(path, wanted)
+        return np.column_stack(table.columns(wanted))
     if suffix == ".npy":
         # Mapped, so that a header that claims more than the file holds is an error and no memory.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
         _require_size(path, array.nbytes)
         if key is None:
             return array
-        return array[:, _different(path, [_column(path, part) for part in key.split(",")])]
+        columns = key.split(",")
+        for column in columns:
+            if not column.isdigit():
+                raise UsageError(f"{path}: no column {column}; columns are numbers from 0")
+        _require_different(path, columns)
+        return array[:, list(map(int, columns))]
     arrays = [read_array(path, name) for name in _variables(path, list(array_shapes(path)), key)]
     if len(arrays) == 1:
         return arrays[0]
@@ -379,21 +338,15 @@ def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
     for name in wanted:
         if name not in names:
             raise UsageError(f"{path}: no variable {name}; there are {listed}")
-    return _different(path, wanted)
+    _require_different(path, wanted)
+    return wanted
 
 
-def _different(path: Path, wanted: list[_Wanted]) -> list[_Wanted]:
+def _require_different(path: Path, wanted: Sequence[object]) -> None:
     """Refuse what is asked for twice: it would be the signal of two joints."""
     for column, times in Counter(wanted).items():
         if times > 1:
             raise UsageError(f"{path}: {column} is given twice; each joint has its own")
-    return wanted
-
-
-def _column(path: Path, text: str) -> int:
-    if not text.isdigit():
-        raise UsageError(f"{path}: no column {text}; columns are numbers from 0")
-    return int(text)
 
 
 def is_number(value: object) -> bool:

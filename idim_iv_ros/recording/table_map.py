@@ -86,19 +86,10 @@ class Units(_Part):
 class TableMap(_Part):
     """What a table holds.
 
-    Attributes
-    ----------
-    file : str
-        The table, beside the map if it is no absolute path.
-    time : Stamps or None
-        None where `rate` says how fast rows follow one another.
-    rate : float or None
-        Hz.
-    joints : dict of str to JointColumns
-    units : Units
-    delimiter, decimal, comment : str
-        Of text: what stands between columns (empty: found), the decimal sign, what begins a line
-        that is none of the table (empty: nothing does).
+    `file`: the table, beside the map if it is no absolute path. `time`: None where `rate` says how
+    fast rows follow one another. `rate`: Hz. `delimiter`, `decimal`, `comment`: of text: what
+    stands between columns (empty: found), the decimal sign, what begins a line that is none of the
+    table (empty: nothing does).
     """
 
     file: str
@@ -114,10 +105,7 @@ class TableMap(_Part):
 def read_map(path: FilePath) -> tuple[TableMap, Path]:
     """Read a map, and where its table is.
 
-    Raises
-    ------
-    UsageError
-        It is no map, or names a table that is not there.
+    Raises UsageError: it is no map, or names a table that is not there.
     """
     path = Path(path)
     try:
@@ -139,29 +127,22 @@ def mapped_columns(
 ) -> tuple[FloatArray | None, dict[str, FloatArray]]:
     """Stamps (n,) s, None where there is a rate, and every signal (n, n_joints) in SI units.
 
-    Raises
-    ------
-    UsageError, DataError
-        No such column, something else than numbers in one, or a signal of some joints only.
+    Raises UsageError or DataError: no such column, something else than numbers in one, or a signal
+    of some joints only.
     """
     signals: dict[str, list[str]] = {}
     for signal in SIGNALS:
-        columns = [getattr(joint, signal) for joint in described.joints.values()]
-        given = [column for column in columns if column is not None]
-        if given and len(given) < len(columns):
-            missing = [
-                name
-                for name, column in zip(described.joints, columns, strict=True)
-                if column is None
-            ]
+        columns = {name: getattr(joint, signal) for name, joint in described.joints.items()}
+        missing = [name for name, column in columns.items() if column is None]
+        if missing and len(missing) < len(columns):
             raise UsageError(
                 f"{signal} of {', '.join(missing)} is missing; give it for all joints, or for none"
             )
-        if given:
-            signals[signal] = given
+        if not missing:
+            signals[signal] = list(columns.values())
     wanted = [column for columns in signals.values() for column in columns]
     time = described.time
-    values = read_columns(table, described, [*wanted, *([] if time is None else [time.column])])
+    values = _read_columns(table, described, [*wanted, *([] if time is None else [time.column])])
     stamps = None
     if time is not None:
         stamps = values[time.column]
@@ -169,19 +150,16 @@ def mapped_columns(
             stamps = stamps - stamps[0]
         elif time.unit != "s":
             stamps = (stamps - stamps[0]) * _SECONDS[time.unit]
+    units = described.units
+    speed, position = _SPEEDS[units.velocity], _POSITIONS[units.position]
+    scales = {"velocity": speed, "velocity_reference": speed, "effort": _EFFORTS[units.effort]}
     return stamps, {
-        signal: _scale(signal, described.units) * np.column_stack([values[c] for c in columns])
+        signal: scales.get(signal, position) * np.column_stack([values[c] for c in columns])
         for signal, columns in signals.items()
     }
 
 
-def _scale(signal: str, units: Units) -> float:
-    if signal == "effort":
-        return _EFFORTS[units.effort]
-    return _SPEEDS[units.velocity] if "velocity" in signal else _POSITIONS[units.position]
-
-
-def read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
+def _read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
     """Columns (n,) by their names; those of an ISO time are s since 1970."""
     names = list(dict.fromkeys(wanted))
     with one_line_errors(table):
@@ -258,10 +236,7 @@ def _kind(word: str) -> str | None:
 def proposed_map(table: Path) -> str:
     """Text of a map, every key with a comment.
 
-    Raises
-    ------
-    UsageError
-        No column is named like a position.
+    Raises UsageError: no column is named like a position.
     """
     names = column_names(table)
     time = next((name for name in names if _TIME.match(name.rpartition("/")[2])), None)

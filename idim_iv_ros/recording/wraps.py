@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter
 
 from idim_iv_ros.recording.clock import GAP, StampedMessages
 from idim_iv_ros.recording.recording import Note
@@ -30,13 +30,8 @@ _WHOLE = 0.5
 class Unwrapped:
     """A position without its wraps.
 
-    Attributes
-    ----------
-    position : (n,) rad
-    wraps : int
-        How many were undone.
-    breaks : (k,) int
-        Samples from which on the turn is only the nearest one: behind gaps.
+    `position` (n,) rad. `wraps`: how many were undone. `breaks` (k,) int: samples from which on the
+    turn is only the nearest one: behind gaps.
     """
 
     position: FloatArray
@@ -53,15 +48,8 @@ def without_wraps(
 ) -> dict[str, StampedMessages]:
     """Undo the wraps of positions, and of what follows them so that both are in the same turn.
 
-    Parameters
-    ----------
-    stamped
-        Messages of each topic.
-    joint_states, followers
-        Topics of the positions, and of references or encoders behind the gears.
-    joints
-    sliding
-        Prismatic joints: they have no turns.
+    `stamped`: messages of each topic. `joint_states`, `followers`: topics of the positions, and of
+    references or encoders behind the gears. `sliding`: prismatic joints: they have no turns.
     """
     new = dict(stamped)
     for column, joint in enumerate(joints):
@@ -110,7 +98,11 @@ def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
         return unchanged
     interval = np.diff(time[finite]) * 1e-9
     short = steps - TURN * turns
-    allowed = _PLAUSIBLE * _speed_around(short, interval) * interval + _NOISE
+    speed = np.abs(short) / interval
+    around = np.ones(2 * _AROUND + 1, dtype=bool)
+    around[_AROUND] = False  # without the step itself
+    fastest = maximum_filter(speed, footprint=around, mode="constant")
+    allowed = _PLAUSIBLE * fastest * interval + _NOISE
     plausible = np.abs(short) <= np.minimum(allowed, _LARGEST)
     wraps = (turns != 0.0) & plausible
     if not wraps.any():
@@ -122,19 +114,6 @@ def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
     whole[finite[1:]] -= TURN * np.cumsum(undone)
     breaks = finite[1:][gap & (np.abs(steps) > _LARGEST)]
     return Unwrapped(whole, int(np.count_nonzero(wraps)), breaks)
-
-
-def _speed_around(steps: FloatArray, interval: FloatArray) -> FloatArray:
-    """Largest speed of the `_AROUND` steps on either side of each, without itself."""
-    speed = np.abs(steps) / interval
-    padded = np.concatenate([np.zeros(_AROUND), speed, np.zeros(_AROUND)])
-    windows = maximum_filter1d(padded, _AROUND, mode="constant")
-    # Centred windows of _AROUND: element k covers k - _AROUND // 2 … k + (_AROUND - 1) // 2.
-    half = _AROUND // 2
-    count = len(speed)
-    before = windows[half : half + count]
-    after = windows[_AROUND + 1 + half : _AROUND + 1 + half + count]
-    return np.asarray(np.maximum(before, after))
 
 
 def _turns_between(

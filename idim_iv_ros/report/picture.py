@@ -103,7 +103,7 @@ def _rasteriser(path: FilePath) -> Callable[..., bytes]:
 
 
 def _signed(png: bytes) -> bytes:
-    """Name the program in a tEXt chunk after the header, by which `files.is_own` knows the file."""
+    """Name the program in a tEXt chunk after the header: `files.written_by_program`."""
     content = b"tEXt" + PNG_SOFTWARE
     chunk = struct.pack(">I", len(PNG_SOFTWARE)) + content + struct.pack(">I", crc32(content))
     return png[:_PNG_HEADER] + chunk + png[_PNG_HEADER:]

@@ -13,7 +13,7 @@ from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.first_configuration.yaml_text import SECTIONS
 from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.other_topics import sounds_like_reference
+from idim_iv_ros.recording.request import sounds_like_reference
 from tests.cli.conftest import JOINTS
 from tests.cli.test_bad_input import refused
 

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-from idim_iv_ros.cli.table import print_table
+from idim_iv_ros.cli.output import print_table
 from tests.report.sample_gap import sample_gap, with_first_joint_named
 
 LONG = "shoulder_pan_joint_very_long"

@@ -13,7 +13,7 @@ from idim_iv_ros.fleet.regression import bag_fields
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording import write_bag
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.segments import read_segments
+from idim_iv_ros.recording.read import read_segments
 from tests.estimation.test_simulated_arms import truth_of
 from tests.fleet.conftest import CONFIG
 

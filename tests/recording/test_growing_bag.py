@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import Reader
 
-from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.growing_bag import GrowingBag, Message, SplitLimits
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from tests.recording.bag_writer import STORE, joint_state
 

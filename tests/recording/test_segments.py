@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.read import read_bag
+from idim_iv_ros.recording.read import read_bag, read_segments
 from idim_iv_ros.recording.request import Request
-from idim_iv_ros.recording.segments import read_segments
 from tests.recording.bag_writer import NAMES, steady, write
 
 REQUEST = Request(list(NAMES), "/joint_states", "/joint_states", None)

@@ -9,7 +9,7 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.topic_names import descriptions_of, topics_in_bag
+from idim_iv_ros.recording.request import descriptions_of, topics_in_bag
 from tests.recording.bag_writer import STORE, TYPES, joint_state, write
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -141,12 +141,12 @@ def test_descriptions_are_looked_for_from_the_inside_out() -> None:
 def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
     bag = bag_of(tmp_path, *LEFT)
     (file,) = bag.glob("*.mcap")
-    whole = Bag(file).known_topics()
+    whole = Bag(file).topic_types()
     content = file.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(content[: len(content) - 200])
     assert (
-        Bag(cut).known_topics()
+        Bag(cut).topic_types()
         == whole
         == dict.fromkeys(LEFT[:2], JOINT_STATE) | {"/left/robot_description": "std_msgs/msg/String"}
     )
@@ -185,8 +185,8 @@ def test_names_that_no_topic_of_a_robot_has_are_refused(tmp_path: Path, name: st
 
 def test_names_of_a_node_are_no_part_of_the_document() -> None:
     configuration = Configuration.model_validate({"robot": {"joints": ["a"]}})
-    with_topics = configuration.with_own_topics({"joint_states": "/left/joint_states"})
-    assert with_topics.own_topics == {"joint_states": "/left/joint_states"}
-    assert configuration.own_topics == {}
+    with_topics = configuration.with_node_topics({"joint_states": "/left/joint_states"})
+    assert with_topics.node_topics == {"joint_states": "/left/joint_states"}
+    assert configuration.node_topics == {}
     assert with_topics.model_dump() == configuration.model_dump()
     assert with_topics.signals.joint_states == "joint_states"

@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.result import (
     RecordingAgreement,
 )
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import is_own
+from idim_iv_ros.files import written_by_program
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_report_html, report_html
 from idim_iv_ros.report.advice import (
@@ -252,7 +252,7 @@ def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
     for suffix in ("svg", "png"):
         path = tmp_path / f"gap.{suffix}"
         write_picture(_arm6(), path)
-        assert is_own(path)
+        assert written_by_program(path)
         require_picture(path)
         path.write_bytes(b"somebody else's")
         with pytest.raises(UsageError, match="exists"):

@@ -10,8 +10,7 @@ import pytest
 from idim_iv_interfaces.msg import GapReport, InstrumentTest, ResidualDiagnosis
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import NOT_SIGNIFICANT
-from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
-from idim_iv_ros.nodes.identifier.publishers import GapPublisher
+from idim_iv_ros.nodes.identifier.publishers import GapPublisher, gap_message, result_message
 from tests.report.sample_everything import sample_everything
 from tests.report.sample_gap import CASES, Case, sample_gap
 from tests.report.sample_result import sample_result

@@ -76,7 +76,7 @@ def test_two_recorders_record_each_its_own_robot(
         observer.diagnosed(f"/{side}/robot_description", " Hz", 0)
         assert observer.call("stop").success
         closed[side] = only_bag(tmp_path / side)
-    (left, right) = ({*Bag(bag).known_topics()} for bag in closed.values())
+    (left, right) = ({*Bag(bag).topic_types()} for bag in closed.values())
     assert left == {"/left/joint_states", "/left/joint_reference", "/robot_description"}
     assert right == {"/right/joint_states", "/motion/reference", "/robot_description"}
     configured = load_configuration(relative).signals
@@ -115,7 +115,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     identifier._jobs.poll()
     (request,) = workers[0].requests
     identifier.close()
-    namespaced = configuration.with_own_topics(request["topics"])
+    namespaced = configuration.with_node_topics(request["topics"])
     result = identify([Path(bag) for bag in request["bags"]], namespaced, estimator="idim-ls")
     values = {parameter.name: parameter.value for parameter in result.parameters}
     assert values == pytest.approx(

@@ -164,7 +164,8 @@ class Supervision:
     def ended(self, elapsed: float) -> bool:
         """Whether the robot should rest at the end by now."""
         delay = self._longest if self.delay is None else self.delay + _SLACK
-        if self._motion_is_small():
+        way = np.abs(self._motion.position - self._motion.position[0]).max()
+        if way <= _MOVED * self._allowed:  # the robot may have gone all of it without being seen
             delay = min(delay, _UNSEEN)
         return elapsed > self._motion.duration + delay
 
@@ -178,11 +179,6 @@ class Supervision:
         sample = round((elapsed - self.delay) * self._motion.rate)
         sample = min(max(sample, 0), len(self._motion.position) - 1)
         return self._motion.position[sample], self._motion.velocity[sample]
-
-    def _motion_is_small(self) -> bool:
-        """Whether the robot could go through all of it without having moved, as seen here."""
-        way = np.abs(self._motion.position - self._motion.position[0]).max()
-        return bool(way <= _MOVED * self._allowed)
 
     def _nearest(
         self, elapsed: float, position: FloatArray, low: float, high: float

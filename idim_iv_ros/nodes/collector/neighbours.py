@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Callable
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -69,10 +71,8 @@ class Controller:
     else its topic ``joint_trajectory``, on which it does not answer. With `interface` ``topic`` or
     ``action`` only that one is used, with ``auto`` either.
 
-    Raises
-    ------
-    UsageError
-        The action is wanted and control_msgs is not installed, or the name is none of ROS.
+    Raises UsageError: the action is wanted and control_msgs is not installed, or the name is none
+    of ROS.
     """
 
     def __init__(self, node: Node, name: str, interface: str) -> None:
@@ -83,7 +83,16 @@ class Controller:
                 f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no "
                 "digit first, parts separated by /"
             ) from error
-        self._kind: Any = None if interface == TOPIC else _action_type(required=interface == ACTION)
+        self._kind: Any = None
+        if interface != TOPIC:
+            try:
+                self._kind = import_module("control_msgs.action").FollowJointTrajectory
+            except ImportError as error:
+                if interface == ACTION:
+                    raise UsageError(
+                        "interface: control_msgs is not installed: set it to topic, or install "
+                        "ros-jazzy-control-msgs"
+                    ) from error
         self._action = f"{name}/follow_joint_trajectory"
         self._client = None if self._kind is None else ActionClient(node, self._kind, self._action)
         self._publisher = (
@@ -166,20 +175,6 @@ class Controller:
             )
 
 
-def _action_type(required: bool) -> Any:
-    """Return FollowJointTrajectory; None where control_msgs is not installed."""
-    try:
-        from control_msgs.action import FollowJointTrajectory
-    except ImportError as error:
-        if required:
-            raise UsageError(
-                "interface: control_msgs is not installed: set it to topic, or install "
-                "ros-jazzy-control-msgs"
-            ) from error
-        return None
-    return FollowJointTrajectory
-
-
 class RecorderNeighbour:
     """Services ``start``, ``stop`` and ``abort`` of ``recorder``, and what it says meanwhile.
 
@@ -252,9 +247,10 @@ class RecorderNeighbour:
 
         A UsageError is why the recorder refuses, or that it does not say which bag it was.
         """
-        self._ask("abort" if aborted else "stop", _sleep)
+        sleep = partial(time.sleep, LOOK)
+        self._ask("abort" if aborted else "stop", sleep)
         self._status = None  # that it records is no longer true
-        wait_until(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag", _sleep)
+        wait_until(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag", sleep)
         return Path(self._closed[-1])
 
     def _heard(self, message: Any) -> None:
@@ -266,10 +262,6 @@ class RecorderNeighbour:
         wait_until(future.done, _ANSWER, f"an answer of {name}", tick)
         if not future.result().success:
             raise UsageError(f"{name}: {future.result().message}")
-
-
-def _sleep() -> None:
-    time.sleep(LOOK)
 
 
 class IdentifierNeighbour:

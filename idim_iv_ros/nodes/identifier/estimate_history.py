@@ -60,14 +60,8 @@ class PastEstimates:
 class Comparison:
     """The newest identification of one kind beside its baseline.
 
-    Attributes
-    ----------
-    baseline : PastEstimates or None
-        None where there is nothing to compare with.
-    drifts : tuple of Drift
-        One for each parameter; empty without a baseline.
-    since : int or None
-        Stamp of the first identification from which on all drift, ns since 1970.
+    `drifts` has one item for each parameter, none without a baseline. `since` is the stamp of the
+    first identification from which on all drift, ns since 1970.
     """
 
     newest: PastEstimates
@@ -126,10 +120,7 @@ class EstimateHistory:
     Those of one kind (robot, configuration, estimator, unit of the effort) are compared with each
     other alone: what an operator asks for with another estimator does not end an alarm.
 
-    Raises
-    ------
-    DataError
-        The file is there but is no history; it is left as it is.
+    Raises DataError: the file is there but is no history; it is left as it is.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -268,10 +259,7 @@ class FolderLock:
     def take(self) -> None:
         """Have the folder from now on.
 
-        Raises
-        ------
-        UsageError
-            It cannot be written, or another identifier has it.
+        Raises UsageError: it cannot be written, or another identifier has it.
         """
         if self._open is not None:
             return

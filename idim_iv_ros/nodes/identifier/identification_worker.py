@@ -30,7 +30,6 @@ from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.identification.identify import identify
-from idim_iv_ros.progress import Progress
 from idim_iv_ros.report import write_gap_report, write_report
 from idim_iv_ros.report.page import report_html
 from idim_iv_ros.simulators.recording import simulate
@@ -185,7 +184,7 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
     configuration = Configuration.model_validate(request["configuration"])
     source = request["source"]
     configuration = configuration.model_copy(update={"source": Path(source) if source else None})
-    configuration = configuration.with_own_topics(request["topics"])
+    configuration = configuration.with_node_topics(request["topics"])
     last: tuple[str, float] = ("", 0.0)
 
     def progress(stage: str, share: float) -> None:
@@ -194,35 +193,20 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
             last = (stage, time.monotonic())
             send({"stage": stage, "progress": share})
 
-    work = {"identification": _identify, "diagnosis": _diagnose}[request["task"]]
-    return work(request, configuration, progress)
-
-
-def _identify(request: Mapping[str, Any], configuration: Configuration, progress: Progress) -> str:
-    result = identify(
-        [Path(bag) for bag in request["bags"]],
-        configuration,
-        estimator=request["estimator"],
-        progress=progress,
-    )
-    progress("writing", 1.0)
-    write_report(result, Path(request["out"]), bags=request["bags"])
-    return result.verdict.sentence
-
-
-def _diagnose(request: Mapping[str, Any], configuration: Configuration, progress: Progress) -> str:
+    bags, out = [Path(bag) for bag in request["bags"]], Path(request["out"])
+    if request["task"] == "identification":
+        result = identify(bags, configuration, estimator=request["estimator"], progress=progress)
+        progress("writing", 1.0)
+        write_report(result, out, bags=bags)
+        return result.verdict.sentence
     for name in request["without"]:
         if name not in EFFECTS:
             raise UsageError(f"without: {name!r} is no effect; there are {', '.join(EFFECTS)}")
-    result = diagnose(
-        [Path(bag) for bag in request["bags"]],
-        configuration,
-        without=tuple(request["without"]),
-        progress=progress,
-    )
+    without = tuple(request["without"])
+    gap = diagnose(bags, configuration, without=without, progress=progress)
     progress("writing", 1.0)
-    write_gap_report(result, Path(request["out"]), bags=request["bags"])
-    return " ".join(result.summary.split())
+    write_gap_report(gap, out, bags=bags)
+    return " ".join(gap.summary.split())
 
 
 def rehearse() -> None:

@@ -36,22 +36,12 @@ class JobListener:
 class Job:
     """One request, and what has become of it. Times are those of the queue's clock, s.
 
-    Attributes
-    ----------
-    bags : tuple of Path
-        Absolute, inside the bag directory; `names` are relative to it.
-    timeout, answer_within : float
-        s, from the start of the work, and from the receipt of the request.
-    configuration_name : str
-        As the request names it; empty for the node's own.
-    estimator, without : str, tuple of str
-        Of an identification; effects that a diagnosis does not consider.
-    folder : Path or None
-        Of its files; None before it is worked on and after it failed.
-    message : str
-        Verdict, or why there is none.
-    said_at : float
-        When who asked last heard of it.
+    `bags`: absolute, inside the bag directory; `names` are relative to it. `timeout`,
+    `answer_within`: s, from the start of the work, and from the receipt of the request.
+    `configuration_name`: as the request names it; empty for the node's own. `estimator`, `without`:
+    of an identification; effects that a diagnosis does not consider. `folder`: of its files; None
+    before it is worked on and after it failed. `message`: verdict, or why there is none. `said_at`:
+    when who asked last heard of it.
     """
 
     task: Task
@@ -91,11 +81,8 @@ def requested_job(
     `request` has `bags`, `configuration`, `timeout`, and `estimator` or `without`, whose effects
     the worker looks up; `configuration` is the node's.
 
-    Raises
-    ------
-    UsageError
-        A name leads out of its folder, a file is missing or too large, the estimator is unknown
-        or the timeout is no time.
+    Raises UsageError: a name leads out of its folder, a file is missing or too large, the estimator
+    is unknown or the timeout is no time.
     """
     estimator = getattr(request, "estimator", "") or ESTIMATORS[0]
     without = getattr(request, "without", ())
@@ -141,10 +128,8 @@ def confined(folder: Path, name: str, what: str) -> Path:
     `name` is relative to the folder, or absolute and inside it; `what` is the parameter that holds
     the folder, for the message.
 
-    Raises
-    ------
-    UsageError
-        An empty name, one with ``..``, or one that leads out of the folder, also by a link.
+    Raises UsageError: an empty name, one with ``..``, or one that leads out of the folder, also by
+    a link.
     """
     if len(name) > _LONGEST:
         raise UsageError(f"{what}: a name of {len(name)} characters is too long")
@@ -161,11 +146,8 @@ def confined(folder: Path, name: str, what: str) -> Path:
 def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
     """Return a bag that a request names, and its size in bytes.
 
-    Raises
-    ------
-    UsageError
-        As `confined`; or the bag, or a file of it, does not exist, leads out of the folder, or is
-        no regular file.
+    Raises UsageError: as `confined`; or the bag, or a file of it, does not exist, leads out of the
+    folder, or is no regular file.
     """
     path = confined(folder, name, "bag_directory")
     root = _resolved(folder, "bag_directory")

@@ -153,10 +153,7 @@ class JobQueue:
     def submit(self, job: Job) -> None:
         """Work on a job now or later.
 
-        Raises
-        ------
-        UsageError
-            Another is worked on and `when_busy` says refuse, or too many wait.
+        Raises UsageError: another is worked on and `when_busy` says refuse, or too many wait.
         """
         settings = self._settings()
         if self.running is not None or self._waiting:
@@ -183,7 +180,9 @@ class JobQueue:
                 break
         now = self._clock()
         self._end_what_is_late(now)
-        self._give_sign_of_life(now)
+        for job in self._jobs:
+            if now > job.said_at + _SIGN_OF_LIFE:  # nothing was heard of it for a while
+                job.say(job.stage, job.share, now)
         while self.running is None and self._waiting:
             self._begin(self._waiting.popleft())
         while self._over:
@@ -203,12 +202,6 @@ class JobQueue:
         if self.running is not None:
             self._end(1)
         self.poll()
-
-    def _give_sign_of_life(self, now: float) -> None:
-        """Repeat what is done where nothing was heard of it for a while."""
-        for job in self._jobs:
-            if now > job.said_at + _SIGN_OF_LIFE:
-                job.say(job.stage, job.share, now)
 
     def _end_what_is_late(self, now: float) -> None:
         for place, job in enumerate(tuple(self._waiting)):
@@ -244,7 +237,7 @@ class JobQueue:
                 "bags": [str(bag) for bag in job.bags],
                 "configuration": configuration.model_dump(mode="json", exclude_unset=True),
                 "source": configuration.source and str(configuration.source),
-                "topics": configuration.own_topics,
+                "topics": configuration.node_topics,
                 "estimator": job.estimator,
                 "without": job.without,
                 "out": str(folder),

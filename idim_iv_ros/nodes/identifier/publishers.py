@@ -1,21 +1,21 @@
-"""The last results: published latched, compared with earlier ones, kept over a restart."""
+"""The last results: as messages, published latched, compared with earlier ones, kept."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
-from idim_iv_interfaces.msg import DriftReport, GapReport, IdentificationResult, ParameterEstimates
+from idim_iv_interfaces import msg
 from idim_iv_interfaces.srv import GetHistory, SetBaseline
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Stage
 from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.files import GAP, RESULT
-from idim_iv_ros.identification import result as identification
+from idim_iv_ros.files import GAP, REPORT, RESULT
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.nodes.entry import LATCHED
 from idim_iv_ros.nodes.identifier.estimate_history import (
     Comparison,
@@ -25,8 +25,7 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
     drift_report,
 )
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
-from idim_iv_ros.nodes.identifier.messages import gap_message, result_message
-from idim_iv_ros.nodes.messages import diagnostic_status
+from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
 LAST_GAP = "last_gap.json"
@@ -49,10 +48,10 @@ class ResultPublisher:
 
     def __init__(self, node: Node, directory: Path, settings: Callable[[], IdentifierSettings]):
         self._node, self._directory, self._settings = node, directory, settings
-        self.last: IdentificationResult | None = None
-        self._estimates = node.create_publisher(ParameterEstimates, "~/estimates", LATCHED)
-        self._results = node.create_publisher(IdentificationResult, "~/result", LATCHED)
-        self._drifts = node.create_publisher(DriftReport, "~/drift", LATCHED)
+        self.last: msg.IdentificationResult | None = None
+        self._estimates = node.create_publisher(msg.ParameterEstimates, "~/estimates", LATCHED)
+        self._results = node.create_publisher(msg.IdentificationResult, "~/result", LATCHED)
+        self._drifts = node.create_publisher(msg.DriftReport, "~/drift", LATCHED)
         self.forget()
         node.create_service(GetHistory, "~/get_history", self._get_history)
         node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
@@ -61,7 +60,7 @@ class ResultPublisher:
         """Have no history until it is read again."""
         self._history: EstimateHistory | None = None
         self._comparisons: list[Comparison] = []
-        self._shown: tuple[PastEstimates, IdentificationResult] | None = None
+        self._shown: tuple[PastEstimates, msg.IdentificationResult] | None = None
 
     def publish_last(self) -> None:
         """Read the history; publish the newest result whose file can be read, and what drifts."""
@@ -70,7 +69,7 @@ class ResultPublisher:
         for entry in sorted(history.entries, key=_is_shown)[::-1]:
             try:
                 path = self._directory / entry.folder / RESULT
-                result = identification.IdentificationResult.read(path)
+                result = IdentificationResult.read(path)
             except IdimError as error:
                 self._node.get_logger().warning(str(error))
                 continue
@@ -82,7 +81,7 @@ class ResultPublisher:
         """Publish and keep the result of a job that has ended."""
         assert job.folder is not None
         history = self._required_history()
-        result = identification.IdentificationResult.read(job.folder / RESULT)
+        result = IdentificationResult.read(job.folder / RESULT)
         entry = PastEstimates(
             stamp=_now(self._node),
             robot=result.robot,
@@ -120,7 +119,7 @@ class ResultPublisher:
         if self._comparisons:
             self._drifts.publish(drift_report(self._comparisons))
 
-    def _show(self, entry: PastEstimates, message: IdentificationResult) -> None:
+    def _show(self, entry: PastEstimates, message: msg.IdentificationResult) -> None:
         self._shown = entry, message
         self._estimates.publish(message.parameters)
         self._results.publish(message)
@@ -161,7 +160,7 @@ def _is_shown(entry: PastEstimates) -> bool:
     return not entry.configuration and entry.estimator == ESTIMATORS[0]
 
 
-def _joint_diagnoses(name: str, result: IdentificationResult) -> list[DiagnosticStatus]:
+def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[DiagnosticStatus]:
     bags = ", ".join(result.parameters.bags)
     return [
         diagnostic_status(
@@ -198,8 +197,8 @@ class GapPublisher:
 
     def __init__(self, node: Node, directory: Path) -> None:
         self._node, self._directory = node, directory
-        self.last: GapReport | None = None
-        self._reports = node.create_publisher(GapReport, "~/gap", LATCHED)
+        self.last: msg.GapReport | None = None
+        self._reports = node.create_publisher(msg.GapReport, "~/gap", LATCHED)
 
     def publish_last(self) -> None:
         """Publish the last diagnosis that was kept, if its file can be read."""
@@ -223,3 +222,109 @@ class GapPublisher:
         result = GapResult.read(self._directory / folder / GAP)
         self.last = gap_message(result, stamp, bags, folder)
         self._reports.publish(self.last)
+
+
+def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str) -> msg.GapReport:
+    """Return a diagnosis that ended at a time, ns since 1970, as a message.
+
+    `bags` are relative to the bag directory, the `folder` of its files to the output directory.
+    """
+    joints = [joint_gap.joint for joint_gap in result.joint_gaps]
+    unexplained = {
+        f"unexplained_{name}": getattr(result.unexplained, name, None)
+        for name in ("joint", "family", "share", "where")
+    }
+    return message_of(
+        msg.GapReport,
+        result,
+        _OTHER_NAMES,
+        **unexplained,
+        header=stamp,
+        joints=result.joint_gaps,
+        stages=[
+            message_of(msg.GapStage, stage, **_in_order(stage, joints)) for stage in result.stages
+        ],
+        bags=bags,
+        files=[f"{folder}/{name}" for name in (GAP, REPORT)],
+        duration=sum(result.timing.values()),
+    )
+
+
+def result_message(
+    result: IdentificationResult, stamp: int, bags: Sequence[str], folder: str
+) -> msg.IdentificationResult:
+    """Return an identification as a message, as `gap_message` does a diagnosis."""
+    refined = result.refined
+    return message_of(
+        msg.IdentificationResult,
+        result,
+        _OTHER_NAMES,
+        parameters=message_of(
+            msg.ParameterEstimates,
+            result,
+            header=stamp,
+            iterations=0 if result.estimator == "idim-ls" else result.iterations,
+            estimates=result.parameters,
+            covariance=result.covariance.ravel(),
+            bags=bags,
+        ),
+        instruments=result.instruments.tests,
+        instruments_source=result.instruments.source,
+        specification=result.specification.tests,
+        exogeneity=result.exogeneity.tests,
+        verdict=result.verdict.sentence,
+        relative_error_percent=result.fit.relative_error_percent,
+        condition_number=result.fit.condition_number,
+        samples=result.fit.samples,
+        refined=refined is not None,
+        refined_estimates=[
+            message_of(msg.ParameterEstimate, parameter, remark="")
+            for parameter in (() if refined is None else refined.parameters)
+        ],
+        moved=() if refined is None else refined.moved,
+        duration=sum(result.timing.values()),
+        files=[f"{folder}/{name}" for name in (RESULT, REPORT)],
+    )
+
+
+def _named(parameters: Mapping[str, EffectParameter]) -> list[msg.ParameterEstimate]:
+    """Return numbers of an effect, which have nothing of what only a regression has."""
+    return [
+        message_of(msg.ParameterEstimate, None, name=name, **vars(parameter))
+        for name, parameter in parameters.items()
+    ]
+
+
+def _in_order(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
+    intervals = [stage.torque_ci95.get(joint, (None, None)) for joint in joints]
+    return {
+        "stage": stage.name,
+        "torque_rms": [stage.torque_rms.get(joint) for joint in joints],
+        "torque_rms_low": [low for low, _ in intervals],
+        "torque_rms_high": [high for _, high in intervals],
+        "tracking_rms": [(stage.tracking_rms or {}).get(joint) for joint in joints],
+    }
+
+
+def _interval(name: str) -> Callable[[Any], dict[str, object]]:
+    """The 95 % interval of an attribute as two fields."""
+    ends = (f"{name}_low", f"{name}_high")
+    return lambda part: dict(zip(ends, part.ci95 or (None, None), strict=True))
+
+
+_TEST, _RESIDUAL = msg.InstrumentTest, msg.ResidualDiagnosis
+_OUTCOMES = {None: _TEST.NOT_RUN, True: _TEST.ACCEPTED, False: _TEST.REJECTED}
+_WHITENESS = {None: _RESIDUAL.NOT_TESTED, True: _RESIDUAL.WHITE, False: _RESIDUAL.AUTOCORRELATED}
+# What is not filled by an attribute of its name.
+_OTHER_NAMES: OtherNames = {
+    msg.GapCause: lambda cause: {**vars(cause.evidence), "parameters": _named(cause.parameters)},
+    msg.GapChange: _interval("shrinkage"),
+    msg.GapHint: lambda hint: {"parameters": _named(hint.parameters)},
+    msg.GapRegime: _interval("lift"),
+    msg.GapSignalChain: lambda chain: {
+        "effort_shift": _named({"effort_shift": chain.effort_shift})[0],
+        "joint_shifts": _named(chain.joint_shifts),
+    },
+    _TEST: lambda test: {"null_hypothesis": test.null, "outcome": _OUTCOMES[test.accepted]},
+    _RESIDUAL: lambda residual: {"whiteness": _WHITENESS[residual.white]},
+}

@@ -65,24 +65,6 @@ class PacedAnswers:
             self._waiting.popleft()()
 
 
-def create_deferred_service(
-    node: Node,
-    kind: Any,
-    name: str,
-    asked: Callable[[Any, Callable[[Any], None]], None],
-    paced: PacedAnswers,
-) -> None:
-    """Make a service; `asked` takes each request and what gives its answer, once, at any time."""
-    # The callback returns the request itself, which arrives where else the answer is sent.
-    service = node.create_service(kind, name, lambda request, _: request, qos_profile=BURST)
-    send = service.send_response
-
-    def hand_over(request: Any, header: Any) -> None:
-        asked(request, lambda response: paced(lambda: send(response, header)))
-
-    service.send_response = hand_over  # type: ignore[assignment]
-
-
 class Clients:
     """The clients of one service: whether there were any, and now there are none.
 
@@ -189,22 +171,12 @@ class DeferredActionServer(ActionServer):
 class RequestServer:
     """Takes requests and goals, and answers each when its job has ended.
 
-    Parameters
-    ----------
-    node
-    name
-        Of the service. That of the action ends with ``_bags``: a service and an action of one name
-        look the same in lists and in policies.
-    service, action
-        Their types: requests and goals have the same fields, answers `success`, `message` and
-        `result`, feedback `stage` and `progress`.
-    submit
-        Takes a request and who asks; returns its job, or None if it was refused and who asks has
-        the reason.
-    cancel
-        Takes a job that is to be cancelled.
-    result
-        Returns what is published of the job that has ended last.
+    `name`: of the service. That of the action ends with ``_bags``: a service and an action of one
+    name look the same in lists and in policies. `service`, `action`: their types: requests and
+    goals have the same fields, answers `success`, `message` and `result`, feedback `stage` and
+    `progress`. `submit`: takes a request and who asks; returns its job, or None if it was refused
+    and who asks has the reason. `cancel`: takes a job that is to be cancelled. `result`: returns
+    what is published of the job that has ended last.
     """
 
     def __init__(
@@ -217,14 +189,24 @@ class RequestServer:
         cancel: Callable[[Job], None],
         result: Callable[[], Any],
     ) -> None:
-        self._node, self._service, self._action = node, service, action
+        self._node, self._action = node, action
         self._submit, self._cancel_job, self._result = submit, cancel, result
         goals = node.resolve_service_name(f"{name}_bags")
         self._requesters = Clients(node, node.resolve_service_name(name))
         self._goal_senders = Clients(node, f"{goals}/_action/get_result")
         steady_timer(node, _LOOK, self._look)
         self._paced = PacedAnswers(node)
-        create_deferred_service(node, service, name, self._asked, self._paced)
+        # The callback returns the request itself, which arrives where else the answer is sent.
+        requests = node.create_service(service, name, lambda request, _: request, qos_profile=BURST)
+        send = requests.send_response
+
+        def asked(request: Any, header: Any) -> None:
+            def answer(response: Any) -> None:
+                self._paced(lambda: send(response, header))
+
+            self._submit_for(self._requesters, object(), request, service.Response(), answer)
+
+        requests.send_response = asked  # type: ignore[assignment]
         self._actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
 
     @property
@@ -235,10 +217,6 @@ class RequestServer:
     def destroy(self) -> None:
         """Take the action away; its goals are lost."""
         self._actions.destroy()
-
-    def _asked(self, request: Any, answer: Callable[[Any], None]) -> None:
-        response = self._service.Response()
-        self._submit_for(self._requesters, object(), request, response, answer)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         def progress(stage: str, share: float) -> None:

@@ -26,7 +26,7 @@ from idim_iv_ros.nodes.recorder.report import (
     topic_diagnosis,
     topic_status,
 )
-from idim_iv_ros.nodes.recorder.session import RecordingSession
+from idim_iv_ros.nodes.recorder.session import RecordingSession, State
 from idim_iv_ros.nodes.recorder.threads import Intake, Result, WriterThread
 from idim_iv_ros.nodes.recorder.topics import TopicSet
 from idim_iv_ros.nodes.settings import RecorderSettings
@@ -69,8 +69,8 @@ class Recorder(NodeProgram[RecorderSettings]):
             "abort": lambda: (
                 f"{self._call(partial(self._session.stop, aborted=True)).folder}: given up"
             ),
-            "pause": lambda: self._call(self._session.pause),
-            "resume": lambda: self._call(self._session.resume),
+            "pause": lambda: self._call(partial(self._session.go_on, State.PAUSED)),
+            "resume": lambda: self._call(partial(self._session.go_on, State.RECORDING)),
             "split": lambda: f"closed {self._call(self._session.split)}",
             "snapshot": self._snapshots.take,
         }

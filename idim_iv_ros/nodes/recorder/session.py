@@ -13,8 +13,13 @@ from pathlib import Path
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import new_folder_path
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.writing.growing_bag import ClosedBag, GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.growing_mcap import FileSummary, Message
+from idim_iv_ros.recording.writing.growing_bag import (
+    ClosedBag,
+    FileSummary,
+    GrowingBag,
+    Message,
+    SplitLimits,
+)
 from idim_iv_ros.recording.writing.write import PRESETS, Storage, TopicChannel
 
 _OVERHEAD = 250  # bytes of memory for a message beside its content
@@ -85,14 +90,9 @@ class RecordingSession:
     `clock` is log time now, ns; what arrives while it is zero is not recorded. `closed` takes every
     bag that was closed, and whether it ended by a fault or was given up.
 
-    Attributes
-    ----------
-    fault : str
-        What is wrong, in one line that says what to do; empty if nothing is.
-    dropped : int
-        Messages that arrived and were not written since the start.
-    ring : SnapshotRing
-        What arrived in the last seconds, recorded or not.
+    `fault`: what is wrong, in one line that says what to do; empty if nothing is. `dropped`:
+    messages that arrived and were not written since the start. `ring`: what arrived in the last
+    seconds, recorded or not.
     """
 
     def __init__(
@@ -175,7 +175,9 @@ class RecordingSession:
                 f"{bag.folder}: {error.strerror or error}: closed without the last "
                 f"{closed.lost} messages; free space before the next recording"
             )
-        closed = _marked(closed) if aborted else closed
+        if aborted:  # so that nobody takes it for a whole one
+            with suppress(OSError):  # it is announced as not complete all the same
+                closed = replace(closed, folder=bag.folder.rename(f"{bag.folder}_aborted"))
         self._end(closed, faulty=bool(closed.lost), aborted=aborted)
         return closed
 
@@ -183,17 +185,11 @@ class RecordingSession:
         """Have no latched message of the robot that was recorded before."""
         self._latched.clear()
 
-    def pause(self) -> str:
-        """Leave out what arrives from now on, and say so."""
+    def go_on(self, state: State) -> str:
+        """Record what arrives from now on, or leave it out (paused), and say so."""
         self._open_bag()
-        self.state = State.PAUSED
-        return "paused"
-
-    def resume(self) -> str:
-        """Record again, and say so."""
-        self._open_bag()
-        self.state = State.RECORDING
-        return "recording"
+        self.state = state
+        return state.name.lower()
 
     def split(self) -> Path:
         """Go on in a new file and return the one that was closed.
@@ -330,12 +326,3 @@ class RecordingSession:
                 f"{self.settings.bag_directory}: {free / 1e6:.0f} MB of free disk, "
                 f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
             )
-
-
-def _marked(closed: ClosedBag) -> ClosedBag:
-    """Name the folder of a bag that was given up so that nobody takes it for a whole one."""
-    folder = closed.folder
-    try:
-        return replace(closed, folder=folder.rename(f"{folder}_aborted"))
-    except OSError:  # it is announced as not complete all the same
-        return closed

@@ -14,9 +14,9 @@ import numpy as np
 
 from idim_iv_ros.errors import one_line
 from idim_iv_ros.nodes.recorder.session import RecordingSession
-from idim_iv_ros.nodes.recorder.topic_monitor import MonitorLimits, Taken, TopicMonitor, batch_of
+from idim_iv_ros.nodes.recorder.topic_monitor import Taken, TopicMonitor, batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic
-from idim_iv_ros.recording.writing.growing_mcap import Message
+from idim_iv_ros.recording.writing.growing_bag import Message
 from idim_iv_ros.recording.writing.write import TopicChannel
 
 Result = TypeVar("Result")
@@ -105,12 +105,10 @@ class WriterThread(threading.Thread):
 
     def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
         messages: list[Message] = []
-        settings = self.session.settings
-        limits = MonitorLimits(settings.late_after, settings.gap_factor)
         for topic, batches in waiting.items():
             taken = [message for batch in batches for message in batch.taken]
             arrived = batch_of(topic, taken)
-            batches[-1].monitor.add(arrived, limits)
+            batches[-1].monitor.add(arrived, self.session.settings)
             log_times = arrived.received.tolist()
             if batches[0].log_time is not None:
                 log_times = [batch.log_time for batch in batches for _ in batch.taken]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.bags.cdr import CdrLayout
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
@@ -18,7 +19,6 @@ Taken = tuple[bytes, dict[str, int | None]]
 _UNKNOWN = 1 << 63  # sequence numbers from here on mean that the middleware does not count
 _PERIODS = 200  # recent ones, whose median is the usual period
 
-_NAMES_START = 12  # behind the encapsulation header and the stamp: frame, then names
 _READ_AT_ONCE = 20  # unknown layouts that are read in one batch
 _KEPT = 64  # layouts
 
@@ -36,8 +36,7 @@ class JointContent:
         self.malformed = 0
         self.joint_sets: list[tuple[str, ...]] = []
         self._type, self._joints, self._needed = message_type, tuple(joints), tuple(needed)
-        self._layouts: dict[tuple[int, bytes], CdrLayout] = {}
-        self._ends: dict[int, int] = {}  # behind the names, of messages of each size
+        self._layouts: list[CdrLayout] = []
         self._missing: tuple[str, ...] = ()
 
     @property
@@ -71,32 +70,24 @@ class JointContent:
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
         read = 0
-        for message in messages:
-            if read < _READ_AT_ONCE and self._key(message) not in self._layouts:
+        for size in dict.fromkeys(map(len, messages)):
+            content = b"".join(message for message in messages if len(message) == size)
+            rows = np.frombuffer(content, dtype=np.uint8).reshape(-1, size)
+            for layout in self._layouts:
+                rows = rows[~layout.agrees(rows)] if layout.size == size else rows
+            while len(rows) and read < _READ_AT_ONCE:
                 read += 1
-                self._read(message)
+                try:
+                    layout = JointMessageType(self._type).layout(rows[0].tobytes(), self._needed)
+                except DataError:
+                    self.malformed += 1
+                    rows = rows[1:]
+                    continue
+                self._layouts = [*self._layouts[1 - _KEPT :], layout]
+                self._met(layout)
+                rows = rows[~layout.agrees(rows)]
         if messages:
             self._numbers(messages[-1])
-
-    def _key(self, message: bytes) -> tuple[int, bytes]:
-        size = len(message)
-        return size, message[_NAMES_START : self._ends.get(size, _NAMES_START)]
-
-    def _read(self, message: bytes) -> None:
-        try:
-            layout = JointMessageType(self._type).layout(message, self._needed)
-        except DataError:
-            self.malformed += 1
-            return
-        end = _NAMES_START
-        if self._type == JOINT_STATE:  # behind the count of positions; two other counts follow
-            end = int(layout.structure[-9]) + 1
-        if len(self._layouts) >= _KEPT:
-            self._layouts.clear()
-            self._ends.clear()
-        self._ends[len(message)] = end
-        self._layouts[self._key(message)] = layout
-        self._met(layout)
 
     def _met(self, layout: CdrLayout) -> None:
         names = tuple(sorted(layout.names))
@@ -105,13 +96,14 @@ class JointContent:
             self.joint_sets.append(names)
 
     def _numbers(self, message: bytes) -> None:
-        layout = self._layouts.get(self._key(message))
+        rows = np.frombuffer(message, dtype=np.uint8)[None, :]
+        sized = (layout for layout in self._layouts if layout.size == len(message))
+        layout = next((layout for layout in sized if layout.agrees(rows)[0]), None)
         if layout is None:
             return
         self._met(layout)
         if self._joints and layout.names and set(layout.names).isdisjoint(self._joints):
             return  # of another part of the robot
-        rows = np.frombuffer(message, dtype=np.uint8)[None, :]
         missing = []
         for field in self._needed:
             values = layout.numbers(rows, field)[0] if field in layout.columns else np.zeros(0)
@@ -149,25 +141,12 @@ class Received:
     sequence: IntArray
 
 
-@dataclass(frozen=True)
-class MonitorLimits:
-    """What counts as late (s) and as a gap (in usual periods)."""
-
-    late_after: float = 0.1
-    gap_factor: float = 5.0
-
-
 class TopicMonitor:
     """Counts of one topic since the last reset; `clock` is monotonic time, s, for its silence.
 
-    Attributes
-    ----------
-    lost : int
-        Holes in the publisher's sequence numbers; not counted while several publishers share
-        the topic, for the middleware does not say which of them sent a message.
-    late, gaps, longest_gap : int, int, float (s)
-    backward : int
-        Stamps (of the header, the source or the receipt) that lie before the one before.
+    `lost`: holes in the publisher's sequence numbers; not counted while several publishers share
+    the topic, for the middleware does not say which of them sent a message. `backward`: stamps (of
+    the header, the source or the receipt) that lie before the one before.
     """
 
     def __init__(
@@ -214,39 +193,31 @@ class TopicMonitor:
         """Seconds since the last message (or since the topic was first watched)."""
         return self._clock() - self._arrived
 
-    def add(self, batch: Received, limits: MonitorLimits) -> None:
-        """Count a batch."""
+    def add(self, batch: Received, settings: RecorderSettings) -> None:
+        """Count a batch; the settings say what is late, and what a gap."""
         if not batch.messages:
             return
         self._arrived = self._clock()
         self.received += len(batch.messages)
         self.bytes += sum(map(len, batch.messages))
-        self._count_lost(batch.sequence)
-        late = batch.received - batch.sent > limits.late_after * 1e9
+        late = batch.received - batch.sent > settings.late_after * 1e9
         self.late += int(np.count_nonzero(late))
-        self._count_gaps(batch.sent, limits.gap_factor)
+        if batch.sequence[0] >= 0:
+            before = batch.sequence[0] - 1 if self._sequence is None else self._sequence
+            steps = np.diff(batch.sequence, prepend=before)
+            self._sequence = int(batch.sequence[-1])
+            self.lost += int(np.sum(steps[steps > 1] - 1)) if self.one_publisher else 0
+        before = batch.sent[0] if self._last_sent is None else self._last_sent
+        steps = np.diff(batch.sent, prepend=before)
+        steps = steps[steps > 0]
+        if self.period is not None:
+            gap = settings.gap_factor * self.period * 1e9
+            self.gaps += int(np.count_nonzero(steps > gap))
+        self.longest_gap = max(self.longest_gap, float(steps.max(initial=0)) * 1e-9)
+        self._periods = np.append(self._periods, steps)[-_PERIODS:]
         self._count_backward(batch)
         if self.content is not None:
             self.content.look(batch.messages)
-
-    def _count_lost(self, sequence: IntArray) -> None:
-        if sequence[0] < 0:
-            return
-        before = sequence[0] - 1 if self._sequence is None else self._sequence
-        steps = np.diff(sequence, prepend=before)
-        self._sequence = int(sequence[-1])
-        if self.one_publisher:
-            self.lost += int(np.sum(steps[steps > 1] - 1))
-
-    def _count_gaps(self, sent: IntArray, factor: float) -> None:
-        before = sent[0] if self._last_sent is None else self._last_sent
-        steps = np.diff(sent, prepend=before)
-        steps = steps[steps > 0]
-        period = self.period
-        if period is not None and len(steps):
-            self.gaps += int(np.count_nonzero(steps > factor * period * 1e9))
-        self.longest_gap = max(self.longest_gap, float(steps.max(initial=0)) * 1e-9)
-        self._periods = np.append(self._periods, steps)[-_PERIODS:]
 
     def _count_backward(self, batch: Received) -> None:
         back = _falls(batch.sent, self._last_sent) | _falls(batch.received, self._last_received)
@@ -263,7 +234,8 @@ def batch_of(topic: str, taken: Sequence[Taken]) -> Received:
     count = len(taken)
     received = (info["received_timestamp"] or 0 for _, info in taken)
     sent = (info["source_timestamp"] or 0 for _, info in taken)
-    sequence = (_number(info["publication_sequence_number"]) for _, info in taken)
+    numbers = (info["publication_sequence_number"] for _, info in taken)
+    sequence = (-1 if number is None or number >= _UNKNOWN else number for number in numbers)
     return Received(
         topic,
         [message for message, _ in taken],
@@ -271,10 +243,6 @@ def batch_of(topic: str, taken: Sequence[Taken]) -> Received:
         np.fromiter(sent, np.int64, count),
         np.fromiter(sequence, np.int64, count),
     )
-
-
-def _number(sequence: int | None) -> int:
-    return -1 if sequence is None or sequence >= _UNKNOWN else sequence
 
 
 def _falls(times: IntArray, before: int | None) -> NDArray[np.bool_]:

@@ -27,7 +27,7 @@ from idim_iv_ros.nodes.recorder.installed_types import (
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.bags.definitions import FLOAT_ARRAY, JOINT_STATE, ROS2_CONTROL
-from idim_iv_ros.recording.topic_names import ROBOT_DESCRIPTION, in_root
+from idim_iv_ros.recording.request import ROBOT_DESCRIPTION, in_root
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from idim_iv_ros.signal_source import field_of, topic_of
 
@@ -60,30 +60,13 @@ class _NeverExecuted(CallbackGroup):
 class WatchedTopic:
     """Subscription, channel and counts of one topic.
 
-    Parameters
-    ----------
-    name : str
-        Fully qualified.
-    types : sequence of str or None
-        Message types that can be used; None: any that is installed.
-    joints, needed
-        As in JointContent.
-    depth : int
-        Messages that the middleware keeps.
-    best_effort : bool
-        Whether nothing is sent again for this subscription, nor a message from before it, whatever
-        the publishers offer.
-
-    Attributes
-    ----------
-    problem, note : str
-        Why the topic is not recorded, or what is unusual; empty if nothing is.
-    had_publishers : bool
-        Whether there ever was one.
-    too_large : int
-        Messages left out for their size.
-    substitutes : sequence of WatchedTopic
-        Any of them does as well where nobody publishes this one.
+    `name`: fully qualified. `types`: message types that can be used; None: any that is installed.
+    `joints`, `needed`: as in JointContent. `depth`: messages that the middleware keeps.
+    `best_effort`: whether nothing is sent again for this subscription, nor a message from before
+    it, whatever the publishers offer. `problem`, `note`: why the topic is not recorded, or what is
+    unusual; empty if nothing is. `had_publishers`: whether there ever was one. `too_large`:
+    messages left out for their size. `substitutes`: any of them does as well where nobody publishes
+    this one.
     """
 
     def __init__(

@@ -81,17 +81,16 @@ class MotionSimulation:
     ) -> tuple[list[JointTopic], FloatArray]:
         """Run the robot from rest at `start` (n_joints,) through a trajectory (if any) to rest.
 
-        Raises
-        ------
-        UsageError
-            The trajectory is for other joints or leaves their range.
-        DataError
-            The closed loop diverged.
+        Raises UsageError: the trajectory is for other joints or leaves their range. DataError: the
+        closed loop diverged.
         """
         parts = [np.tile(start, (2, 1))]
         if trajectory is not None:
             motion = self._motion(trajectory).position
-            parts += [self._approach(start, motion[0]), motion]
+            way = motion[0] - start
+            samples = round(max(0.5, self._seconds(way)) * self.rate) + 1
+            # A polynomial of fifth order from rest to rest, slow against the speed limits.
+            parts += [start + way * quintic(np.linspace(0.0, 1.0, samples)[:, None])[0], motion]
         return self._simulated(np.concatenate(parts), seed)
 
     def continued(
@@ -130,12 +129,6 @@ class MotionSimulation:
         topics = recorded_topics(self.configuration, self.robot, record)
         # The loop begins unloaded and settles in the first rest, which nobody sees.
         return [_without(topic, REST) for topic in topics], whole[rest:]
-
-    def _approach(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Fifth-order polynomial from rest to rest, slow against the speed limits."""
-        duration = max(0.5, self._seconds(end - start))
-        s = np.linspace(0.0, 1.0, round(duration * self.rate) + 1)[:, None]
-        return np.asarray(start + (end - start) * quintic(s)[0])
 
     def _seconds(self, way: FloatArray) -> float:
         """Duration of a fifth-order polynomial over a way (n_joints,), slow against the limits."""

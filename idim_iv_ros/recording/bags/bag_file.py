@@ -21,23 +21,14 @@ _TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their b
 
 
 class ByteSource(Protocol):
-    """A file somewhere else; any part of it can be fetched.
+    """A file somewhere else; any part of it can be fetched."""
 
-    Attributes
-    ----------
-    size : int
-        Bytes.
-    """
-
-    size: int
+    size: int  # bytes
 
     def read(self, first: int, last: int) -> bytes:
         """Bytes `first` … `last`, the end excluded.
 
-        Raises
-        ------
-        OSError
-            They cannot be fetched.
+        Raises OSError: they cannot be fetched.
         """
         ...
 
@@ -85,22 +76,12 @@ def in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str
 class BagFile(ABC):
     """One file of a bag.
 
-    Attributes
-    ----------
-    path : Path
-        Of the file, or its name for messages where it is not on this machine.
-    topics : dict
-        Type of each topic that was met so far.
-    definitions : dict
-        Definition of each type that was met so far, where the file holds it.
-    truncated : bool
-        Whether the file ended before its end, known once it was read.
-    damaged : int
-        Stretches that could not be read, and messages that are none; they are left out.
-    missing : Counter
-        Messages of each wanted topic that are known to be lost.
-    counted : bool
-        Whether `missing` is all that is lost; otherwise there is more, and nothing says how much.
+    `path`: of the file, or its name for messages where it is not on this machine. `topics`: type of
+    each topic that was met so far. `definitions`: definition of each type that was met so far,
+    where the file holds it. `truncated`: whether the file ended before its end, known once it was
+    read. `damaged`: stretches that could not be read, and messages that are none; they are left
+    out. `missing`: messages of each wanted topic that are known to be lost. `counted`: whether
+    `missing` is all that is lost; otherwise there is more, and nothing says how much.
     """
 
     path: Path
@@ -115,10 +96,7 @@ class BagFile(ABC):
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, each batch in the order of arrival.
 
-        Raises
-        ------
-        DataError
-            Not a file of this format.
+        Raises DataError: not a file of this format.
         """
 
     def summarised_topics(self) -> dict[str, str]:

@@ -32,13 +32,8 @@ _DEEPEST, _MOST_ITEMS = 20, 100_000
 class MessageBatch:
     """Serialised messages in one buffer.
 
-    Attributes
-    ----------
-    buffer : (n_bytes,) uint8
-    offsets, sizes : (k,) int
-        Where each message lies.
-    arrival : (k,) int
-        Log time, ns.
+    `buffer` (n_bytes,) uint8. `offsets`, `sizes` (k,) int: where each message lies. `arrival` (k,)
+    int: log time, ns.
     """
 
     buffer: NDArray[np.uint8]
@@ -77,14 +72,8 @@ class MessageBatch:
 class Column:
     """Where one quantity of all joints lies in a message.
 
-    Attributes
-    ----------
-    origin : str
-        Field of the message.
-    offsets : (n,) int
-        Of each number; -1 where there is none.
-    code : str
-        NumPy's code of the type of the numbers.
+    `origin`: field of the message. `offsets` (n,) int: of each number; -1 where there is none.
+    `code`: NumPy's code of the type of the numbers.
     """
 
     origin: str
@@ -96,22 +85,11 @@ class Column:
 class CdrLayout:
     """Layout of one message.
 
-    Attributes
-    ----------
-    size : int
-        Bytes of the message, encapsulation header included.
-    order : str
-        ``<`` or ``>``: byte order.
-    stamp : int or None
-        Offset of the header's stamp (seconds int32, nanoseconds uint32).
-    names : tuple of str
-        Joint names; empty for an array without names.
-    columns : mapping
-        Of each quantity that the message holds.
-    fixed : (size,) uint8
-        The bytes of the message it was read from.
-    structure : (n,) int
-        Places of the bytes that must agree.
+    `size`: bytes of the message, encapsulation header included. `order`: ``<`` or ``>``: byte
+    order. `stamp`: offset of the header's stamp (seconds int32, nanoseconds uint32). `names`: joint
+    names; empty for an array without names. `columns`: of each quantity that the message holds.
+    `fixed` (size,) uint8: the bytes of the message it was read from. `structure` (n,) int: places
+    of the bytes that must agree.
     """
 
     size: int
@@ -165,21 +143,10 @@ class Located:
 
     Items of a sequence are ``name[0]``, ``name[1]``, ….
 
-    Attributes
-    ----------
-    numbers : dict of str to Numbers
-        Of each path that leads to a number or to several in a row.
-    texts : dict of str to tuple of str
-        Of each path that leads to a text (one item) or to several.
-    counts : dict of str to int
-        Items of each sequence or array of messages.
-    end : int
-        Where the message ends; padding may follow.
-
-    Raises
-    ------
-    ValueError
-        The bytes are no message of this type, or its definition is not complete.
+    `numbers`: of each path that leads to a number or to several in a row. `texts`: of each path
+    that leads to a text (one item) or to several. `counts`: items of each sequence or array of
+    messages. `end`: where the message ends; padding may follow.
+    Raises ValueError: the bytes are no message of this type, or its definition is not complete.
     """
 
     def __init__(self, message: bytes, kind: MessageType) -> None:

@@ -36,14 +36,7 @@ class SchemaText:
 
 @dataclass(frozen=True)
 class MessageType:
-    """One version of a type.
-
-    Attributes
-    ----------
-    name : str
-    fields : mapping
-        Fields of this type and of those that it consists of, by name.
-    """
+    """One version of a type: its fields and those of the types that it consists of, by name."""
 
     name: str
     fields: Mapping[str, Fields]
@@ -62,7 +55,7 @@ def versions(name: str, schema: SchemaText | None) -> tuple[MessageType, ...]:
         return (MessageType(name, _PLAIN),)
     if schema is not None and schema.text.strip():
         return _parsed(name, schema)
-    texts = _KNOWN.get(name, ())
+    texts = _VERSIONS.get(name, ())
     return tuple(kind for text in texts for kind in _parsed(name, SchemaText("ros2msg", text)))
 
 
@@ -123,7 +116,7 @@ def _controller_state(points: str, last: str = "") -> str:
 
 
 # Newest first. https://docs.ros.org/en/jazzy/p/control_msgs, …/en/humble/…; the last is Foxy's.
-_KNOWN: dict[str, tuple[str, ...]] = {
+_VERSIONS: dict[str, tuple[str, ...]] = {
     CONTROLLER_STATE: (
         _controller_state("reference feedback error output", "float64 speed_scaling_factor"),
         _controller_state("reference feedback error output"),

@@ -3,13 +3,14 @@
 import os
 import shutil
 import tempfile
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import zstandard
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -34,22 +35,12 @@ _LONGEST_METADATA = 1 << 24  # bytes
 class Bag:
     """One recording on disk, or somewhere else; taken wherever the path of a bag is.
 
-    Attributes
-    ----------
-    path : Path
-        As the user named it; of a bag somewhere else its name, for messages.
-    sources : mapping of Path to ByteSource, optional
-        Files of a bag somewhere else by their names, in the order in which they were recorded.
-    topics : dict
-        Type of each topic; complete once the bag was read.
-    definitions : dict
-        Definition of each type, as far as the bag holds it.
-    damages : list of str
-        What is wrong with which file.
-    seen, missing : Counter
-        Messages of each wanted topic that were found, and that are known to be lost.
-    counted : bool
-        Whether `missing` is all that is lost.
+    `path`: as the user named it; of a bag somewhere else its name, for messages. `sources`: files
+    of a bag somewhere else by their names, in the order in which they were recorded. `topics`: type
+    of each topic; complete once the bag was read. `definitions`: definition of each type, as far as
+    the bag holds it. `damages`: what is wrong with which file. `seen`, `missing`: messages of each
+    wanted topic that were found, and that are known to be lost. `counted`: whether `missing` is all
+    that is lost.
     """
 
     path: Path
@@ -78,46 +69,46 @@ class Bag:
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, file by file.
 
-        Raises
-        ------
-        UsageError
-            No such file or folder.
-        DataError
-            Not a bag.
+        Raises UsageError: no such file or folder. DataError: not a bag.
         """
         with ExitStack() as stack:
             for path, file in self._files(stack):
                 for topic, batch in file.batches(wanted):
                     note_type(self.topics, topic, file.topics[topic])
                     self._define(file)
-                    self._meet(topic, batch)
+                    self.seen[topic] += len(batch)
+                    # Batch by batch: what is lost between two of them has no part in it.
+                    self._passed[topic] += int(np.ptp(batch.arrival))
+                    self._steps[topic] += len(batch) - 1
                     yield topic, batch
                 for topic, kind in file.topics.items():
                     note_type(self.topics, topic, kind)
                 self._define(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
-                named = "the file" if path == self.path else path.name
-                self.damages += _damages(named, file)
+                name = "the file" if path == self.path else path.name
+                if file.truncated:
+                    self.damages.append(f"{name} ends in the middle")
+                if file.damaged:
+                    places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
+                    self.damages.append(f"{name} is damaged in {places}")
         if not self.counted:
             self._compare(wanted)
 
-    def known_topics(self) -> dict[str, str]:
+    def topic_types(self) -> dict[str, str]:
         """Return the type of each topic, without the messages where that can be had.
 
         From the summary of an MCAP file; one without is read as far as it goes.
 
-        Raises
-        ------
-        UsageError
-            No such file or folder.
-        DataError
-            Not a bag.
+        Raises UsageError: no such file or folder. DataError: not a bag.
         """
         topics: dict[str, str] = {}
         with ExitStack() as stack:
             for _, file in self._files(stack):
-                topics.update(file.summarised_topics() or _met(file))
+                summarised = file.summarised_topics()
+                if not summarised:
+                    deque(file.batches(set()), maxlen=0)  # read to its end
+                topics.update(summarised or file.topics)
         return topics
 
     def _files(self, stack: ExitStack) -> Iterator[tuple[Path, BagFile]]:
@@ -137,12 +128,6 @@ class Bag:
         kinds: dict[str, type[BagFile]] = {".mcap": McapFile, ".bag": Ros1File}
         return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
 
-    def _meet(self, topic: str, batch: MessageBatch) -> None:
-        self.seen[topic] += len(batch)
-        # Batch by batch: what is lost between two of them has no part in it.
-        self._passed[topic] += int(batch.arrival.max()) - int(batch.arrival.min())
-        self._steps[topic] += len(batch) - 1
-
     def _compare(self, wanted: set[str]) -> None:
         """Count what is missing against metadata.yaml, where it says how much there was."""
         counts = _counts(self.path)
@@ -157,41 +142,17 @@ class Bag:
 def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
     """Return one or many paths as bags; those that are bags already stay as they are.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    Raises UsageError: there is none.
     """
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     pairs = zip(given, as_paths(given), strict=True)
     return tuple(bag if isinstance(bag, Bag) else Bag(path) for bag, path in pairs)
 
 
-def _met(file: BagFile) -> dict[str, str]:
-    for _ in file.batches(set()):
-        pass
-    return file.topics
-
-
-def _damages(name: str, file: BagFile) -> list[str]:
-    damages = []
-    if file.truncated:
-        damages.append(f"{name} ends in the middle")
-    if file.damaged:
-        places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
-        damages.append(f"{name} is damaged in {places}")
-    return damages
-
-
 def bag_files(path: Path) -> list[Path]:
     """Files of a bag in the order in which they were recorded.
 
-    Raises
-    ------
-    UsageError
-        No such file or folder, or one that cannot be read.
-    DataError
-        Not a bag.
+    Raises UsageError: no such file or folder, or one that cannot be read. DataError: not a bag.
     """
     if not is_there(path):
         raise UsageError(f"{path}: no such file or folder")

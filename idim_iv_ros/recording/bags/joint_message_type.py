@@ -40,16 +40,9 @@ _Columns = tuple[tuple[str, ...], Mapping[str, Column | None]]
 class JointMessageType:
     """How messages of one topic are read.
 
-    Attributes
-    ----------
-    name : str
-        Message type.
-    schema : SchemaText or None
-        Its definition as the bag holds it.
-    field : str or None
-        Which field of the message is meant; None: what suits.
-    reference : bool
-        Whether it is what the controller was asked for, rather than what was measured.
+    `name`: message type. `schema`: its definition as the bag holds it. `field`: which field of the
+    message is meant; None: what suits. `reference`: whether it is what the controller was asked
+    for, rather than what was measured.
     """
 
     name: str
@@ -65,10 +58,7 @@ class JointMessageType:
     def require_readable(self, bag: object, topic: str) -> None:
         """Refuse a type that holds no joint quantities, or whose field is not there.
 
-        Raises
-        ------
-        DataError
-            One line that says what can be written instead.
+        Raises DataError: one line that says what can be written instead.
         """
         if AND in self.name:
             raise DataError(
@@ -108,7 +98,7 @@ class JointMessageType:
                 f"{bag}: {topic} is {self.name}: say which of its fields holds the numbers of the "
                 f"joints, as {topic}#FIELD ({', '.join(fields)})"
             )
-        if not _holds_numbers(kinds[0], self.field):
+        if not _has_numbers(kinds[0], self.field):
             raise UsageError(
                 f"{bag}: {topic} is {self.name}, which has no numbers in {self.field}; its fields "
                 f"are {', '.join(fields)}"
@@ -117,10 +107,7 @@ class JointMessageType:
     def layout(self, message: bytes, quantities: Sequence[str]) -> CdrLayout:
         """Read the layout of one message for some of position, velocity and effort.
 
-        Raises
-        ------
-        DataError
-            The bytes are not a message of this type.
+        Raises DataError: the bytes are not a message of this type.
         """
         kinds = versions(self.name, self.schema)
         for kind in kinds:
@@ -204,7 +191,7 @@ def _named_field(located: Located, field: str, quantities: Sequence[str]) -> _Co
     return names if width == len(names) else (), {_first_of(quantities): column}
 
 
-def _holds_numbers(kind: MessageType, path: str) -> bool:
+def _has_numbers(kind: MessageType, path: str) -> bool:
     """Whether a path leads to numbers, or to a JointState."""
     described: Any = (Nodetype.NAME, kind.name)
     for name in path.split("."):

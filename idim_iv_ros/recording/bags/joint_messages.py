@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.cdr import CdrLayout, MessageBatch
+from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
 from idim_iv_ros.recording.bags.joint_message_type import PLAIN, JointMessageType
+from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note
+from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _TOGETHER = 200_000  # messages
@@ -19,25 +23,13 @@ _UNREAD, _PASSED = -1, -2  # instead of a layout
 class JointMessages:
     """All messages of one topic, in the order in which they were found.
 
-    Attributes
-    ----------
-    topic : str
-    stamps, arrival : (n,) int
-        Header stamp (zero without header) and log time, ns.
-    values : dict
-        (n, n_joints) of each field, NaN where a message does not hold the joint.
-    layout : (n,) int
-        Which layout (joint order, missing fields) each has.
-    named : (n_layouts, n_joints) bool
-        Joints that a message of each layout names.
-    damaged : int
-        Messages that could not be read.
-    passed : int
-        Messages that name other joints only, say those of a gripper: they were passed over.
-    names : tuple of str
-        All joint names that were met.
-    origins : dict
-        Field of the message that each quantity was read from, where its type has several.
+    `stamps`, `arrival` (n,) int: header stamp (zero without header) and log time, ns. `values`: (n,
+    n_joints) of each field, NaN where a message does not hold the joint. `layout` (n,) int: which
+    layout (joint order, missing fields) each has. `named` (n_layouts, n_joints) bool: joints that a
+    message of each layout names. `damaged`: messages that could not be read. `passed`: messages
+    that name other joints only, say those of a gripper: they were passed over. `names`: all joint
+    names that were met. `origins`: field of the message that each quantity was read from, where its
+    type has several.
     """
 
     topic: str
@@ -54,8 +46,11 @@ class JointMessages:
     def __len__(self) -> int:
         return len(self.stamps)
 
-    def notes(self) -> list[Note]:
-        """What a user should know: messages left out, changing layouts, missing values."""
+    def notes(self, *, some_joints: bool = False) -> list[Note]:
+        """What a user should know: messages left out, changing layouts, missing values.
+
+        With `some_joints` a joint that is never there misses nothing.
+        """
         notes = []
         if self.passed:
             notes.append(Note(self.topic, "messages of other joints were passed over", self.passed))
@@ -67,8 +62,10 @@ class JointMessages:
             what = "different layouts of the message (joint order or missing fields)"
             notes.append(Note(self.topic, what, layouts))
         for name, values in self.values.items():
-            missing = int(np.count_nonzero(~np.isfinite(values)))
-            if missing and missing < values.size:
+            there = np.isfinite(values)
+            there = there[:, there.any(axis=0)] if some_joints else there
+            missing = int(np.count_nonzero(~there))
+            if missing and missing < there.size:
                 notes.append(Note(self.topic, f"{name}: values missing or NaN", missing))
         return notes
 
@@ -87,14 +84,8 @@ class JointMessages:
 class JointMessageReader:
     """Collects batches of one topic; fields that are not asked for are not kept.
 
-    Attributes
-    ----------
-    topic : str
-        Or a topic with a field, as it is named to a user.
-    kind : JointMessageType
-    joints : sequence of str
-    fields : sequence of str
-        ``position``, ``velocity`` or ``effort``; for an array of numbers ``effort`` is its data.
+    `topic`: or a topic with a field, as it is named to a user. `fields`: ``position``, ``velocity``
+    or ``effort``; for an array of numbers ``effort`` is its data.
     """
 
     topic: str
@@ -137,20 +128,22 @@ class JointMessageReader:
         )
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
-            self._merge()
+            self._merge(self._merged)
 
-    def _merge(self) -> None:
-        """Merge small parts: freed one by one at the end they would leave the memory in shreds."""
-        small = self._parts[self._merged :]
-        fields = {name for _, values in small for name in values}
-        width = len(self.joints)
-        merged = {
-            name: np.concatenate(
-                [values.get(name, np.full((len(head[0]), width), np.nan)) for head, values in small]
-            )
-            for name in fields
-        }
-        self._parts[self._merged :] = [(_stacked([head for head, _ in small]), merged)]
+    def _merge(self, first: int) -> None:
+        """Make one of the parts from `first` on: freed one by one they shred the memory."""
+        parts, width = self._parts[first:], len(self.joints)
+        merged = {}
+        for name in self.fields:
+            if any(name in values for _, values in parts):
+                pieces = [
+                    values.pop(name, np.broadcast_to(np.nan, (len(head[0]), width)))
+                    for head, values in parts
+                ]
+                merged[name] = np.concatenate(pieces)
+        nothing = np.zeros(0, dtype=np.int64)
+        heads = [np.concatenate([nothing, *(head[k] for head, _ in parts)]) for k in range(3)]
+        self._parts[first:] = [(tuple(heads), merged)]
         self._merged, self._waiting = len(self._parts), 0
 
     def _read(
@@ -213,20 +206,12 @@ class JointMessageReader:
 
     def finish(self) -> JointMessages:
         """All messages that were read; the parts are given up."""
+        self._merge(0)
+        (stamps, arrival, layout), read = self._parts.pop()
         width = len(self.joints)
-        stamps, arrival, layout = _stacked([head for head, _ in self._parts])
-        values = {}
-        for name in self.fields:
-            if not any(name in part for _, part in self._parts):
-                values[name] = np.broadcast_to(np.nan, (len(stamps), width))
-                continue
-            absent = np.full((0, width), np.nan)
-            pieces = [
-                part.pop(name, np.broadcast_to(np.nan, (len(head[0]), width)))
-                for head, part in self._parts
-            ]
-            values[name] = np.concatenate([absent, *pieces])
-        self._parts.clear()
+        absent = np.broadcast_to(np.nan, (len(stamps), width))
+        values = {name: read.get(name, absent) for name in self.fields}
+        self._merged = 0
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
         named = np.zeros((len(self._layouts), width), dtype=bool)
@@ -249,10 +234,56 @@ class JointMessageReader:
         )
 
 
-def _stacked(heads: Sequence[tuple[IntArray, ...]]) -> tuple[IntArray, IntArray, IntArray]:
-    """Stamps, arrivals and layouts of all parts."""
-    nothing = np.zeros(0, dtype=np.int64)
-    first, second, third = (
-        np.concatenate([nothing, *(head[k] for head in heads)]) for k in range(3)
-    )
-    return first, second, third
+def checked_messages(
+    path: Path, reader: JointMessageReader, *, optional: bool = False
+) -> tuple[JointMessages, list[Note]]:
+    """Messages without impossible values, and what was left out.
+
+    `optional`: of some joints only, one at least.
+
+    Raises DataError: a joint or a field is not there.
+    """
+    messages = reader.finish()
+    topic = reader.topic
+    if len(messages) == 0 and not messages.passed:
+        damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
+        raise DataError(f"{path}: no message on {topic} can be read{damaged}")
+    absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
+    if optional and len(absent) < len(reader.joints):
+        absent = []
+    for joint in absent:
+        raise DataError(
+            f"{path}: {topic} never holds joint {joint}; it holds "
+            f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
+        )
+    notes = []
+    values = dict(messages.values)
+    for name in reader.fields:
+        values[name], sentence = without_impossible(
+            name,
+            values[name],
+            reader.joints,
+            f"{path}: {topic}",
+            "look at the driver, its units and its byte order",
+        )
+        if sentence:
+            notes.append(Note(topic, f"{sentence}; left out", 1, limits=True))
+        if name == "velocity" or optional:
+            continue
+        for column, joint in enumerate(reader.joints):
+            if not np.isfinite(values[name][:, column]).any():
+                raise DataError(
+                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
+                    f"{_where_else(reader, name)}"
+                )
+    return replace(messages, values=values), notes
+
+
+def _where_else(reader: JointMessageReader, name: str) -> str:
+    """What to write where a controller does not publish a quantity."""
+    topic = topic_of(reader.topic)
+    if reader.kind.name not in ROS2_CONTROL:
+        return ""
+    if name == "effort":
+        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
+    return f"; was the controller of {topic} active while this was recorded?"

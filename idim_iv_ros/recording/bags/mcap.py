@@ -50,13 +50,7 @@ _FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of 
 
 @dataclass
 class McapFile(BagFile):
-    """One MCAP file.
-
-    Attributes
-    ----------
-    source : ByteSource or None
-        Where the bytes are if not on this machine.
-    """
+    """One MCAP file; `source` is where the bytes are if not on this machine."""
 
     source: ByteSource | None = None
     _description: McapDescription = field(default_factory=McapDescription)
@@ -108,11 +102,7 @@ class McapFile(BagFile):
             yield from self._walk(content, wanted, len(MAGIC), file.fileno())
 
     def _walk(
-        self,
-        content: mmap.mmap | bytes,
-        wanted: set[str],
-        place: int,
-        file: int | None = None,
+        self, content: mmap.mmap | bytes, wanted: set[str], place: int, file: int | None = None
     ) -> Iterator[tuple[str, MessageBatch]]:
         # A chunk is followed by its indices.
         chunk: bytes | None = None
@@ -141,7 +131,9 @@ class McapFile(BagFile):
             elif opcode in (SCHEMA, CHANNEL):
                 self._describe(opcode, content[start:end])
             elif opcode == INDEX:
-                self._index(content[start:end], indices)
+                (channel,) = struct.unpack_from("<H", content, start)
+                entries = np.frombuffer(content[start + 6 : end], dtype="<i8").reshape(-1, 2)
+                indices[channel] = entries[:, 1]
             elif opcode == MESSAGE:
                 loose.append(record)
                 if len(loose) >= _LOOSE_TOGETHER or end - loose[0].start > _LOOSE_BYTES:
@@ -181,22 +173,10 @@ class McapFile(BagFile):
                 content = payload
             if checksum not in (0, zlib.crc32(content)):
                 raise ValueError("wrong checksum")
-        except (
-            struct.error,
-            ValueError,
-            RuntimeError,
-            EOFError,
-            MemoryError,
-            zstandard.ZstdError,
-        ):
+        except (struct.error, ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError):
             self._lose()
             return None
         return content
-
-    def _index(self, record: bytes, indices: dict[int, IntArray]) -> None:
-        (channel,) = struct.unpack_from("<H", record)
-        entries = np.frombuffer(record, dtype="<i8", offset=6).reshape(-1, 2)
-        indices[channel] = entries[:, 1]
 
     def _chunk(
         self, chunk: bytes | None, indices: dict[int, IntArray], wanted: set[str]

@@ -62,7 +62,7 @@ def records(content: mmap | bytes, place: int, file: int | None = None) -> Itera
     end of a file that was cut. `file` is the descriptor of the file: its holes take no time then.
     """
     trusted, begin = place, place
-    search = _Search(content, file)
+    garbage = 0
     while place + HEAD <= len(content):
         record = _record(content, place)
         if record is not None and record.end <= len(content):
@@ -71,7 +71,9 @@ def records(content: mmap | bytes, place: int, file: int | None = None) -> Itera
             trusted = record.end if record.opcode == CHUNK else record.start
             place = record.end
             continue
-        following = search.next_beginning(trusted, most=_MOST_GARBAGE + place - begin)
+        most = _MOST_GARBAGE + place - begin - garbage
+        following, passed = _next_beginning(content, file, trusted, most)
+        garbage += passed
         if following is None:
             if record is not None:
                 yield record
@@ -110,54 +112,35 @@ def _is_chunk(content: mmap | bytes, record: Record) -> bool:
     return bool(record.end - record.start == 40 + name + size)
 
 
-class _Search:
-    """Looks for the next record behind bytes that are none."""
+def _next_beginning(
+    content: mmap | bytes, file: int | None, place: int, most: int
+) -> tuple[int | None, int]:
+    """Where the next record begins that others follow, and the bytes before it that are no zeros.
 
-    def __init__(self, content: mmap | bytes, file: int | None) -> None:
-        self._content, self._file = content, file
-        self._garbage = 0
-
-    def next_beginning(self, place: int, most: int) -> int | None:
-        """Where the next record begins that others follow; None if none does.
-
-        None too where more than `most` bytes in all are neither record nor zero.
-        """
-        content = self._content
-        while place < len(content):
-            place = self._behind_hole(place)
-            if place >= len(content):
+    No place is returned if none follows, or only behind more than `most` such bytes.
+    """
+    garbage = 0
+    while place < len(content):
+        if file is not None:
+            try:  # a hole is passed by: no record begins with a zero
+                place = os.lseek(file, place, os.SEEK_DATA)
+            except OSError as error:
+                # Other errors come from file systems that do not know their holes.
+                if error.errno == errno.ENXIO:
+                    break
+        end = min(place + _BLOCK, len(content))
+        block = content[place:end]
+        if block != _ZEROS[: len(block)]:
+            beyond = min(end + _LONGEST_BEGINNING, len(content))
+            for match in _BEGINNINGS.finditer(content, place, beyond):
+                beginning = match.start()
+                if beginning < end and _leads_on(content, beginning):
+                    return beginning, garbage + beginning - place
+            garbage += len(block)
+            if garbage > most:
                 break
-            end = min(place + _BLOCK, len(content))
-            block = content[place:end]
-            if block != _ZEROS[: len(block)]:
-                self._garbage += len(block)
-                beginning = self._in_block(place, end)
-                if beginning is not None:
-                    self._garbage -= end - beginning
-                    return beginning
-                if self._garbage > most:
-                    return None
-            place = end
-        return None
-
-    def _in_block(self, place: int, end: int) -> int | None:
-        beyond = min(end + _LONGEST_BEGINNING, len(self._content))
-        for match in _BEGINNINGS.finditer(self._content, place, beyond):
-            if match.start() >= end:
-                return None
-            if _leads_on(self._content, match.start()):
-                return match.start()
-        return None
-
-    def _behind_hole(self, place: int) -> int:
-        """The next place that lies on the disk: no record begins with a zero."""
-        if self._file is None:
-            return place
-        try:
-            return os.lseek(self._file, place, os.SEEK_DATA)
-        except OSError as error:
-            # Other errors come from file systems that do not know their holes.
-            return len(self._content) if error.errno == errno.ENXIO else place
+        place = end
+    return None, garbage
 
 
 def _leads_on(content: mmap | bytes, place: int) -> bool:
@@ -177,20 +160,10 @@ def _leads_on(content: mmap | bytes, place: int) -> bool:
 class McapDescription:
     """Schemas and channels of a file, from its data or from its summary.
 
-    Attributes
-    ----------
-    schemas : dict
-        Name of each schema.
-    definitions : dict
-        Definition of each type.
-    channels : dict
-        Topic of each channel of CDR messages.
-    topics : dict
-        Type of each topic.
-    counts : dict or None
-        Messages of each channel in the whole file; None where no summary says it.
-    chunks : list of ChunkIndex
-        Where chunks lie, and which channels they hold.
+    `schemas`: name of each schema. `definitions`: definition of each type. `channels`: topic of
+    each channel of CDR messages. `topics`: type of each topic. `counts`: messages of each channel
+    in the whole file; None where no summary says it. `chunks`: where chunks lie, and which channels
+    they hold.
     """
 
     schemas: dict[int, str] = field(default_factory=dict)

@@ -7,8 +7,7 @@ computes (views, virtual tables, generated columns).
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
-from pathlib import Path
+from contextlib import closing, suppress
 from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
@@ -26,20 +25,16 @@ _COLUMNS = {
 }
 
 
-def _has_log(path: Path) -> bool:
-    """Whether a write-ahead log beside the file holds what a killed recorder had not merged yet."""
-    try:
-        return path.with_name(f"{path.name}-wal").is_file()
-    except OSError:  # a name too long for a file: then there is none
-        return False
-
-
 class SqliteFile(BagFile):
     """One .db3 file; of a damaged page nobody knows the topics, so that nothing is `missing`."""
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Raw messages of the wanted topics, block by block; otherwise as `BagFile`."""
-        mode = "mode=ro" if _has_log(self.path) else "immutable=1"
+        mode = "immutable=1"
+        with suppress(OSError):  # a name too long for a file
+            # A write-ahead log holds what a killed recorder had not merged yet.
+            if self.path.with_name(f"{self.path.name}-wal").is_file():
+                mode = "mode=ro"
         address = f"file:{quote(os.fsencode(self.path))}?{mode}"
         try:
             with closing(sqlite3.connect(address, uri=True)) as connection:

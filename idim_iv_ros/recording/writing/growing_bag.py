@@ -1,32 +1,182 @@
-"""A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes."""
+"""A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes.
+
+Each file is whole after every commit, whatever happens to the process afterwards.
+"""
 
 import json
+import os
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 from idim_iv_ros.files import write_together
-from idim_iv_ros.recording.writing.growing_mcap import FileSummary, GrowingMcap, Message
-from idim_iv_ros.recording.writing.write import Storage, TopicChannel
+from idim_iv_ros.recording.writing.write import ShortChunkWriter, Storage, TopicChannel
+
+Message = tuple[int, str, bytes, int, int]
+"""Log time (ns), topic, serialised message, publish time (ns), sequence number."""
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """One file of a bag.
+
+    `name`: relative to the folder. `start`, `duration`: log time of the first message, and from
+    there to the last, ns. `counts`: messages of each topic. `size`: bytes.
+    """
+
+    name: str
+    start: int | None
+    duration: int
+    counts: Mapping[str, int]
+    size: int
+
+    @property
+    def messages(self) -> int:
+        """Messages in the file."""
+        return sum(self.counts.values())
+
+
+class GrowingMcap:
+    """One MCAP file while it is recorded.
+
+    Every commit writes the messages since the last one as compressed chunks, and behind them the
+    summary and footer that a reader needs; the next commit overwrites these. A process that is
+    killed leaves a file that any MCAP reader opens, without the messages after the last commit.
+    A commit that fails leaves the file as it was, and keeps its messages for the next one.
+
+    `path`: must not exist. `storage`: compression and size of the chunks. `counts`: messages of
+    each topic that were added. `summary`: what is on disk.
+    Raises OSError: the file cannot be made.
+    """
+
+    def __init__(self, path: Path, storage: Storage | None = None) -> None:
+        self.path = path
+        self.counts: dict[str, int] = {}
+        self.summary = FileSummary(path.name, None, 0, {}, 0)
+        self._first: int | None = None
+        self._last: int | None = None
+        self._channels: dict[str, int] = {}
+        self._stream = _Stream()
+        # Not the name alone: what a robot did cannot be made again, so nothing may replace it.
+        self._writer = ShortChunkWriter(
+            self._stream, library="idim_iv_ros recorder", summary_offsets=False, storage=storage
+        )
+        self._end = 0
+        self._trailer = b""
+        self._waiting = bytearray()
+        self._open_chunk = 0
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        try:
+            self.commit()
+        except OSError:
+            os.close(self._file)
+            path.unlink(missing_ok=True)
+            raise
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Bytes that were added and are not on disk."""
+        return len(self._waiting) + self._open_chunk
+
+    @property
+    def waiting(self) -> int:
+        """Messages that were added and are not on disk."""
+        return sum(self.counts.values()) - self.summary.messages
+
+    def describe(self, topic: TopicChannel) -> None:
+        """Make a topic known; its messages may follow."""
+        self._channels[topic.name] = topic.register(self._writer)
+        self.counts[topic.name] = 0
+
+    def add(self, messages: Iterable[Message]) -> None:
+        """Take messages of described topics."""
+        add_message, channels, counts = self._writer.add_message, self._channels, self.counts
+        size = 0
+        for log_time, topic, data, publish_time, sequence in messages:
+            add_message(channels[topic], log_time, data, publish_time, sequence & 0xFFFFFFFF)
+            counts[topic] += 1
+            size += len(data)
+            if self._first is None or log_time < self._first:
+                self._first = log_time
+            if self._last is None or log_time > self._last:
+                self._last = log_time
+        self._open_chunk += size
+
+    def commit(self, announce: Callable[[FileSummary], None] | None = None) -> None:
+        """Put everything that was added on disk.
+
+        `announce` takes what the file will hold, just before it does; it may raise OSError, too.
+        Raises OSError: it could not be written; the file is as before, and nothing that was added
+        is lost.
+        """
+        self._writer.flush()
+        self._waiting += self._stream.take()
+        self._open_chunk = 0
+        body = self._stream.begin
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        trailer = self._stream.take()
+        self._stream.begin = body
+        content = bytes(self._waiting) + trailer
+        duration = 0 if self._first is None or self._last is None else self._last - self._first
+        size = self._end + len(content)
+        summary = FileSummary(self.path.name, self._first, duration, dict(self.counts), size)
+        if announce is not None:
+            announce(summary)
+        try:
+            self._put(content)
+        except OSError:
+            with suppress(OSError):
+                self._put(self._trailer)
+            raise
+        self._end += len(self._waiting)
+        self._trailer = trailer
+        self._waiting.clear()
+        self.summary = summary
+
+    def close(self) -> None:
+        """Give the file up; what was committed stays."""
+        os.close(self._file)
+
+    def _put(self, content: bytes) -> None:
+        """Write behind the last chunk, over the old summary."""
+        view, place = memoryview(content), self._end
+        while view:
+            written = os.pwrite(self._file, view, place)
+            view, place = view[written:], place + written
+        os.ftruncate(self._file, self._end + len(content))
+        os.fsync(self._file)
+
+
+class _Stream(BytesIO):
+    """What the writer writes into: bytes until they are taken, at their place in the file."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begin = 0
+
+    def tell(self) -> int:
+        """Return the place in the file."""
+        return self.begin + super().tell()
+
+    def take(self) -> bytes:
+        """Give up what was written; what comes next follows it in the file."""
+        content = self.getvalue()
+        self.seek(0)
+        self.truncate()
+        self.begin += len(content)
+        return content
 
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """When a new file begins; zero means never. Looked at once a commit.
+    """When a new file begins; zero means never. Looked at once a commit."""
 
-    Attributes
-    ----------
-    size : int
-        Bytes of a file.
-    duration : float
-        Seconds for which a file was written.
-    """
-
-    size: int = 0
-    duration: float = 0.0
+    size: int = 0  # bytes of a file
+    duration: float = 0.0  # s for which a file was written
 
 
 @dataclass(frozen=True)
@@ -49,25 +199,11 @@ class GrowingBag:
     What a commit adds is counted in metadata.yaml just before it is in the file: at no instant does
     the file hold more than a reader expects, and what a crash between the two loses can be counted.
 
-    Parameters
-    ----------
-    folder : Path
-        Made here; must not exist.
-    limits : SplitLimits
-    clock : callable
-        Log time now, ns: what messages that are repeated at the start of a file are stamped with.
-        Zero while it is not known; they are repeated as soon as it is.
-    latched : mapping
-        Last message of latched topics that arrived before the bag was opened.
-    topics : sequence of TopicChannel
-        Known from the start.
-    storage : Storage
-        Compression and size of the chunks.
-
-    Raises
-    ------
-    OSError
-        The folder or its first file cannot be made.
+    `folder`: made here; must not exist. `clock`: log time now, ns: what messages that are repeated
+    at the start of a file are stamped with. Zero while it is not known; they are repeated as soon
+    as it is. `latched`: last message of latched topics that arrived before the bag was opened.
+    `topics`: known from the start. `storage`: compression and size of the chunks.
+    Raises OSError: the folder or its first file cannot be made.
     """
 
     def __init__(
@@ -109,7 +245,7 @@ class GrowingBag:
     def describe(self, topic: TopicChannel) -> None:
         """Make a topic known; its messages may follow."""
         self.topics[topic.name] = topic
-        if not self.file.knows(topic.name):
+        if topic.name not in self.file.counts:
             self.file.describe(topic)
 
     def add(self, messages: Sequence[Message]) -> None:
@@ -130,10 +266,8 @@ class GrowingBag:
     def commit(self) -> None:
         """Put everything on disk, and begin a new file if the present one is full.
 
-        Raises
-        ------
-        OSError
-            Something could not be written; nothing that was added is lost, commit again.
+        Raises OSError: something could not be written; nothing that was added is lost, commit
+        again.
         """
         self._commit_file()
         size, duration = self.limits.size, self.limits.duration
@@ -144,10 +278,7 @@ class GrowingBag:
     def split(self) -> None:
         """Close the present file and begin the next; latched messages are repeated in it.
 
-        Raises
-        ------
-        OSError
-            The next file cannot be made or the present one not be written; it goes on.
+        Raises OSError: the next file cannot be made or the present one not be written; it goes on.
         """
         self._commit_file()
         full = self.file
@@ -159,10 +290,7 @@ class GrowingBag:
     def close(self) -> ClosedBag:
         """Write what is left and close.
 
-        Raises
-        ------
-        OSError
-            It cannot be written; the bag stays open, so that it can be tried again.
+        Raises OSError: it cannot be written; the bag stays open, so that it can be tried again.
         """
         self._commit_file()
         self.file.close()
@@ -205,19 +333,10 @@ def write_metadata(
 ) -> None:
     """Write metadata.yaml, version 9 (ROS 2 Jazzy): a reader sees the old one or the new one.
 
-    Raises
-    ------
-    OSError
-        It cannot be written; the old one stays.
+    Raises OSError: it cannot be written; the old one stays.
     """
-    document = {"rosbag2_bagfile_information": _metadata(files, topics)}
-    # JSON is YAML, and is written in no time: the file is renewed with every commit.
-    write_together({folder / "metadata.yaml": json.dumps(document, indent=2)})
-
-
-def _metadata(files: Sequence[FileSummary], topics: Sequence[TopicChannel]) -> dict[str, object]:
     start, duration = time_span(files)
-    return {
+    information = {
         "version": 9,
         "storage_identifier": "mcap",
         **_times(start, duration),
@@ -229,7 +348,7 @@ def _metadata(files: Sequence[FileSummary], topics: Sequence[TopicChannel]) -> d
                     "type": topic.message_type,
                     "serialization_format": "cdr",
                     "offered_qos_profiles": [qos.document for qos in topic.offered],
-                    "type_description_hash": topic.type_hash,
+                    "type_description_hash": topic.definition.hash,
                 },
                 "message_count": sum(file.counts.get(topic.name, 0) for file in files),
             }
@@ -249,6 +368,9 @@ def _metadata(files: Sequence[FileSummary], topics: Sequence[TopicChannel]) -> d
         "custom_data": None,
         "ros_distro": "jazzy",
     }
+    # JSON is YAML, and is written in no time: the file is renewed with every commit.
+    text = json.dumps({"rosbag2_bagfile_information": information}, indent=2)
+    write_together({folder / "metadata.yaml": text})
 
 
 def _times(start: int, duration: int) -> dict[str, object]:

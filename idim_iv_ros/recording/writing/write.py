@@ -1,7 +1,7 @@
 """Writing recordings as MCAP bags that ROS 2 tools open."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES, JointMessageType
-from idim_iv_ros.recording.topic_names import in_root
+from idim_iv_ros.recording.request import in_root
 from idim_iv_ros.types import FloatArray, IntArray
 
 _STRING = "std_msgs/msg/String"
@@ -47,14 +47,9 @@ PRESETS = {
 class OfferedQos:
     """Quality of service of one publisher, as rosbag2 writes it.
 
-    Attributes
-    ----------
-    reliability : str
-        ``reliable`` or ``best_effort``.
-    durability : str
-        ``volatile`` or ``transient_local``.
-    depth : int
-        Of the publisher's history; discovery does not say it, and a replay does not need it.
+    `reliability`: ``reliable`` or ``best_effort``. `durability`: ``volatile`` or
+    ``transient_local``. `depth`: of the publisher's history; discovery does not say it, and a
+    replay does not need it.
     """
 
     reliability: str = "reliable"
@@ -89,14 +84,7 @@ class Definition:
 class TopicChannel:
     """One topic of a bag.
 
-    Attributes
-    ----------
-    name, message_type : str
-        ``/joint_states``, ``sensor_msgs/msg/JointState``.
-    offered : tuple of OfferedQos
-        One for each publisher.
-    defined : Definition or None
-        Of a type that is not one of ROS 2's own.
+    `offered` has one item for each publisher; `defined` is of a type that is none of ROS 2's own.
     """
 
     name: str
@@ -116,11 +104,6 @@ class TopicChannel:
         """Of its type, which may be one of ROS 2's own."""
         return self.defined or _definition(self.message_type)
 
-    @property
-    def type_hash(self) -> str:
-        """Hash of the type's description (REP 2011)."""
-        return self.definition.hash
-
     def register(self, writer: Writer) -> int:
         """Describe the topic in an MCAP file and return its channel."""
         text = self.definition.text.encode()
@@ -128,7 +111,7 @@ class TopicChannel:
         metadata = {
             # Every reader of YAML reads JSON.
             "offered_qos_profiles": json.dumps([qos.document for qos in self.offered]),
-            "topic_type_hash": self.type_hash,
+            "topic_type_hash": self.definition.hash,
         }
         return int(writer.register_channel(self.name, "cdr", schema, metadata))
 
@@ -143,16 +126,9 @@ def _definition(message_type: str) -> Definition:
 class ShortChunkWriter(Writer):
     """Writes chunks of at most one second of log time, and of little more than a given size.
 
-    Parameters
-    ----------
-    stream
-        Has `write`, `tell` and `flush`.
-    library
-        What wrote the file, in its header.
-    summary_offsets
-        Whether they are written; they pile up where `finish` is called again and again.
-    storage
-        Compression and size of the chunks.
+    `stream`: has `write`, `tell` and `flush`. `library`: what wrote the file, in its header.
+    `summary_offsets`: whether they are written; they pile up where `finish` is called again and
+    again. `storage`: compression and size of the chunks.
     """
 
     def __init__(
@@ -254,33 +230,31 @@ def write_messages(
         channel = TopicChannel(
             "/robot_description", _STRING, (OfferedQos(durability="transient_local"),)
         ).register(writer)
-        start = min(_nanoseconds(topic.time)[0] for topic in topics)
-        writer.add_message(channel, int(start), _string(robot_description), int(start), sequence=0)
+        start = int(min(_nanoseconds(topic.time)[0] for topic in topics))
+        store = get_typestore(Stores.ROS2_JAZZY)
+        text = store.serialize_cdr(store.types[_STRING](data=robot_description), _STRING)
+        writer.add_message(channel, start, bytes(text), start)
         # By itself: it is long, and a byte of it shall not cost the first second.
         writer.flush()
-    _write_topics(writer, topics)
-    writer.finish()  # type: ignore[no-untyped-call]
-
-
-def _write_topics(writer: Writer, topics: Sequence[JointTopic]) -> None:
-    """Messages of all topics in the order of their stamps."""
     channels = [TopicChannel(in_root(topic.name), JOINT_STATE).register(writer) for topic in topics]
     stamps = [_nanoseconds(topic.time) for topic in topics]
     payloads = [serialised(topic, stamp) for topic, stamp in zip(topics, stamps, strict=True)]
     owner = np.concatenate([np.full(len(s), k) for k, s in enumerate(stamps)])
     number = np.concatenate([np.arange(len(s)) for s in stamps])
-    order = np.argsort(np.concatenate(stamps), kind="stable")
-    for place in order:
+    for place in np.argsort(np.concatenate(stamps), kind="stable"):
         topic, message = int(owner[place]), int(number[place])
         stamp = int(stamps[topic][message])
         writer.add_message(
             channels[topic], stamp, payloads[topic][message].tobytes(), stamp, sequence=message
         )
+    writer.finish()  # type: ignore[no-untyped-call]
 
 
 def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Serialised messages (n, size): one template, its numbers filled in for all at once."""
-    template = _template(topic)
+    fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
+    given = {name: values for name, values in fields.items() if values is not None}
+    template = _template(topic.joints, given)
     layout = JointMessageType(JOINT_STATE).layout(template, QUANTITIES)
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
@@ -288,38 +262,22 @@ def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     place = layout.stamp
     messages[:, place : place + 4] = seconds.astype("<i4")[:, None].view(np.uint8)
     messages[:, place + 4 : place + 8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
-    for name, values in _fields(topic).items():
+    for name, values in given.items():
         offset = layout.columns[name].offsets[0]
         numbers = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
         messages[:, offset : offset + numbers.shape[1]] = numbers
     return messages
 
 
-def _fields(topic: JointTopic) -> dict[str, FloatArray]:
-    fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
-    return {name: values for name, values in fields.items() if values is not None}
-
-
-def _template(topic: JointTopic) -> bytes:
+def _template(joints: Sequence[str], given: Collection[str]) -> bytes:
+    """A message with zeros in the fields that are given."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
-    empty = np.zeros(0)
-    filled = {name: np.zeros(len(topic.joints)) for name in _fields(topic)}
-    message = types[JOINT_STATE](
-        header=types["std_msgs/msg/Header"](
-            stamp=types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=""
-        ),
-        name=list(topic.joints),
-        position=filled.get("position", empty),
-        velocity=filled.get("velocity", empty),
-        effort=filled.get("effort", empty),
-    )
+    stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    numbers = {name: np.zeros(len(joints) if name in given else 0) for name in QUANTITIES}
+    message = types[JOINT_STATE](header=header, name=list(joints), **numbers)
     return bytes(store.serialize_cdr(message, JOINT_STATE))
-
-
-def _string(text: str) -> bytes:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    return bytes(store.serialize_cdr(store.types[_STRING](data=text), _STRING))
 
 
 def _nanoseconds(time: FloatArray) -> IntArray:
