@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import write_arm
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import refused, write_arm
 from tests.cli.test_simulate import gap_file
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "arm2.yaml"
@@ -41,9 +40,7 @@ def document(out: Path) -> dict:
     return json.loads((out / "gap.json").read_text(encoding="utf-8"))
 
 
-def test_what_was_simulated_is_found_and_can_be_simulated_again(
-    run, rippled, tmp_path: Path
-) -> None:
+def test_what_was_simulated_is_found_and_can_be_simulated_again(run, rippled, tmp_path) -> None:
     """One bag only: ripple within 10 %, then a robot with what was found."""
     (bag,) = rippled(1)
     out = tmp_path / "why"
@@ -70,9 +67,7 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     assert truth["MX1"] == pytest.approx(extended["MX1"]["value"])
 
 
-def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
-    run, rippled, tmp_path: Path
-) -> None:
+def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(run, rippled, tmp_path):
     bags = rippled(1, 2)
     out = tmp_path / "why"
     outcome = run(

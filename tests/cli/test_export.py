@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import refused
 from tests.cli.test_mjcf import as_mjcf
 from tests.simulator_files.cases import CHANGING, CONFIG, Case, bare, case, cause
 
@@ -78,9 +78,7 @@ def test_identify_ends_by_naming_the_export(run, bag: Path, config, tmp_path: Pa
     assert f"Into a simulator: idim-iv export {out / 'result.json'} --config" in outcome.out
 
 
-def test_without_the_solver_one_line_says_what_to_install(
-    run, bag: Path, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_solver_one_line_says_what_to_install(run, bag, config, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
     out = tmp_path / "found"
     outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
@@ -92,9 +90,7 @@ def test_without_the_solver_one_line_says_what_to_install(
     )
 
 
-def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(
-    run, bag: Path, config, tmp_path: Path
-) -> None:
+def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(run, bag, config, tmp_path):
     """Identified, exported, and simulated with the recording that it is from."""
     configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
     outcome = run("identify", bag, "--config", configuration, "--out", found, status=0)

@@ -35,9 +35,7 @@ def bag(record, tmp_path_factory) -> Path:
     return made.write(tmp_path_factory.mktemp("ur") / "bag")
 
 
-def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
-    run, bag, tmp_path: Path
-) -> None:
+def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(run, bag, tmp_path):
     out = tmp_path / "arm.yaml"
     run("init", bag, "--urdf", ARM, "--out", out, status=0)
     configuration = load_configuration(out)
@@ -54,9 +52,7 @@ def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
     assert identified["instruments"]["accepted"] is True
 
 
-def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(
-    run, bag, tmp_path: Path
-) -> None:
+def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(run, bag, tmp_path) -> None:
     out = tmp_path / "arm.yaml"
     done = run("init", bag, "--urdf", ARM, "--driver", "ur", "--out", out, status=0)
     signals = load_configuration(out).signals
@@ -65,9 +61,7 @@ def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(
     assert "driver ur" in done.out
 
 
-def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(
-    run, bag, tmp_path: Path
-) -> None:
+def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(run, bag, tmp_path):
     out = tmp_path / "arm.yaml"
     done = run("init", bag, "--urdf", ARM, "--driver", "kinova", "--out", out, status=0)
     assert load_configuration(out).signals.reference == SCALED

@@ -1,9 +1,6 @@
 """What the commands print: tables, one document, or nothing; and what they refuse to replace."""
 
 import json
-import os
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -12,9 +9,7 @@ import pytest
 
 from bags import simulated_arms
 from idim_iv_ros.cli import output
-from tests.cli.conftest import write_arm
-from tests.cli.test_bad_input import refused
-from tests.cli.test_start import REPOSITORY, START
+from tests.cli.conftest import in_process, refused, write_arm
 
 
 @pytest.fixture
@@ -89,15 +84,8 @@ def test_progress_is_lines_where_stderr_is_no_terminal(capsys, monkeypatch) -> N
 
 @pytest.mark.parametrize("width", [60, 80])
 def test_tables_of_a_check_fit_the_terminal(config, bag, width: int) -> None:
-    variables = {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": str(width)}
-    done = subprocess.run(
-        [sys.executable, "-c", START, "check", bag, "--config", config()],
-        capture_output=True,
-        text=True,
-        env=variables,
-        check=True,
-    )
-    lines = [line.rstrip() for line in done.stdout.splitlines()]
+    done = in_process("check", bag, "--config", config(), COLUMNS=str(width))
+    lines = [line.rstrip() for line in done.out.splitlines()]
     assert max(map(len, lines[:-1])) <= width
     assert lines[-1].startswith("Next: idim-iv identify ")  # to be pasted: not broken
 

@@ -59,7 +59,7 @@ def test_many_impossible_rows_are_refused_with_first_last_and_count(
     assert not (tmp_path / "out.mcap").exists()
 
 
-@pytest.mark.parametrize("rate", [1e-300, 1e-7, 1e10, 1e300])
+@pytest.mark.parametrize("rate", [1e-300, 1e-7, 1e10, 1e300, 0.0, -5.0, np.nan, np.inf])
 def test_a_rate_that_no_stamp_can_hold_is_refused(tmp_path: Path, rate: float) -> None:
     np.save(tmp_path / "q.npy", GOOD)
     with pytest.raises(UsageError, match="--rate"):
