@@ -8,7 +8,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import UsageError
-from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+from tests.report.sample_gap import CASES, Case, sample_gap
 
 
 class StandIn:
@@ -94,7 +94,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_work(diagnose, tmp
 
 
 def test_brackets_in_names_are_printed_as_they_are(diagnose, tmp_path: Path, capsys) -> None:
-    named = with_first_joint_named(sample_gap(2, "structural"), "[red]arm[/]")
+    named = sample_gap(2, "structural", first="[red]arm[/]")
     diagnose(lambda *_, **__: named)
     assert "[red]arm[/]" in "".join(capsys.readouterr().out.split())
     document = json.loads((tmp_path / "why" / "gap.json").read_text(encoding="utf-8"))

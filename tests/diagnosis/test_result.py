@@ -1,7 +1,6 @@
 """gap.json: what is written is what is read, and what is no gap.json is refused in one line."""
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,21 +61,6 @@ def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case:
     assert sorted(path.name for path in written.parent.iterdir()) == ["gap.json", "report.html"]
 
 
-def test_a_full_disk_leaves_the_old_diagnosis_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_gap_report(sample_gap(2, "none"), tmp_path)
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(UsageError, match=r"No space left on device; .*--out"):
-        write_gap_report(sample_gap(2, "both"), tmp_path)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
 def _change(document: dict, keys: tuple, value: object) -> None:
     for key in keys[:-1]:
         document = document[key]
@@ -104,9 +88,7 @@ def _change(document: dict, keys: tuple, value: object) -> None:
         (("causes", 0, "sen\ntence"), 1, "unknown key causes.0.sen tence"),
     ],
 )
-def test_a_file_of_another_format_is_refused_with_the_key(
-    tmp_path: Path, keys: tuple, value: object, words: str
-) -> None:
+def test_a_file_of_another_format_is_refused_with_the_key(tmp_path, keys, value, words) -> None:
     document = sample_gap(2, "structural").to_document()
     _change(document, keys, value)
     path = tmp_path / "gap.json"
@@ -140,9 +122,7 @@ def test_an_open_end_of_a_regime_and_a_missing_number_are_read_back() -> None:
 @pytest.mark.parametrize("joints", [2, 6])
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("bare", [False, True])
-def test_the_committed_schema_describes_what_is_written(
-    joints: int, case: Case, bare: bool
-) -> None:
+def test_the_committed_schema_describes_what_is_written(joints, case, bare) -> None:
     schema = json.loads((DOCS / "gap.schema.json").read_text(encoding="utf-8"))
     validator = Draft202012Validator(schema)
     result = sample_gap(joints, case, given=not bare, floor=not bare, tracking=not bare)
