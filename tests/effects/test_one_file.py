@@ -11,7 +11,7 @@ from idim_iv_ros.effects.registry import BY_NAME
 PACKAGE = Path(idim_iv_ros.__file__).parent
 OWNERS = (ast.Module, ast.ClassDef, ast.FunctionDef)
 COMPOUND = re.compile("[a-z]+(?:_[a-z]+)+")
-FOLDERS = ("diagnosis", "report", "simulators", "simulator_files", "fleet")
+FOLDERS = ("simulation", "diagnosis", "report", "simulators", "simulator_files", "fleet")
 KEY = "a key of the configuration, not an effect"
 ALLOWED = {
     ("diagnosis/nominal.py", "drive_inertia"): KEY,
