@@ -61,9 +61,7 @@ def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regressi
         assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
 
 
-def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
-    data: Baseline, regression: Regression
-) -> None:
+def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(data, regression) -> None:
     configuration = data.prepared.configuration
     signals = configuration.signals.model_copy(update={"effort_unit": "A"})
     current = replace(

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2, record
+from bags.simulated_arms import SimulatedArm, record
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.processing import widened
@@ -17,14 +17,6 @@ from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
-
-SECONDS = 10.0
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    arm = arm2(seconds=SECONDS)
-    return baseline([recorded(arm, 1)], arm.configuration)
 
 
 def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baseline) -> None:
@@ -41,10 +33,9 @@ def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baselin
         assert np.all(error < share * np.std(upper, axis=0))
 
 
-def test_it_is_closer_to_the_true_motion_than_what_was_measured(data: Baseline) -> None:
+def test_it_is_closer_to_the_true_motion_than_what_was_measured(arm, data: Baseline) -> None:
     """Against the position and its central differences of a recording without noise."""
     motion = data.motions[0]
-    arm = arm2(seconds=SECONDS)
     true = record(arm, 1, position_noise=0.0, torque_noise=[0.0, 0.0])
     noisy = record(arm, 1)
     for joint in (0, 1):
@@ -61,9 +52,7 @@ def test_it_is_closer_to_the_true_motion_than_what_was_measured(data: Baseline) 
         assert np.std(error) < 0.3 * np.std(raw[:, joint])
 
 
-def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(
-    data: Baseline,
-) -> None:
+def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(data) -> None:
     (slip,) = simulated_slips(data.prepared, data.estimate)
     assert slip is not None
     assert np.abs(slip).max() <= 1.0
@@ -119,9 +108,8 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
         np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
 
 
-def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques() -> None:
+def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques(arm) -> None:
     """(2πf)² = √5 · 2 σ_τ / (J σ_q), J the largest inertia along the motion."""
-    arm = arm2(seconds=SECONDS)
     model = arm.robot.pinocchio
     links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
     inertia = np.max(links, axis=0) + arm.truth.drive_inertia
@@ -157,30 +145,20 @@ def changed_processing(arm: SimulatedArm, **values: float) -> Configuration:
     return arm.configuration.model_copy(update={"processing": processing})
 
 
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=SECONDS)
-
-
 @pytest.mark.parametrize("others", [{}, {"decimation_cutoff": 8.0}, {"position_cutoff": 30.0}])
-def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(
-    arm: SimulatedArm, others: dict[str, float]
-) -> None:
+def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(arm, others) -> None:
     """Whatever else the user configures."""
     data = baseline([recorded(arm, 1)], changed_processing(arm, **others))
     assert data.sticking
     assert beside_reversals(data) > 0
 
 
+World = Callable[[SimulatedArm], tuple[Recording, Configuration]]
+
+
 def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
     blind = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
     return blind, arm.configuration
-
-
-def lawless(arm: SimulatedArm) -> tuple[Recording, Configuration]:
-    nobody = {"type": "unknown", "kp": None, "kd": None}
-    section = arm.configuration.controller.model_copy(update=nobody)
-    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
 
 
 def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
@@ -194,12 +172,20 @@ def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
     ("world", "why"), [(unreferenced, "not simulated"), (unstable, "cannot be simulated")]
 )
 def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed(
-    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]], why: str
+    arm: SimulatedArm, data: Baseline, world: World, why: str
 ) -> None:
+    """Above the motion's own band its acceleration is noise, which then is in every column."""
     recording, configuration = world(arm)
-    data = baseline([recording], configuration)
-    assert beside_reversals(data) == 0
-    assert any(why in reason for reason in data.prepared.reasons)
+    blind = baseline([recording], configuration)
+    assert beside_reversals(blind) == 0
+    assert any(why in reason for reason in blind.prepared.reasons)
+    of_motion = prepare([recording], configuration).cutoffs.decimation
+    assert blind.prepared.cutoffs.decimation <= of_motion < data.prepared.cutoffs.decimation
+    # It is the measured motion: what stands in for the simulated one lacks the upper half of it.
+    (motion,), (measured,) = blind.motions, blind.prepared.motions
+    places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
+    first = measured.span.start + int(measured.decimation.kept[0])
+    np.testing.assert_array_equal(motion.position, measured.position[first + places])
 
 
 @pytest.mark.parametrize("margin", [0.0, 3.0])
@@ -255,33 +241,11 @@ def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
     )
 
 
-def test_without_a_simulated_loop_it_is_the_measured_motion_in_the_whole_band() -> None:
-    """What stands in for the simulated motion lacks the upper half of it."""
-    arm = arm2(seconds=SECONDS)
-    lonely = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
-    data = baseline([lonely], arm.configuration)
-    (motion,), (measured,) = data.motions, data.prepared.motions
-    places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
-    first = measured.span.start + int(measured.decimation.kept[0])
-    np.testing.assert_array_equal(motion.position, measured.position[first + places])
-
-
-def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm: SimulatedArm) -> None:
-    recording, configuration = lawless(arm)
-    data = baseline([recording], configuration)
-    assert data.sticking
-    assert beside_reversals(data) > 0
-    configured = baseline([recorded(arm, 1)], arm.configuration)
-    assert data.row_rate == configured.row_rate
-
-
-@pytest.mark.parametrize("world", [unreferenced, unstable])
-def test_without_a_simulated_loop_the_band_is_no_wider_than_the_motion(
-    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]]
-) -> None:
-    """Above the motion's own band its acceleration is noise, which then is in every column."""
-    recording, configuration = world(arm)
-    of_motion = prepare([recording], configuration).cutoffs.decimation
-    simulated = baseline([recorded(arm, 1)], arm.configuration).prepared.cutoffs.decimation
-    proposed = baseline([recording], configuration).prepared.cutoffs.decimation
-    assert proposed <= of_motion < simulated
+def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm, data: Baseline) -> None:
+    nobody = {"type": "unknown", "kp": None, "kd": None}
+    section = arm.configuration.controller.model_copy(update=nobody)
+    configuration = arm.configuration.model_copy(update={"controller": section})
+    fitted = baseline([recorded(arm, 1)], configuration)
+    assert fitted.sticking
+    assert beside_reversals(fitted) > 0
+    assert fitted.row_rate == data.row_rate
