@@ -53,9 +53,7 @@ def pair(
 
 
 @pytest.mark.parametrize("slow_first", [False, True])
-def test_every_recording_is_filtered_at_the_same_frequencies(
-    arm: SimulatedArm, second: Recording, slow_first: bool
-) -> None:
+def test_every_recording_is_filtered_at_the_same_frequencies(arm, second, slow_first) -> None:
     prepared = prepare(pair(arm, second, 4, slow_first=slow_first), arm.configuration)
     assert {motion.signals.rate for motion in prepared.motions} == {FAST, SLOW}
     row_rate, edge = prepared.cutoffs.row_rate, arm.configuration.processing.decimation_edge
@@ -77,9 +75,7 @@ def test_every_recording_is_filtered_at_the_same_frequencies(
     assert "fast.mcap with 1000 Hz" in reasons
 
 
-def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(
-    arm: SimulatedArm,
-) -> None:
+def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(arm) -> None:
     """Against both at 1000 Hz, and against the truth: deviations in their own σ have rms 1."""
     truth, deviations = truth_of(arm), []
     other_motion = arm2(seconds=10.0, seed=2)
@@ -181,9 +177,7 @@ def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: Si
     assert tracked.rms["joint_1"] == pytest.approx(np.sqrt(energies.sum() / seconds))
 
 
-def test_rates_that_no_decimation_brings_together_are_refused_with_both(
-    arm: SimulatedArm, second: Recording
-) -> None:
+def test_rates_that_no_decimation_brings_together_are_refused_with_both(arm, second) -> None:
     odd = replace(at_rate(second, 1, "odd.mcap", 100.0), rate=400.0)
     processing = arm.configuration.processing.model_copy(
         update={"position_cutoff": 180.0, "decimation_cutoff": 150.0}
@@ -198,9 +192,7 @@ def test_rates_that_no_decimation_brings_together_are_refused_with_both(
     assert "processing.decimation_cutoff" in str(refusal.value)
 
 
-def test_a_cutoff_that_the_slowest_recording_does_not_hold_is_refused_with_its_name(
-    arm: SimulatedArm, second: Recording
-) -> None:
+def test_a_cutoff_that_the_slowest_recording_does_not_hold_is_refused_with_its_name(arm, second):
     processing = arm.configuration.processing.model_copy(update={"position_cutoff": 200.0})
     wide = arm.configuration.model_copy(update={"processing": processing})
     with pytest.raises(UsageError, match=r"250 samples per second of slow\.mcap"):

@@ -16,31 +16,38 @@ from idim_iv_ros import IdentificationResult, identify_recordings
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import Recording, Signal
+from idim_iv_ros.simulation import SimulatedRecording
 
 SEEDS = 50
 NOISY = {"arm2": 1e-3, "arm6": 5e-4, "arm7": 5e-4}  # rad
 
 
 def recorded(arm: SimulatedArm, seed: int, **noise: float) -> Recording:
-    record = simulated_arms.record(arm, seed, **noise)
-    nothing = np.zeros(record.position.shape, dtype=bool)
+    return recording_of(arm, simulated_arms.record(arm, seed, **noise))
 
-    def signal(values: np.ndarray) -> Signal:
-        return Signal(values, nothing, "simulated")
 
+def recording_of(
+    arm: SimulatedArm,
+    record: SimulatedRecording,
+    *,
+    name: str = "simulated",
+    start: float = 0.0,
+    every: int = 1,
+) -> Recording:
+    """What is read of a simulated arm's bag; one in `every` samples."""
+    nothing = np.zeros(record.position[::every].shape, dtype=bool)
+    names = ("position", "effort", "position_reference", "velocity_reference")
+    signals = {name: Signal(getattr(record, name)[::every], nothing, "simulated") for name in names}
     return Recording(
-        path=Path("simulated"),
+        path=Path(name),
         joints=tuple(arm.configuration.robot.joints),
-        rate=arm.rate,
-        start=0.0,
-        position=signal(record.position),
-        effort=signal(record.effort),
+        rate=arm.rate / every,
+        start=start,
         velocity=None,
-        position_reference=signal(record.position_reference),
-        velocity_reference=signal(record.velocity_reference),
         clocks=(),
         notes=(),
         robot_description=None,
+        **signals,
     )
 
 

@@ -17,9 +17,7 @@ def without(model, **changes):
     return replace(model, robot=replace(model.robot, limits=limits))
 
 
-def test_default_acceleration_is_half_the_torque_on_the_inertia_or_full_speed_in_100_ms(
-    robots,
-) -> None:
+def test_default_acceleration_is_half_the_torque_on_the_inertia_or_full_speed_in_100_ms(robots):
     configuration, model = robots("arm2")
     limits = motion_limits(model, configuration)
     np.testing.assert_allclose(limits.acceleration[1], 10.0 * limits.velocity[1])

@@ -52,9 +52,7 @@ def test_a_task_that_fails_is_one_answer_with_its_reason(client: Any) -> None:
     }
 
 
-def test_a_worker_of_another_version_ends_the_run_whenever_it_came(
-    client: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monkeypatch) -> None:
     its = code_version()
     monkeypatch.setattr(scheduling, "code_version", lambda: "0.1+other")
     with pytest.raises(UsageError) as refused:

@@ -47,9 +47,7 @@ def fields(bag: Path, configuration: Configuration, seconds: float) -> dict[str,
 @pytest.mark.parametrize(
     "reference", ["/joint_reference", pytest.param(None, marks=pytest.mark.slow)]
 )
-def test_segments_give_the_true_parameters_as_the_whole_bag_does(
-    arm: simulated_arms.SimulatedArm, bag: Path, reference: str | None
-) -> None:
+def test_segments_give_the_true_parameters_as_the_whole_bag_does(arm, bag, reference) -> None:
     configuration = filtered_as(20.0, 8.0)
     signals = configuration.signals.model_copy(update={"reference": reference})
     configuration = configuration.model_copy(update={"signals": signals})

@@ -67,9 +67,7 @@ def test_emps_has_asymmetric_friction_of_the_published_size(emps: GapResult) -> 
     assert abs(emps.extended_parameters["off1"].value) < 1.5
 
 
-def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(
-    emps: GapResult,
-) -> None:
+def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(emps) -> None:
     """4.08 % with one level of friction and an offset, 3.11 % with two.
 
     The published errors are of the rows that were fitted, these of rows that were not.

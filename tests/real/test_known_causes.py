@@ -56,9 +56,7 @@ def test_recordings_of_a_gain_are_not_those_of_another_law(servo, gain, law) -> 
     assert finding.parameters["kp"].value == pytest.approx(volts, rel=0.03)
 
 
-def test_pulses_in_the_command_are_said_with_size_joint_and_times(
-    data: Path, config: Path, tmp_path: Path
-) -> None:
+def test_pulses_in_the_command_are_said_with_size_joint_and_times(data, config, tmp_path) -> None:
     """35.15 N/V (shared/data/README.md)."""
     bag = emps_with_pulses(data, tmp_path / "emps.mcap")
     (sentence,) = law_check([bag], config / "emps.yaml").beyond
@@ -90,9 +88,7 @@ def _numbers(parts: list[str]) -> tuple[float, float, float]:
         ("pendubot, disturbance missing", ["elbow"]),
     ],
 )
-def test_only_a_friction_compensation_is_no_torque(
-    name: str, compensations: list[str], data: Path, tmp_path: Path
-) -> None:
+def test_only_a_friction_compensation_is_no_torque(name, compensations, data, tmp_path) -> None:
     """The command of the pendubot's elbow is that of its friction compensation, nothing else."""
     (case,) = [each for each in CASES if each.name == name]
     bags, configuration = case.make(data, tmp_path)

@@ -56,9 +56,7 @@ def test_time_offset_of_the_channels_is_found_beside_the_twist(encoders, joint) 
     assert offset.std < 1e-4
 
 
-def test_a_time_offset_alone_is_no_elasticity(
-    data: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_time_offset_alone_is_no_elasticity(data, tmp_path_factory) -> None:
     """The motor's own encoder, 3 ms late and with noise, in place of the one behind the gear."""
     for found in measured(data, tmp_path_factory.mktemp("late"), "late").values():
         assert found.stiffness is None

@@ -42,12 +42,6 @@ def test_every_link_is_a_body_and_no_drive_gives_energy(result: IdentificationRe
         assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))
 
 
-@pytest.mark.load
-def test_it_takes_less_than_a_second(result: IdentificationResult) -> None:
-    assert result.physical is not None
-    assert result.physical.seconds < 1.0
-
-
 def test_current_in_place_of_torque_is_no_mass(data: Path, config: Path) -> None:
     bag = data / "unisa_ur10" / "ur10_exciting_trajectory.db3"
     result = identify([bag], load_configuration(config / "ur10.yaml"))

@@ -132,9 +132,7 @@ def test_residual_of_each_joint_is_four_to_ten_percent_of_its_torque(result) -> 
         assert 3.0 < residual.relative_percent < 11.0, residual.joint
 
 
-def test_without_references_the_fallback_is_named_and_nothing_is_claimed(
-    bag, configuration
-) -> None:
+def test_without_references_the_fallback_is_named_and_nothing_is_claimed(bag, configuration):
     result = identify([bag], configuration)
     assert "smoothed" in result.instruments.source
     assert any("no reference is read" in sentence for sentence in result.controller)

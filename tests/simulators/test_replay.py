@@ -118,9 +118,7 @@ def test_the_plant_has_the_torques_of_the_model_with_any_base_parameters(name: s
     assert torques + dry == pytest.approx(by_regressor, abs=1e-8)
 
 
-def test_errors_shrink_from_nominal_over_corrected_to_the_noise(
-    bag: Path, truth: Path, configuration: Configuration
-) -> None:
+def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, configuration) -> None:
     result = replay_bags(bag, configuration, effects=truth)
     assert [stage.name for stage in result.stages] == ["nominal", "corrected", "with effects"]
     nominal, corrected, affected = (stage.tracking for stage in result.stages)
@@ -139,9 +137,7 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(
     assert ReplayResult.from_json(text, "replay.json").to_json() == text
 
 
-def test_an_mjcf_is_the_corrected_model(
-    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_an_mjcf_is_the_corrected_model(bag, truth, configuration, tmp_path) -> None:
     """The true arm in a file with actuators of its own, which the law takes the place of."""
     arm = simulated_arms.arm2(seconds=4.0)
     text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
@@ -155,9 +151,7 @@ def test_an_mjcf_is_the_corrected_model(
     assert tracking["joint_1"].over_noise < 1.0 and tracking["joint_2"].over_noise < 5.0
 
 
-def test_the_nominal_model_is_the_users_own_mjcf(
-    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_path) -> None:
     """Actuators of the replay are motors, whatever the defaults of the file."""
     arm = simulated_arms.arm2(seconds=4.0)
     text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
@@ -198,9 +192,7 @@ def test_recordings_of_the_fit_are_left_out_where_there_are_others(
     assert low < after["length"] < low + interval["length"] < 20.0
 
 
-def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(
-    truth: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(truth, configuration, tmp_path):
     bag = recorded_arm(tmp_path / "forward.mcap", feedforward=40.0)
     result = replay_bags(bag, configuration, effects=truth)
     assert any("commands more than its gains" in note for note in result.notes)
@@ -255,9 +247,7 @@ MORE = OTHER.replace("elbow", "joint_1").replace(
         (None, "cannot read the MJCF: No such file"),
     ],
 )
-def test_a_model_of_another_robot_is_refused(
-    text: str | None, words: str, bag: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_a_model_of_another_robot_is_refused(text, words, bag, configuration, tmp_path) -> None:
     path = tmp_path / "other.xml"
     if text is not None:
         path.write_text(text, encoding="utf-8")
@@ -266,9 +256,7 @@ def test_a_model_of_another_robot_is_refused(
     assert "\n" not in str(refused.value)
 
 
-def test_unknown_effects_and_parameters_are_refused(
-    bag: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_unknown_effects_and_parameters_are_refused(bag, configuration, tmp_path) -> None:
     for content, words in (
         ({"effects": [{"effect": "warp", "joint": "joint_1"}]}, "warp is not an effect"),
         ({"base_parameters": {"ZZ9": 1.0}}, "ZZ9 is not a base parameter"),
