@@ -68,7 +68,7 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
     model, standard = arm.model, arm.standard
     for name, row in zip(model.base.names, model.base.grouping, strict=True):
         names = model.regressor.layout.names
-        expected = sum(k * standard[each] for k, each in zip(row, names, strict=True))
+        expected = sum(k * standard[name] for k, name in zip(row, names, strict=True))
         assert truth[name] == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
@@ -92,9 +92,11 @@ def test_without_the_solver_one_line_says_what_to_install(run, bag, config, tmp_
 
 def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(run, bag, config, tmp_path):
     """Identified, exported, and simulated with the recording that it is from."""
-    configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
-    outcome = run("identify", bag, "--config", configuration, "--out", found, status=0)
-    outcome = run(f"export {found / 'result.json'} --config {configuration} --out {out}", status=0)
+    configuration, results, out = as_mjcf(config, tmp_path), tmp_path / "results", tmp_path / "out"
+    outcome = run("identify", bag, "--config", configuration, "--out", results, status=0)
+    outcome = run(
+        f"export {results / 'result.json'} --config {configuration} --out {out}", status=0
+    )
     names = ["arm2.xml", "changes.md", "effects.json"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert all(str(out / name) in outcome.out for name in names)

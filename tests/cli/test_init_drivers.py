@@ -85,12 +85,12 @@ def test_drivers_hold_what_a_configuration_may_hold(name: str) -> None:
 
 
 def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Path) -> None:
-    own, out = tmp_path / "own.yaml", tmp_path / "arm.yaml"
-    own.write_text(
+    driver, out = tmp_path / "own.yaml", tmp_path / "arm.yaml"
+    driver.write_text(
         f"signals:\n  reference: {{topic: {SCALED}, field: feedback}}\n  effort_unit: A\n"
         "identification:\n  drive_inertia: false\n"
     )
-    assert run("init", bag, "--urdf", ARM, "--driver", own, "--out", out).status == 0
+    assert run("init", bag, "--urdf", ARM, "--driver", driver, "--out", out).status == 0
     configuration = load_configuration(out)
     assert configuration.signals.reference == f"{SCALED}#feedback"
     assert configuration.identification.drive_inertia is False

@@ -103,14 +103,14 @@ def test_emps_friction_is_told_though_the_file_gives_none(emps: GapResult) -> No
 def test_no_cause_of_emps_has_a_size_that_may_be_zero(emps: GapResult) -> None:
     for cause in emps.causes:
         assert any(
-            each.std is not None and abs(each.value) > 1.96 * each.std
-            for each in cause.parameters.values()
+            number.std is not None and abs(number.value) > 1.96 * number.std
+            for number in cause.parameters.values()
         )
 
 
 def test_coupling_of_joints_five_and_six_is_found_when_left_out(uncoupled: GapResult) -> None:
     cause = cause_of(uncoupled, "joint_coupling")
-    assert cause is next(each for each in uncoupled.causes if each.kind == "structural")
+    assert cause is next(one for one in uncoupled.causes if one.kind == "structural")
     assert {cause.joint, cause.other_joint} == {"joint_5", "joint_6"}
     assert cause.parameters["direction"].value == 1.0
     assert cause.torque_gap.after < 0.5 * cause.torque_gap.before
@@ -118,10 +118,10 @@ def test_coupling_of_joints_five_and_six_is_found_when_left_out(uncoupled: GapRe
 
 def test_gravity_is_found_when_set_to_zero(weightless: GapResult) -> None:
     cause = cause_of(weightless, "gravity_direction")
-    found = np.array([cause.parameters[f"gravity_{axis}"].value for axis in "xyz"])
-    tilt = np.degrees(np.arccos(-found[2] / np.linalg.norm(found)))
+    gravity = np.array([cause.parameters[f"gravity_{axis}"].value for axis in "xyz"])
+    tilt = np.degrees(np.arccos(-gravity[2] / np.linalg.norm(gravity)))
     assert tilt < 5.0
-    assert np.linalg.norm(found) == pytest.approx(9.81, rel=0.25)
+    assert np.linalg.norm(gravity) == pytest.approx(9.81, rel=0.25)
     names = [stage.name for stage in weightless.stages]
     assert names[:3] == ["given", "+gravity_direction", "refit"]
     given, heavy, refit = weightless.stages[:3]

@@ -27,8 +27,8 @@ def measured(data: Path, folder: Path, link: str) -> dict[str, Transmission]:
     configuration = load_configuration(path)
     recordings = read_configured(kuka_bags(data, folder, link=link), configuration)
     refit = refitted(recordings, configuration, ())
-    found = measured_transmissions(refit.data, refit.regression)
-    return {each.result.joint: each.result for each in found}
+    joints = measured_transmissions(refit.data, refit.regression)
+    return {joint.result.joint: joint.result for joint in joints}
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +58,11 @@ def test_time_offset_of_the_channels_is_found_beside_the_twist(encoders, joint) 
 
 def test_a_time_offset_alone_is_no_elasticity(data, tmp_path_factory) -> None:
     """The motor's own encoder, 3 ms late and with noise, in place of the one behind the gear."""
-    for found in measured(data, tmp_path_factory.mktemp("late"), "late").values():
-        assert found.stiffness is None
-        assert found.backlash is None
-        assert abs(found.time_offset.value - 3e-3) < 3.5 * found.time_offset.std
-        assert found.stiffness_at_least > 1e7
+    for gear in measured(data, tmp_path_factory.mktemp("late"), "late").values():
+        assert gear.stiffness is None
+        assert gear.backlash is None
+        assert abs(gear.time_offset.value - 3e-3) < 3.5 * gear.time_offset.std
+        assert gear.stiffness_at_least > 1e7
 
 
 def test_check_says_what_the_second_encoders_hold(data: Path, tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_check_says_what_the_second_encoders_hold(data: Path, tmp_path: Path) ->
     path = tmp_path / "kr300.yaml"
     path.write_text(KUKA.format(urdf=data / "kuka_kr300" / "kr300.urdf"))
     report = check(kuka_bags(data, tmp_path), load_configuration(path))
-    said = {each.where: each.sentence for each in report.findings if "behind" in each.sentence}
+    said = {one.where: one.sentence for one in report.findings if "behind" in one.sentence}
     assert set(said) == {"j1", "j2", "j3"}
     assert report.usable
     assert all("0.6" in sentence and "mrad rms" in sentence for sentence in said.values())

@@ -90,7 +90,7 @@ def test_names_of_the_papers_table_are_among_them(result: IdentificationResult) 
 
 def test_grouped_expressions_are_those_of_the_table(result, table) -> None:
     def terms(expression: str, sign: float = 1.0) -> dict[str, float]:
-        found = {}
+        factors = {}
         words = expression.replace("*", " ").split()
         factor = 1.0
         for word in words:
@@ -99,9 +99,9 @@ def test_grouped_expressions_are_those_of_the_table(result, table) -> None:
             elif word[0].isdigit():
                 factor = float(word)
             else:
-                found[table_name(word) if word[0] in "Imfo" else word] = sign * factor
+                factors[table_name(word) if word[0] in "Imfo" else word] = sign * factor
                 factor = 1.0
-        return found
+        return factors
 
     ours = {parameter.name: terms(parameter.expression) for parameter in result.parameters}
     for name, (expression, _, _) in table.items():
