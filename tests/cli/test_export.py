@@ -72,12 +72,6 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
         assert truth[name] == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
-def test_identify_ends_by_naming_the_export(run, bag: Path, config, tmp_path: Path) -> None:
-    out = tmp_path / "found"
-    outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
-    assert f"Into a simulator: idim-iv export {out / 'result.json'} --config" in outcome.out
-
-
 def test_without_the_solver_one_line_says_what_to_install(run, bag, config, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
     out = tmp_path / "found"

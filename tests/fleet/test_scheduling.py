@@ -57,7 +57,5 @@ def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monke
     monkeypatch.setattr(scheduling, "code_version", lambda: "0.1+other")
     with pytest.raises(UsageError) as refused:
         answers_of(client, reciprocal, 2)
-    assert str(refused.value) == (
-        f"--scheduler {client.scheduler.address}: workers run {its}, this machine 0.1+other; "
-        "install the same version everywhere"
-    )
+    for words in (client.scheduler.address, its, "0.1+other"):
+        assert words in str(refused.value)
