@@ -1,11 +1,13 @@
 """Recordings of the project's own simulator, replayed in MuJoCo."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from bags import simulated_arms
@@ -140,7 +142,7 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, conf
 def test_an_mjcf_is_the_corrected_model(bag, truth, configuration, tmp_path) -> None:
     """The true arm in a file with actuators of its own, which the law takes the place of."""
     arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
+    text = mjcf(arm.truth)
     path = tmp_path / "arm2.xml"
     path.write_text(text, encoding="utf-8")
     result = replay_bags(bag, configuration, model=path, effects=truth)
@@ -154,7 +156,7 @@ def test_an_mjcf_is_the_corrected_model(bag, truth, configuration, tmp_path) -> 
 def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_path) -> None:
     """Actuators of the replay are motors, whatever the defaults of the file."""
     arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
+    text = mjcf(arm.truth)
     default = '<default><general ctrlrange="-1 1" biastype="affine" biasprm="0 -9"/></default>'
     path, effects = tmp_path / "arm2.xml", tmp_path / "stribeck.json"
     path.write_text(text.replace("<mujoco>", f"<mujoco>{default}"), encoding="utf-8")
@@ -201,35 +203,27 @@ def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(truth, configur
     assert nominal["joint_1"].over_noise > 20.0 and best["joint_1"].over_noise < 5.0
 
 
-def mjcf(inertial: np.ndarray, model: InverseModel, parameters: DynamicParameters) -> str:
-    """Text of an MJCF with inertias about the centres of mass."""
-    values = nearest_parameters(
-        model, model.base.from_standard(model.regressor.layout.vector(parameters))
-    )
-    bodies, ends = "", ""
-    for k, (pos, with_mjcf) in enumerate(
-        (("0 0 0.6", inertial[0]), ("0.42 0 0", inertial[1])), start=1
-    ):
-        mass, centre = with_mjcf[0], with_mjcf[1:4] / with_mjcf[0]
-        xx, xy, yy, xz, yz, zz = with_mjcf[4:]
-        origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+def mjcf(truth: DynamicParameters) -> str:
+    """Text of an MJCF of the arm with inertias about the centres of mass."""
+    bodies = ""
+    for k, place in enumerate(("0 0 0.6", "0.42 0 0")):
+        link = pin.Inertia.FromDynamicParameters(truth.inertial[k])
         # Of a planar arm only the moment about the axis counts; the others need only be possible.
-        moment = about[1, 1]
+        moment = 3 * [link.inertia[1, 1]]
         bodies += (
-            f'<body name="l{k}" pos="{pos}"><inertial mass="{mass:.15g}" '
-            f'pos="{" ".join(f"{c:.15g}" for c in centre)}" '
-            f'diaginertia="{moment:.15g} {moment:.15g} {moment:.15g}"/>'
-            f'<joint name="joint_{k}" axis="0 1 0" '
-            f'armature="{parameters.drive_inertia[k - 1]:.15g}" '
-            f'damping="{values.viscous[k - 1]:.15g}" '
-            f'frictionloss="{values.coulomb[k - 1]:.15g}"/>'
+            f'<body name="l{k}" pos="{place}"><inertial mass="{link.mass:.15g}" '
+            f'pos="{written(link.lever)}" diaginertia="{written(moment)}"/>'
+            f'<joint name="joint_{k + 1}" axis="0 1 0" armature="{truth.drive_inertia[k]:.15g}" '
+            f'damping="{truth.viscous[k]:.15g}" frictionloss="{truth.coulomb[k]:.15g}"/>'
         )
-        ends += "</body>"
     return (
-        f'<mujoco><worldbody>{bodies}{ends}</worldbody><actuator><position joint="joint_1" '
+        f'<mujoco><worldbody>{bodies}</body></body></worldbody><actuator><position joint="joint_1" '
         'kp="7"/></actuator><keyframe><key name="home" qpos="0 0" ctrl="0"/></keyframe></mujoco>'
     )
+
+
+def written(numbers: Iterable[float]) -> str:
+    return " ".join(f"{number:.15g}" for number in numbers)
 
 
 OTHER = '<mujoco><worldbody><body><joint name="elbow"/><geom size="1"/></body></worldbody></mujoco>'
