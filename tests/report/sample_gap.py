@@ -153,21 +153,10 @@ def _series(
     turned = np.flatnonzero(np.diff(np.sign(v)) != 0)
     last = np.searchsorted(turned, np.arange(rows)) - 1
     since = np.abs(q - q[turned[np.maximum(last, 0)]])
-    return GapSeries(
-        names[k],
-        time,
-        measured,
-        model if given else None,
-        refit,
-        extended,
-        extended - load,
-        6.0 * v + 8.0 * np.sign(v) if given else None,
-        q,
-        v,
-        load,
-        since,
-        STEP,
-    )
+    friction = 6.0 * v + 8.0 * np.sign(v) if given else None
+    nominal = model if given else None
+    torques = (measured, nominal, refit, extended, extended - load, friction)
+    return GapSeries(names[k], time, *torques, q, v, load, since, STEP)
 
 
 def _rms(values: FloatArray) -> float:
@@ -185,7 +174,6 @@ def _hints(names: tuple[str, ...]) -> tuple[Hint, ...]:
         Hint(
             effect="time_delay",
             joint=names[0],
-            other_joint=None,
             sentence=f"time delay at {names[0]} (delay 0.4 ± 0.3 ms): only a hint, {reason}",
             reason=reason,
             parameters={"delay": EffectParameter(4e-4, 1.5e-4, "s")},
@@ -204,7 +192,6 @@ def _causes(
         effect="payload",
         kind="parametric",
         joint=None,
-        other_joint=None,
         parameters={
             "mass": EffectParameter(1.283, 0.021, "kg"),
             "centre_of_mass_x": EffectParameter(0.041, 0.003, "m"),
@@ -212,7 +199,6 @@ def _causes(
             "centre_of_mass_z": EffectParameter(0.102, 0.005, "m"),
         },
         evidence=Evidence(3127.4, None, 0.91, "6 of 6", p_value_from="none: not simulated"),
-        indistinguishable_from=(),
         torque_gap=_gap(1.46, 0.27, level),
         simulation_gap=moved,
         sentence="All joints: the simulator lacks a payload of 1.28 ± 0.04 kg at the last link; "
@@ -222,7 +208,6 @@ def _causes(
         effect="stribeck",
         kind="structural",
         joint=_second(names),
-        other_joint=None,
         parameters={
             "excess": EffectParameter(1.62, 0.07, "N m"),
             "speed": EffectParameter(0.121, 0.009, "rad/s"),
@@ -242,15 +227,12 @@ def _causes(
         effect="position_ripple",
         kind="structural",
         joint=names[-1],
-        other_joint=None,
         parameters={
             "amplitude": EffectParameter(0.351, 0.012, "N m"),
             "wave_number_1": EffectParameter(18.02, 0.04, "1/rad"),
         },
         evidence=Evidence(208.0, 0.01, 0.31, "5 of 6", "6 of 6"),
-        indistinguishable_from=(),
         torque_gap=_gap(0.33, 0.22, level),
-        simulation_gap=None,
         sentence=f"{names[-1]}: a torque ripple of 0.35 N m, 18 times a turn.",
     )
     structural = (stribeck, ripple)
@@ -314,19 +296,8 @@ def _regimes(everything: tuple[GapSeries, ...]) -> tuple[Regime, ...]:
                 if occupancy == 0.0:
                     continue
                 lift = share / occupancy
-                regimes.append(
-                    Regime(
-                        series.joint,
-                        axis,
-                        low * scale,
-                        high * scale,
-                        unit,
-                        share,
-                        occupancy,
-                        lift,
-                        (0.8 * lift, 1.2 * lift),
-                    )
-                )
+                where = (series.joint, axis, low * scale, high * scale, unit)
+                regimes.append(Regime(*where, share, occupancy, lift, (0.8 * lift, 1.2 * lift)))
     return tuple(sorted(regimes, key=lambda regime: -regime.lift))
 
 
@@ -343,6 +314,7 @@ def _stages(
     kinds.append("refit")
     if case in ("structural", "both"):
         kinds += [f"+stribeck[{_second(names)}]", f"+position_ripple[{names[-1]}]"]
+    note = "" if tracking else "the control law is unknown"
     stages = []
     for place, kind in enumerate(kinds):
         rms = {}
@@ -356,32 +328,21 @@ def _stages(
             else:
                 rms[series.joint] = _rms(series.torque - series.refit)
         motion = {name: 4e-4 * rms[name] for name in names} if tracking else None
-        stages.append(
-            Stage(
-                kind,
-                rms,
-                {name: (0.93 * value, 1.08 * value) for name, value in rms.items()},
-                motion,
-                "" if tracking else "the control law is unknown",
-            )
-        )
+        ci95 = {name: (0.93 * value, 1.08 * value) for name, value in rms.items()}
+        stages.append(Stage(kind, rms, ci95, motion, note))
     return tuple(stages)
 
 
 def _tracking(names: tuple[str, ...], random) -> tuple[TrackingSeries, ...]:
     time = np.linspace(0.0, 20.0, 800)
-    series = []
-    for name in names:
-        for bag in ("session-1.mcap", "session-2.mcap"):
-            measured = 5e-4 * np.sin(1.3 * time) + 1e-4 * np.sign(np.cos(0.7 * time))
-            series.append(
-                TrackingSeries(
-                    name,
-                    bag,
-                    time,
-                    measured + 2e-5 * random.normal(size=len(time)),
-                    4e-4 * np.sin(1.3 * time + 0.2),
-                    4.9e-4 * np.sin(1.3 * time) + 0.9e-4 * np.sign(np.cos(0.7 * time)),
-                )
-            )
-    return tuple(series)
+    turning = np.sign(np.cos(0.7 * time))
+    measured = 5e-4 * np.sin(1.3 * time) + 1e-4 * turning
+    before = 4e-4 * np.sin(1.3 * time + 0.2)
+    after = 4.9e-4 * np.sin(1.3 * time) + 0.9e-4 * turning
+    return tuple(
+        TrackingSeries(
+            name, bag, time, measured + 2e-5 * random.normal(size=len(time)), before, after
+        )
+        for name in names
+        for bag in ("session-1.mcap", "session-2.mcap")
+    )
