@@ -64,18 +64,22 @@ def test_the_verdict_of_a_diagnosis_is_short(case: Case, given: bool) -> None:
     assert all(sentence.endswith(".") for sentence in headline)
 
 
-@pytest.mark.parametrize("case", KINDS)
-@pytest.mark.parametrize("joints", [1, 7])
-def test_the_verdict_of_an_identification_is_short(case, joints: int) -> None:
-    assert _words(identification_headline(sample_result(joints, case))) <= 40
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: Case) -> None:
     steps = diagnosis_steps(Report(_arm6(case), Files("arm6.yaml")))
     assert 2 <= len(steps) <= 3
     assert all(step.words and step.code for step in steps)
     assert re.match(r"idim-iv (excite|record) .*--config arm6\.yaml", steps[-1].code)
+
+
+@pytest.mark.parametrize("case", KINDS)
+def test_an_identification_has_a_short_verdict_and_two_or_three_steps(case) -> None:
+    for joints in (1, 7):
+        result = sample_result(joints, case)
+        assert _words(identification_headline(result)) <= 40
+        steps = identification_steps(Report(result, Files("tx40.yaml")))
+        assert 2 <= len(steps) <= 3
+        assert any("--config tx40.yaml" in step.code for step in steps)
 
 
 @pytest.mark.parametrize("named", [False, True])
@@ -94,20 +98,12 @@ def test_recordings_that_differ_in_something_named_come_before_any_cause(named: 
     if not named:
         assert headline == diagnosis_headline(replace(result, recordings=()))
         return
-    assert headline[0].startswith("The recordings disagree: odd.mcap differs by 12")
-    assert headline[0].endswith("of the torque at joint_2.")
+    assert all(words in headline[0] for words in ("odd.mcap", "12", "joint_2"))
     assert "friction level" in headline[1]
     assert _words(headline) <= 30
     first, second = diagnosis_steps(Report(result, Files("arm6.yaml")))
     assert first.code.startswith("idim-iv diagnose a.mcap b.mcap --config arm6.yaml")
     assert second.code.startswith("idim-iv diagnose odd.mcap --config arm6.yaml")
-
-
-def test_commands_name_the_files_where_they_lie() -> None:
-    files = Files("arm6.yaml", "out/why", ("data/a.mcap", "x/b.mcap", "y/b.mcap"))
-    steps = diagnosis_steps(Report(_arm6("both"), files))
-    assert steps[0].code == "idim-iv export out/why/gap.json --config arm6.yaml --out simulator"
-    assert files.recordings(["a.mcap", "b.mcap"]) == ["data/a.mcap", "b.mcap"]
 
 
 @pytest.mark.parametrize(
@@ -121,21 +117,17 @@ def test_what_changed_ends_in_a_diagnosis(differs: bool, bags: str, out: str) ->
     assert steps[0].code == f"idim-iv diagnose {bags} --config arm2.yaml --out {out}"
 
 
-@pytest.mark.parametrize("case", KINDS)
-def test_an_identification_ends_in_two_or_three_steps(case) -> None:
-    steps = identification_steps(Report(sample_result(6, case), Files("tx40.yaml")))
-    assert 2 <= len(steps) <= 3
-    assert any("--config tx40.yaml" in step.code for step in steps)
-
-
 @pytest.mark.parametrize("case", ["structural", "parametric", "both"])
 def test_causes_go_into_the_simulator_by_one_command(case: Case) -> None:
-    steps = diagnosis_steps(Report(_arm6(case), Files("arm6.yaml")))
-    assert steps[0].code == "idim-iv export gap.json --config arm6.yaml --out simulator"
+    """Commands name the files where they lie."""
+    files = Files("arm6.yaml", "out/why", ("data/a.mcap", "x/b.mcap", "y/b.mcap"))
+    steps = diagnosis_steps(Report(_arm6(case), files))
+    assert steps[0].code == "idim-iv export out/why/gap.json --config arm6.yaml --out simulator"
+    assert files.recordings(["a.mcap", "b.mcap"]) == ["data/a.mcap", "b.mcap"]
     law = replace(_arm6("structural").causes[0], effect="controller_mismatch")
     steps = diagnosis_steps(Report(replace(_arm6(case), causes=(law,)), Files("arm6.yaml")))
     assert "export" not in steps[0].code
-    assert steps[0].words == "Correct the control law in arm6.yaml:"
+    assert "arm6.yaml" in steps[0].words
 
 
 @pytest.mark.parametrize("case", CASES)
