@@ -14,8 +14,7 @@ import pytest
 from idim_iv_ros import load_configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import Cause, GapResult
-from tests.real.recordings import emps_bag, tx40_bag
-from tests.real.test_tx40 import CONFIGURATION
+from tests.real.recordings import TX40, emps_bag, tx40_bag, tx40_configuration
 
 # Independent least squares, directions apart: Fv+ 166.71, Fv- 240.42, Fc+ 20.14, Fc- 20.63.
 HALF_VISCOUS = (166.71 - 240.42) / 2
@@ -39,24 +38,17 @@ def tx40(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tx40_bag(data, tmp_path_factory.mktemp("tx40") / "tx40.mcap")
 
 
-def diagnosed(bag: Path, data: Path, folder: Path, text: str) -> GapResult:
-    urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
-    path = folder / "tx40.yaml"
-    path.write_text(text.format(urdf=urdf))
-    return diagnose([bag], load_configuration(path))
-
-
 @pytest.fixture(scope="module")
 def uncoupled(tx40: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
-    assert COUPLED in CONFIGURATION
-    text = CONFIGURATION.replace(COUPLED, "  couplings: []\n")
-    return diagnosed(tx40, data, tmp_path_factory.mktemp("uncoupled"), text)
+    assert COUPLED in TX40
+    text = TX40.replace(COUPLED, "  couplings: []\n")
+    return diagnose([tx40], tx40_configuration(data, tmp_path_factory.mktemp("uncoupled"), text))
 
 
 @pytest.fixture(scope="module")
 def weightless(tx40: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
-    text = CONFIGURATION.replace("processing:", "  gravity: [0.0, 0.0, 0.0]\nprocessing:")
-    return diagnosed(tx40, data, tmp_path_factory.mktemp("weightless"), text)
+    text = TX40.replace("processing:", "  gravity: [0.0, 0.0, 0.0]\nprocessing:")
+    return diagnose([tx40], tx40_configuration(data, tmp_path_factory.mktemp("weightless"), text))
 
 
 def test_emps_has_asymmetric_friction_of_the_published_size(emps: GapResult) -> None:
@@ -78,15 +70,12 @@ def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(e
     assert errors["+asymmetric_friction[axis]"] == pytest.approx(3.11, rel=0.1)
 
 
-def test_emps_asymmetry_is_the_first_effect(emps: GapResult) -> None:
+def test_emps_asymmetry_is_the_first_effect_and_its_law_is_no_mismatch(emps: GapResult) -> None:
+    """The published law gives the recorded signal to 0.0037 V."""
+    assert all(cause.effect != "controller_mismatch" for cause in emps.causes)
     structural = [cause.effect for cause in emps.causes if cause.kind == "structural"]
     assert structural[0] == "asymmetric_friction"
     assert [stage.name for stage in emps.stages][2] == "+asymmetric_friction[axis]"
-
-
-def test_law_that_reproduces_the_recorded_command_is_no_mismatch(emps: GapResult) -> None:
-    """The published law gives the recorded signal to 0.0037 V."""
-    assert all(cause.effect != "controller_mismatch" for cause in emps.causes)
 
 
 def test_emps_given_as_one_kilogram_is_found_to_be_ninety_five(emps: GapResult) -> None:

@@ -10,21 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros import load_configuration
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import Transmission
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
 from idim_iv_ros.identification.check import check
 from idim_iv_ros.identification.prepare import read_configured
-from tests.real.recordings import KUKA, kuka_bags
+from tests.real.recordings import kuka_bags, kuka_configuration
 
 PUBLISHED = {"j2": 7.5189e6, "j3": 4.0999e6}
 
 
 def measured(data: Path, folder: Path, link: str) -> dict[str, Transmission]:
-    path = folder / "kr300.yaml"
-    path.write_text(KUKA.format(urdf=data / "kuka_kr300" / "kr300.urdf"))
-    configuration = load_configuration(path)
+    configuration = kuka_configuration(data, folder)
     recordings = read_configured(kuka_bags(data, folder, link=link), configuration)
     refit = refitted(recordings, configuration, ())
     joints = measured_transmissions(refit.data, refit.regression)
@@ -67,9 +64,7 @@ def test_a_time_offset_alone_is_no_elasticity(data, tmp_path_factory) -> None:
 
 def test_check_says_what_the_second_encoders_hold(data: Path, tmp_path: Path) -> None:
     """0.7 mrad rms between motor and link (shared/data/README.md)."""
-    path = tmp_path / "kr300.yaml"
-    path.write_text(KUKA.format(urdf=data / "kuka_kr300" / "kr300.urdf"))
-    report = check(kuka_bags(data, tmp_path), load_configuration(path))
+    report = check(kuka_bags(data, tmp_path), kuka_configuration(data, tmp_path))
     said = {one.where: one.sentence for one in report.findings if "behind" in one.sentence}
     assert set(said) == {"j1", "j2", "j3"}
     assert report.usable

@@ -9,32 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros import Configuration, identify, load_configuration
+from idim_iv_ros import Configuration, identify
 from idim_iv_ros.identification.result import IdentificationResult
-from tests.real.recordings import tx40_bag
+from tests.real.recordings import tx40_bag, tx40_configuration
 
-CONFIGURATION = """
-robot:
-  urdf: {urdf}
-  joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
-  position_offset: [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
-  motor_to_joint:
-    - [32, 0, 0, 0, 0, 0]
-    - [0, 32, 0, 0, 0, 0]
-    - [0, 0, 45, 0, 0, 0]
-    - [0, 0, 0, -48, 0, 0]
-    - [0, 0, 0, 0, 45, 0]
-    - [0, 0, 0, 0, 32, 32]
-  couplings:
-    - joints: [joint_5, joint_6]
-processing:
-  position_cutoff: 25.0
-  decimation_cutoff: 20.0
-  decimation_edge: 0.8
-  minimum_speed: [0.05009095, 0.05009095, 0.07504916, 0.0715585, 0.05585054, 0.12217305]
-  reversal_margin: 0.0
-  trim: [0.0, 0.0]
-"""
 # Names of the table that stand for the same column.
 KINDS = {"Iam": "Iam", "fv": "Fv", "fs": "Fc", "fvm": "Fvm", "fsm": "Fcm", "off": "off", "Ia": "Ia"}
 
@@ -49,10 +27,7 @@ def table_name(expression: str) -> str:
 
 @pytest.fixture(scope="module")
 def configuration(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Configuration:
-    path = tmp_path_factory.mktemp("config") / "tx40.yaml"
-    urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
-    path.write_text(CONFIGURATION.format(urdf=urdf))
-    return load_configuration(path)
+    return tx40_configuration(data, tmp_path_factory.mktemp("config"))
 
 
 @pytest.fixture(scope="module")
