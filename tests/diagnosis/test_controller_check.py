@@ -14,6 +14,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
+from tests.configurations import changed
 from tests.diagnosis.simulated_sessions import with_signals
 from tests.diagnosis.test_verdict import cause
 from tests.estimation.test_simulated_arms import recorded
@@ -83,8 +84,7 @@ def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
 def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
     data = diagnosed(arm, 1)
     assert why_not_checked(data) == ""
-    controller = arm.configuration.controller.model_copy(update={"type": "unknown"})
-    lawless = arm.configuration.model_copy(update={"controller": controller})
+    lawless = changed(arm.configuration, "controller", type="unknown")
     blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
     assert why_not_checked(blind) != ""
     assert check_law(blind).causes == ()

@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, t
 from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
+from tests.configurations import changed
 from tests.estimation.test_simulated_arms import recorded
 
 
@@ -63,9 +64,8 @@ def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regressi
 
 def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(data, regression) -> None:
     configuration = data.prepared.configuration
-    signals = configuration.signals.model_copy(update={"effort_unit": "A"})
     current = replace(
-        data.prepared, configuration=configuration.model_copy(update={"signals": signals})
+        data.prepared, configuration=changed(configuration, "signals", effort_unit="A")
     )
     ampere = replace(data, prepared=current)
     assert current.given is None

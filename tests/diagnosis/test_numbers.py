@@ -19,6 +19,7 @@ from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
 from idim_iv_ros.effects.presliding import Presliding
+from tests.configurations import changed
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
 
@@ -169,8 +170,7 @@ ROW_NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m
 def bare(request: pytest.FixtureRequest) -> Baseline:
     """An arm whose configuration says nothing of drive inertia."""
     arm = arm2(seconds=12.0) if request.param == 2 else arm6(seconds=15.0)
-    simulator = arm.configuration.simulator.model_copy(update={"armature": None})
-    configuration = arm.configuration.model_copy(update={"simulator": simulator})
+    configuration = changed(arm.configuration, "simulator", armature=None)
     return baseline([recorded(arm, 1)], configuration)
 
 

@@ -16,6 +16,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
+from tests.configurations import changed
 from tests.diagnosis.simulated_sessions import with_signals
 from tests.estimation.test_simulated_arms import recorded
 
@@ -118,8 +119,7 @@ def test_a_delay_of_all_joints_is_a_cause_and_the_loop_tells_where_it_is(place: 
 def test_a_command_that_is_held_and_computed_for_a_period_is_no_cause(delay, configured) -> None:
     """Nor is a delay of the loop that the configuration has."""
     arm = arm2(seconds=8.0)
-    controller = arm.configuration.controller.model_copy(update={"delay": configured})
-    configuration = arm.configuration.model_copy(update={"controller": controller})
+    configuration = changed(arm.configuration, "controller", delay=configured)
     arm = replace(arm, law=replace(arm.law, delay=configured))
     assert refitted([early(recorded(arm, 1), arm, delay)], configuration, ()).delays == ()
 

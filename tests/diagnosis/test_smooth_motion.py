@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
+from tests.configurations import changed
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
 
@@ -114,16 +115,13 @@ def test_band_ends_where_noise_of_the_encoders_reaches_twice_that_of_the_torques
     links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
     inertia = np.max(links, axis=0) + arm.truth.drive_inertia
     for noise in (4e-4, 1.6e-3):
-        changed = widened(
-            [recorded(arm, 1, position_noise=noise)], arm.configuration, simulated=True
-        )
-        cutoff = changed.processing.decimation_cutoff
+        wide = widened([recorded(arm, 1, position_noise=noise)], arm.configuration, simulated=True)
+        cutoff = wide.processing.decimation_cutoff
         assert cutoff is not None
         limit = np.sqrt(np.sqrt(5.0) * 2.0 * np.array([0.45, 0.175]) / (inertia * noise))
         # Inertias and both noises are estimates, and one sample in a multiple of five is kept.
         assert cutoff == pytest.approx(float(limit.min()) / (2 * np.pi), rel=0.15)
-    named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})
-    configured = arm.configuration.model_copy(update={"processing": named})
+    configured = changed(arm.configuration, "processing", decimation_cutoff=7.0)
     assert widened([recorded(arm, 1)], configured, simulated=True) is configured
 
 
@@ -140,15 +138,10 @@ def beside_reversals(data: Baseline) -> int:
     return count
 
 
-def changed_processing(arm: SimulatedArm, **values: float) -> Configuration:
-    processing = arm.configuration.processing.model_copy(update=values)
-    return arm.configuration.model_copy(update={"processing": processing})
-
-
 @pytest.mark.parametrize("others", [{}, {"decimation_cutoff": 8.0}, {"position_cutoff": 30.0}])
 def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(arm, others) -> None:
     """Whatever else the user configures."""
-    data = baseline([recorded(arm, 1)], changed_processing(arm, **others))
+    data = baseline([recorded(arm, 1)], changed(arm.configuration, "processing", **others))
     assert data.sticking
     assert beside_reversals(data) > 0
 
@@ -164,8 +157,7 @@ def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
 def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
     """A law with which the simulated loop runs away, as only its simulation shows."""
     wrong = {"kp": [-1200.0, -250.0], "kd": [0.0, 0.0], "torque_limit": None}
-    section = arm.configuration.controller.model_copy(update=wrong)
-    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
+    return recorded(arm, 1), changed(arm.configuration, "controller", **wrong)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +183,7 @@ def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed
 @pytest.mark.parametrize("margin", [0.0, 3.0])
 @pytest.mark.parametrize("world", [None, unreferenced])
 def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float, world) -> None:
-    configuration = changed_processing(arm, reversal_margin=margin)
+    configuration = changed(arm.configuration, "processing", reversal_margin=margin)
     recording = recorded(arm, 1) if world is None else world(arm)[0]
     data = baseline([recording], configuration)
     assert data.prepared.configuration.processing.reversal_margin == margin
@@ -243,8 +235,7 @@ def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
 
 def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm, data: Baseline) -> None:
     nobody = {"type": "unknown", "kp": None, "kd": None}
-    section = arm.configuration.controller.model_copy(update=nobody)
-    configuration = arm.configuration.model_copy(update={"controller": section})
+    configuration = changed(arm.configuration, "controller", **nobody)
     fitted = baseline([recorded(arm, 1)], configuration)
     assert fitted.sticking
     assert beside_reversals(fitted) > 0

@@ -21,6 +21,7 @@ from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.table import FILE, write_table
 from idim_iv_ros.identification.identify import identify
+from tests.configurations import changed
 from tests.fleet.conftest import CONFIG, BagFolder
 
 
@@ -148,8 +149,7 @@ def test_a_robot_is_its_description_wherever_the_file_lies() -> None:
     robot = Robot.of(load_configuration(CONFIG))
     other = robot.description.replace(b'<mass value="', b'<mass value="1')
     assert configuration_digest(robot.configuration, other) != robot.digest
-    elsewhere = robot.configuration.robot.model_copy(update={"urdf": Path("/nowhere/arm2.urdf")})
-    moved = robot.configuration.model_copy(update={"robot": elsewhere})
+    moved = changed(robot.configuration, "robot", urdf=Path("/nowhere/arm2.urdf"))
     assert configuration_digest(moved, robot.description) == robot.digest
     path = Robot(moved, robot.description, robot.digest).local().robot.urdf
     assert path is not None and path.read_bytes() == robot.description

@@ -17,6 +17,7 @@ from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.recording import write_bag
 from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
 from idim_iv_ros.types import FloatArray
+from tests.configurations import changed
 
 Change = Callable[[SimulatedArm, SimulatedRecording], SimulatedRecording]
 ARM = arm2(seconds=10.0)
@@ -66,20 +67,18 @@ def noisy(recorded: SimulatedRecording, size: float) -> SimulatedRecording:
 
 
 def in_band(arm: SimulatedArm, decimation: float, position: float) -> Configuration:
-    processing = arm.configuration.processing.model_copy(
-        update={"position_cutoff": position, "decimation_cutoff": decimation}
+    return changed(
+        arm.configuration, "processing", position_cutoff=position, decimation_cutoff=decimation
     )
-    return arm.configuration.model_copy(update={"processing": processing})
 
 
 def with_urdf(folder: Path, pattern: str, text: str, kind: str = "revolute") -> Configuration:
     """The arm whose URDF has another text in every place of a pattern, and joints of a kind."""
     urdf = ARM.configuration.robot.urdf
     assert urdf is not None
-    changed = re.sub(pattern, text, urdf.read_text(encoding="utf-8"))
-    (folder / "other.urdf").write_text(changed.replace('type="revolute"', f'type="{kind}"'))
-    section = ARM.configuration.robot.model_copy(update={"urdf": folder / "other.urdf"})
-    return ARM.configuration.model_copy(update={"robot": section})
+    other = re.sub(pattern, text, urdf.read_text(encoding="utf-8"))
+    (folder / "other.urdf").write_text(other.replace('type="revolute"', f'type="{kind}"'))
+    return changed(ARM.configuration, "robot", urdf=folder / "other.urdf")
 
 
 def of_friction(compensated: float = 0.9) -> FloatArray:
@@ -114,8 +113,7 @@ def test_friction_with_the_wrong_sign_tells_where_no_mass_does(tmp_path: Path) -
     recorded = record(arm, 1)
     effort = 3.0 * recorded.effort
     effort[:, 5] *= -1.0
-    signals = arm.configuration.signals.model_copy(update={"effort_unit": "A"})
-    configuration = arm.configuration.model_copy(update={"signals": signals})
+    configuration = changed(arm.configuration, "signals", effort_unit="A")
     report = checked(tmp_path, replace(recorded, effort=effort), arm, configuration)
     assert where(report, "unusable") == ["joint_6"]
 
@@ -134,8 +132,7 @@ def test_torques_of_slow_and_noisy_motions_are_torques(make, noise: float, tmp_p
     [{"position_offset": [0.3, -0.3]}, {"gravity": [0.0, 0.0, 9.81]}, {"gravity": [0.0, 0.0, 0.0]}],
 )
 def test_wrong_zero_or_gravity_is_no_wrong_sign(robot, tmp_path: Path) -> None:
-    section = ARM.configuration.robot.model_copy(update=robot)
-    configuration = ARM.configuration.model_copy(update={"robot": section})
+    configuration = changed(ARM.configuration, "robot", **robot)
     assert where(checked(tmp_path, RECORD, configuration=configuration), "unusable") == []
 
 

@@ -9,12 +9,8 @@ import pytest
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.prediction import LivePrediction, identified_model
+from tests.configurations import changed
 from tests.prediction.arm6 import play, samples, urdf_of
-
-
-def changed(configuration, section: str, **values):
-    part = getattr(configuration, section).model_copy(update=values)
-    return configuration.model_copy(update={section: part})
 
 
 @pytest.mark.parametrize(

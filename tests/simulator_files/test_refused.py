@@ -9,6 +9,7 @@ import pytest
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
+from tests.configurations import changed
 from tests.simulator_files.cases import CONFIG, Case, case, cause, refused
 
 Change = Callable[[Case, Path], Case]
@@ -39,8 +40,7 @@ def test_files_of_somebody_else_stay(arm: Case, tmp_path: Path) -> None:
 
 
 def with_urdf(arm: Case, urdf: Path | None) -> Case:
-    section = arm.configuration.robot.model_copy(update={"urdf": urdf})
-    return replace(arm, configuration=arm.configuration.model_copy(update={"robot": section}))
+    return replace(arm, configuration=changed(arm.configuration, "robot", urdf=urdf))
 
 
 def since(old: str, new: str) -> Change:
