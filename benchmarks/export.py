@@ -26,8 +26,7 @@ from idim_iv_ros.model import build_inverse_model, read_urdf_text
 from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.urdf_text import with_values
 from idim_iv_ros.simulators.recording import simulate
-from tests.real.recordings import double_pendulum_bag, emps_bag, tx40_bag
-from tests.real.test_tx40 import CONFIGURATION as TX40
+from tests.real.recordings import TX40, double_pendulum_bag, emps_bag, tx40_bag
 
 ROOT = Path(__file__).resolve().parents[1]
 # N m/A at the joint, and nominal links: masses of ur_description, centres half-way to the next

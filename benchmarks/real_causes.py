@@ -158,10 +158,10 @@ def _pulses(data: Path, folder: Path) -> tuple[Sequence[Path], Path]:
 
 def _tx40(change: tuple[str, str]) -> Callable[[Path, Path], tuple[Sequence[Path], Path]]:
     def make(data: Path, folder: Path) -> tuple[Sequence[Path], Path]:
-        from tests.real.test_tx40 import CONFIGURATION
+        from tests.real.recordings import TX40
 
         urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
-        text = CONFIGURATION.replace(*change).format(urdf=urdf)
+        text = TX40.replace(*change).format(urdf=urdf)
         bag = recordings.tx40_bag(data, folder / "tx40.mcap")
         return [bag], _written(folder, "tx40.yaml", text)
 

@@ -55,8 +55,7 @@ def make(cases: Path) -> None:
     )
     _case(cases, "arm7", ROOT / "config" / "arm7.yaml", seven)
     if DATA.is_dir():
-        from tests.real.recordings import double_pendulum_bag, emps_bag, tx40_bag
-        from tests.real.test_tx40 import CONFIGURATION
+        from tests.real.recordings import TX40, double_pendulum_bag, emps_bag, tx40_bag
 
         bags = cases / "withheld"
         _case(cases, "emps", ROOT / "config" / "emps.yaml", emps_bag(DATA, bags / "emps.mcap"))
@@ -65,7 +64,7 @@ def make(cases: Path) -> None:
         ur10 = DATA / "unisa_ur10" / "ur10_exciting_trajectory.db3"
         _case(cases, "ur10", ROOT / "config" / "ur10.yaml", ur10)
         yaml = bags / "tx40.yaml"
-        yaml.write_text(CONFIGURATION.format(urdf=DATA / "staubli_tx40" / "tx40_mdh_modified.urdf"))
+        yaml.write_text(TX40.format(urdf=DATA / "staubli_tx40" / "tx40_mdh_modified.urdf"))
         _case(cases, "tx40", yaml, tx40_bag(DATA, bags / "tx40.mcap"))
 
 

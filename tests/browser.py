@@ -38,11 +38,8 @@ class Browser:
         os.close(commands)
         os.close(answers)
         self._read, self._number, self._session = b"", 0, ""
-        (page,) = [
-            each
-            for each in self._call("Target.getTargets")["targetInfos"]
-            if each["type"] == "page"
-        ]
+        targets = self._call("Target.getTargets")["targetInfos"]
+        (page,) = [target for target in targets if target["type"] == "page"]
         attached = self._call("Target.attachToTarget", targetId=page["targetId"], flatten=True)
         self._session = attached["sessionId"]
         if dark:

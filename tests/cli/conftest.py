@@ -1,5 +1,9 @@
 """Recordings and configurations for the command line."""
 
+import os
+import re
+import signal
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,7 +17,9 @@ from idim_iv_ros.cli.diagnose import diagnose_command
 from idim_iv_ros.cli.main import main
 from idim_iv_ros.recording import JointTopic, write_bag
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
+REPOSITORY = Path(__file__).resolve().parents[2]
+CONFIG = REPOSITORY / "config"
+START = "from idim_iv_ros.cli.main import main; main()"
 JOINTS = ["joint_1", "joint_2"]
 
 
@@ -45,6 +51,43 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd) -> Callable[..., Outcome]:
         return outcome
 
     return call
+
+
+def refused(outcome: Outcome, status: int, *words: str) -> None:
+    """One line on stderr that starts with the program's name and holds all words."""
+    assert outcome.status == status, outcome
+    (line,) = said(outcome.error)
+    assert line.startswith("idim-iv: ")
+    for word in words:
+        assert word in line, (word, line)
+
+
+def said(error: str) -> list[str]:
+    """What was said on stderr, without progress."""
+    return [line for line in error.splitlines() if line.strip() and not re.match(r"\d+ s: ", line)]
+
+
+def in_process(*arguments: object, code: str = START, **environment: str) -> Outcome:
+    """Run the command as a process of its own, as a user's shell does, with buffered streams."""
+    variables = {name: value for name, value in os.environ.items() if name not in NOT_OF_USERS}
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        env={**variables, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **environment},
+        check=False,
+        timeout=120,
+        preexec_fn=as_in_a_terminal,
+    )
+    return Outcome(done.returncode, done.stdout.decode(), done.stderr.decode())
+
+
+NOT_OF_USERS = ("PYTHONUNBUFFERED", "PYTHONWARNINGS")
+
+
+def as_in_a_terminal() -> None:
+    """Heed the signals that a shell in the background, or nohup, lets its children ignore."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import CONFIG
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import CONFIG, refused, said
 
 URDF = (CONFIG / "arm2.urdf").read_text()
 COMMANDS = {
@@ -62,7 +61,7 @@ def test_strange_link_is_warned_of(run, bag, with_urdf, tmp_path: Path, command)
     configuration = with_urdf(('mass value="4.2"', 'mass value="0"'))
     outcome = run(*arguments(command, bag, tmp_path), "--config", configuration, status=0)
     assert "link link_1:" in outcome.out
-    assert not outcome.error.strip()
+    assert said(outcome.error) == []
 
 
 def test_check_says_that_the_armature_was_not_given(run, bag, config) -> None:

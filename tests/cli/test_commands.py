@@ -1,16 +1,11 @@
 """The commands as a user runs them."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from bags import simulated_arms
 from idim_iv_ros.recording import read_recordings
-from tests.cli.conftest import write_arm
 
 
 def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_path: Path) -> None:
@@ -60,26 +55,3 @@ def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
     document = json.loads((out / "result.json").read_text())
     assert document["estimator"] == "idim-ls"
     assert document["instruments"]["tests"][0]["reason"]
-
-
-def test_two_bags_are_used_together(run, config, bag, tmp_path: Path) -> None:
-    second = simulated_arms.record(simulated_arms.arm2(), 2)
-    other = write_arm(tmp_path / "other.mcap", second)
-    run(f"identify {bag} {other} --config {config()} --out {tmp_path / 'results'}", status=0)
-    assert len(json.loads((tmp_path / "results" / "result.json").read_text())["bags"]) == 2
-
-
-COMMANDS = ["init", "import", "check", "identify", "diagnose", "excite", "simulate"]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_shows_an_example(run, command: str) -> None:
-    done = run(command, "--help", status=0)
-    assert f"Example: idim-iv {command}" in done.out
-
-
-def test_installed_command_starts() -> None:
-    command = Path(sys.executable).with_name("idim-iv")
-    done = subprocess.run([command, "--help"], capture_output=True, text=True, check=True)
-    for name in ("import", "check", "identify", "diagnose", "excite"):
-        assert name in done.stdout

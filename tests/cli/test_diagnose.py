@@ -7,22 +7,20 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.errors import DataError, UsageError
-from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+from idim_iv_ros.errors import UsageError
+from tests.report.sample_gap import CASES, Case, sample_gap
 
 
 class StandIn:
     """Takes what the command passes on, and returns a diagnosis that was made before."""
 
-    def __init__(self, case: Case = "both", error: Exception | None = None) -> None:
-        self.case, self.error = case, error
+    def __init__(self, case: Case = "both") -> None:
+        self.case = case
         self.calls: list[tuple] = []
 
     def __call__(self, bags, configuration, *, without, against, nominal, progress):
         self.calls.append((tuple(bags), configuration.robot.joints, without))
         progress("candidates", 0.5)
-        if self.error is not None:
-            raise self.error
         return sample_gap(2, self.case)
 
 
@@ -57,17 +55,8 @@ def test_each_joint_has_its_own_units_and_what_slides_is_not_compared_with_what_
     assert float(turns[4]) == pytest.approx(1e3 * tracking["joint_2"], rel=0.01)
 
 
-def test_what_is_not_in_the_catalogue_is_printed_once(diagnose, capsys) -> None:
-    result, words = sample_gap(2, "unknown"), "Not in the catalogue"
-    assert result.unexplained is not None
-    diagnose(StandIn("unknown"))
-    assert capsys.readouterr().out.count(words) == result.summary.count(words)
-
-
 @pytest.mark.parametrize("case", CASES)
-def test_every_verdict_is_written_and_fits_on_a_screen(
-    diagnose, tmp_path: Path, capsys, case: Case
-) -> None:
+def test_every_verdict_is_written_and_fits_on_a_screen(diagnose, tmp_path, capsys, case) -> None:
     diagnose(StandIn(case))
     out = tmp_path / "why"
     assert sorted(path.name for path in out.iterdir()) == ["gap.json", "report.html"]
@@ -95,15 +84,7 @@ def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_p
     assert not (tmp_path / "why").exists()
 
 
-def test_a_refusal_leaves_no_folder(diagnose, tmp_path: Path) -> None:
-    with pytest.raises(DataError):
-        diagnose(StandIn(error=DataError("too short")))
-    assert not (tmp_path / "why").exists()
-
-
-def test_a_place_that_cannot_be_written_is_refused_before_the_work(
-    diagnose, tmp_path: Path
-) -> None:
+def test_a_place_that_cannot_be_written_is_refused_before_the_work(diagnose, tmp_path) -> None:
     taken = tmp_path / "taken"
     (taken / "gap.json").mkdir(parents=True)
     stand_in = StandIn()
@@ -113,7 +94,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_work(
 
 
 def test_brackets_in_names_are_printed_as_they_are(diagnose, tmp_path: Path, capsys) -> None:
-    named = with_first_joint_named(sample_gap(2, "structural"), "[red]arm[/]")
+    named = sample_gap(2, "structural", first="[red]arm[/]")
     diagnose(lambda *_, **__: named)
     assert "[red]arm[/]" in "".join(capsys.readouterr().out.split())
     document = json.loads((tmp_path / "why" / "gap.json").read_text(encoding="utf-8"))

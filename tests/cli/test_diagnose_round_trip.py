@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import write_arm
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import refused, write_arm
 from tests.cli.test_simulate import gap_file
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "arm2.yaml"
@@ -41,9 +40,7 @@ def document(out: Path) -> dict:
     return json.loads((out / "gap.json").read_text(encoding="utf-8"))
 
 
-def test_what_was_simulated_is_found_and_can_be_simulated_again(
-    run, rippled, tmp_path: Path
-) -> None:
+def test_what_was_simulated_is_found_and_can_be_simulated_again(run, rippled, tmp_path) -> None:
     """One bag only: ripple within 10 %, then a robot with what was found."""
     (bag,) = rippled(1)
     out = tmp_path / "why"
@@ -70,9 +67,7 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(
     assert truth["MX1"] == pytest.approx(extended["MX1"]["value"])
 
 
-def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
-    run, rippled, tmp_path: Path
-) -> None:
+def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(run, rippled, tmp_path):
     bags = rippled(1, 2)
     out = tmp_path / "why"
     outcome = run(
@@ -100,14 +95,19 @@ def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(
 def test_without_references_or_controller_it_ends_with_what_can_be_said(
     run, bag, config, tmp_path: Path, old: str, new: str, words: tuple[str, ...]
 ) -> None:
+    gains = ()
     if "unknown" in new:
-        new = "  type: unknown\n"
-        dropped = [("  kp: [1200.0, 250.0]   # N m/rad\n", ""),
-                   ("  kd: [52.0, 9.2]   # N m s/rad\n", "")]  # fmt: skip
-    else:
-        dropped = []
+        gains = ("  kp: [1200.0, 250.0]   # N m/rad\n", "  kd: [52.0, 9.2]   # N m s/rad\n")
     out = tmp_path / "why"
-    run("diagnose", bag, "--config", config((old, new), *dropped), "--out", out, status=0)
+    run(
+        "diagnose",
+        bag,
+        "--config",
+        config((old, new), *((gain, "") for gain in gains)),
+        "--out",
+        out,
+        status=0,
+    )
     result = document(out)
     notes = " ".join(result["notes"]).lower()
     for word in words:
@@ -127,32 +127,16 @@ def test_two_seconds_end_with_what_can_be_said(run, config, record, tmp_path: Pa
     assert "structural" not in [cause["kind"] for cause in document(out)["causes"]]
 
 
-def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, record, tmp_path: Path) -> None:
-    out = tmp_path / "why"
-
-    def must_refuse(status: int, *words: str, arguments: tuple[object, ...]) -> None:
-        refused(run("diagnose", *arguments, "--out", out), status, *words)
-        assert not out.exists()
-
-    copy = tmp_path / "copy.mcap"
+def test_bad_input_is_one_line_and_leaves_nothing(run, bag, config, tmp_path: Path) -> None:
+    """Beyond what every command refuses."""
+    out, copy = tmp_path / "why", tmp_path / "copy.mcap"
     copy.write_bytes(bag.read_bytes())
-    short = write_arm(tmp_path / "short.mcap", record, slice(5000, 5500))
-    still = np.full_like(record.position, 0.3)
-    rest = write_arm(tmp_path / "still.mcap", record, position=still, position_reference=still)
-    for status, bags, words in (
-        (2, [tmp_path / "none.mcap"], ("none.mcap", "no such file")),
-        (2, [bag, "--without", "strybeck"], ("strybeck", "stribeck")),
-        (2, [bag, bag], ("the same recording", "give each one once")),
-        (2, [bag, copy], ("copy.mcap", "arm2.mcap")),
-        (1, [short], ("short.mcap",)),
-        (1, [rest], ("still.mcap", "no joint moves")),
+    elsewhere = ("no topic /nowhere", "`reference: /joint_reference`")
+    for status, bags, replacements, words in (
+        (2, [bag, bag], (), ("the same recording", "give each one once")),
+        (2, [bag, copy], (), ("copy.mcap", "arm2.mcap")),
+        (1, [bag], [("joint_reference", "/nowhere")], elsewhere),
     ):
-        must_refuse(status, *words, arguments=(*bags, "--config", config()))
-    must_refuse(2, "nowhere.yaml", arguments=(bag, "--config", tmp_path / "nowhere.yaml"))
-    must_refuse(1, "no topic /nowhere", "write `reference: /joint_reference` under signals",
-                arguments=(bag, "--config", config(("joint_reference", "/nowhere"))))  # fmt: skip
-    wrong = config(("armature:", "armatur:"))
-    must_refuse(2, "arm2.yaml", "simulator.armatur", arguments=(bag, "--config", wrong))
-    out.write_text("mine")
-    refused(run("diagnose", bag, "--config", config(), "--out", out), 2, "why")
-    assert out.read_text() == "mine"
+        arguments = (*bags, "--config", config(*replacements), "--out", out)
+        refused(run("diagnose", *arguments), status, *words)
+        assert not out.exists()

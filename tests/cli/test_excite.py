@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -79,21 +78,12 @@ def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_
         (("--start", "0,9"), "start of joint joint_2, 9, lies outside"),
         (("--start", "0,x"), "numbers separated by commas"),
         (("--start", "0"), "1 values for 2 joints"),
-        (("--acceleration", "1,2,3"), "3 values for 2 joints"),
-        (("--acceleration", "0"), "positive"),
-        (("--margin", 1.5), "margin 1.5"),
-        (("--period", 0), "period 0"),
-        (("--rate", 0), "rate 0: samples per second above 0"),
-        (("--harmonics", 1), "harmonics"),
         (("--message-rate", 5000), "5000 points per second"),
-        (("--torque-noise", 0), "torque noise 0"),
         (("--time-limit", -1), "time limit -1"),
         (("--for", "diagnosis", "--duration", 5), "duration 5"),
     ],
 )
-def test_bad_request_is_one_line_and_leaves_nothing(
-    run, config, tmp_path: Path, arguments: tuple[object, ...], complaint: str
-) -> None:
+def test_bad_request_is_one_line_and_leaves_nothing(run, config, tmp_path, arguments, complaint):
     folder = tmp_path / "new"
     folder.mkdir()
     done = run("excite", "--config", config(), "--out", folder / "run", *arguments, status=2)
@@ -102,36 +92,7 @@ def test_bad_request_is_one_line_and_leaves_nothing(
     assert not list(folder.iterdir())
 
 
-def test_missing_velocity_limit_names_the_joint(run, config, tmp_path: Path) -> None:
-    urdf = tmp_path / "arm.urdf"
-    text = (CONFIG / "arm2.urdf").read_text()
-    assert 'velocity="6.0"' in text
-    urdf.write_text(text.replace('velocity="6.0"', 'velocity="0"'))
-    path = config((str(CONFIG / "arm2.urdf"), str(urdf)))
-    done = run("excite", "--config", path, "--out", tmp_path / "run", status=2)
-    assert "joint_2 has no velocity" in done.error
-
-
 @pytest.mark.parametrize(("place", "words"), [("missing/run", "no folder"), (".", "is a folder")])
-def test_place_that_cannot_be_written_is_refused_before_the_search(
-    run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, words: str
-) -> None:
-    monkeypatch.setattr("idim_iv_ros.excitation.excite", lambda *a, **k: pytest.fail("searched"))
+def test_place_that_cannot_be_written_is_refused(run, config, tmp_path, place, words) -> None:
     done = run("excite", "--config", config(), "--out", tmp_path / place, status=2)
     assert words in done.error
-
-
-def test_full_disk_leaves_nothing_half_written(
-    run, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = tmp_path / "new"
-    folder.mkdir()
-
-    def full(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    command = f"excite --config {config()} --out {folder / 'run'} --time-limit 0.001"
-    done = run(command, *QUICK, status=2)
-    assert "No space left on device" in done.error
-    assert not list(folder.iterdir())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import refused
 from tests.cli.test_mjcf import as_mjcf
 from tests.simulator_files.cases import CHANGING, CONFIG, Case, bare, case, cause
 
@@ -68,19 +68,11 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
     model, standard = arm.model, arm.standard
     for name, row in zip(model.base.names, model.base.grouping, strict=True):
         names = model.regressor.layout.names
-        expected = sum(k * standard[each] for k, each in zip(row, names, strict=True))
+        expected = sum(k * standard[name] for k, name in zip(row, names, strict=True))
         assert truth[name] == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
-def test_identify_ends_by_naming_the_export(run, bag: Path, config, tmp_path: Path) -> None:
-    out = tmp_path / "found"
-    outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
-    assert f"Into a simulator: idim-iv export {out / 'result.json'} --config" in outcome.out
-
-
-def test_without_the_solver_one_line_says_what_to_install(
-    run, bag: Path, config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_solver_one_line_says_what_to_install(run, bag, config, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
     out = tmp_path / "found"
     outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
@@ -92,13 +84,13 @@ def test_without_the_solver_one_line_says_what_to_install(
     )
 
 
-def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(
-    run, bag: Path, config, tmp_path: Path
-) -> None:
+def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(run, bag, config, tmp_path):
     """Identified, exported, and simulated with the recording that it is from."""
-    configuration, found, out = as_mjcf(config, tmp_path), tmp_path / "found", tmp_path / "out"
-    outcome = run("identify", bag, "--config", configuration, "--out", found, status=0)
-    outcome = run(f"export {found / 'result.json'} --config {configuration} --out {out}", status=0)
+    configuration, results, out = as_mjcf(config, tmp_path), tmp_path / "results", tmp_path / "out"
+    outcome = run("identify", bag, "--config", configuration, "--out", results, status=0)
+    outcome = run(
+        f"export {results / 'result.json'} --config {configuration} --out {out}", status=0
+    )
     names = ["arm2.xml", "changes.md", "effects.json"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert all(str(out / name) in outcome.out for name in names)

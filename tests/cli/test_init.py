@@ -14,8 +14,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.first_configuration.yaml_text import SECTIONS
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.request import sounds_like_reference
-from tests.cli.conftest import JOINTS
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import JOINTS, refused
 
 ARM = (simulated_arms.CONFIG / "arm2.urdf").read_text()
 GRIPPER = """
@@ -165,9 +164,7 @@ def test_ratio_of_effort_and_torque_is_not_moved_by_drives_that_no_urdf_has(init
     ("effort", "words"),
     [(0.0, ("effort", "zero throughout")), (np.nan, ("effort", "empty"))],
 )
-def test_bag_without_efforts_is_refused_in_one_line(
-    init, record, effort: float, words: tuple[str, ...]
-) -> None:
+def test_bag_without_efforts_is_refused_in_one_line(init, record, effort, words) -> None:
     efforts = np.full_like(record.effort, effort)
     topic = JointTopic("/joint_states", JOINTS, record.time, record.position, None, efforts)
     out, done, _ = init(topic, status=1)
@@ -237,9 +234,7 @@ def test_references_are_known_by_a_word_of_their_name() -> None:
     assert not any(map(sounds_like_reference, ("/joint_states", "/link_states", "/preference")))
 
 
-def test_unused_reference_is_answered_with_the_line_to_write(
-    run, config, record, tmp_path: Path
-) -> None:
+def test_unused_reference_is_answered_with_the_line_to_write(run, config, record, tmp_path) -> None:
     bag = tmp_path / "run.mcap"
     write_bag(bag, [states(record), reference(record)])
     line = "`reference: /arm/joint_command` under `signals:` in arm2.yaml"
@@ -257,19 +252,8 @@ def test_unused_reference_is_answered_with_the_line_to_write(
     assert "no reference" not in followed.out
 
 
-def test_other_topics_are_no_reference(run, config, record, tmp_path: Path) -> None:
-    bag = tmp_path / "run.mcap"
-    gripper = JointTopic("/gripper/command", ["finger"], record.time, record.position[:, :1])
-    write_bag(bag, [states(record), gripper])
-    done = run("check", bag, "--config", config(("reference: joint_reference", "effort: null")))
-    assert done.status == 0, done.error
-    assert "nothing uses them" not in done.out
-
-
 @pytest.mark.parametrize("first", [True, False])
-def test_a_gripper_on_the_topic_of_the_arm_changes_no_proposal(
-    run, record, urdf, tmp_path: Path, first: bool
-) -> None:
+def test_a_gripper_on_the_topic_of_the_arm_changes_no_proposal(run, record, urdf, tmp_path, first):
     finger = np.full((len(record.time) // 2, 1), 0.01)
     gripper = JointTopic(
         "/joint_states", ["left_finger_joint"], record.time[::2], finger, None, 0.0 * finger

@@ -35,9 +35,7 @@ def bag(record, tmp_path_factory) -> Path:
     return made.write(tmp_path_factory.mktemp("ur") / "bag")
 
 
-def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
-    run, bag, tmp_path: Path
-) -> None:
+def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(run, bag, tmp_path):
     out = tmp_path / "arm.yaml"
     run("init", bag, "--urdf", ARM, "--out", out, status=0)
     configuration = load_configuration(out)
@@ -54,9 +52,7 @@ def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(
     assert identified["instruments"]["accepted"] is True
 
 
-def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(
-    run, bag, tmp_path: Path
-) -> None:
+def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(run, bag, tmp_path) -> None:
     out = tmp_path / "arm.yaml"
     done = run("init", bag, "--urdf", ARM, "--driver", "ur", "--out", out, status=0)
     signals = load_configuration(out).signals
@@ -65,9 +61,7 @@ def test_a_driver_gives_topics_and_unit_with_its_name_as_the_reason(
     assert "driver ur" in done.out
 
 
-def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(
-    run, bag, tmp_path: Path
-) -> None:
+def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(run, bag, tmp_path):
     out = tmp_path / "arm.yaml"
     done = run("init", bag, "--urdf", ARM, "--driver", "kinova", "--out", out, status=0)
     assert load_configuration(out).signals.reference == SCALED
@@ -91,12 +85,12 @@ def test_drivers_hold_what_a_configuration_may_hold(name: str) -> None:
 
 
 def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Path) -> None:
-    own, out = tmp_path / "own.yaml", tmp_path / "arm.yaml"
-    own.write_text(
+    driver, out = tmp_path / "own.yaml", tmp_path / "arm.yaml"
+    driver.write_text(
         f"signals:\n  reference: {{topic: {SCALED}, field: feedback}}\n  effort_unit: A\n"
         "identification:\n  drive_inertia: false\n"
     )
-    assert run("init", bag, "--urdf", ARM, "--driver", own, "--out", out).status == 0
+    assert run("init", bag, "--urdf", ARM, "--driver", driver, "--out", out).status == 0
     configuration = load_configuration(out)
     assert configuration.signals.reference == f"{SCALED}#feedback"
     assert configuration.identification.drive_inertia is False

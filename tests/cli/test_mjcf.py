@@ -4,10 +4,11 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.report.section import read_nominal
-from tests.cli.conftest import CONFIG
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import CONFIG, refused
 from tests.model.test_mjcf import ARM2
 
 
@@ -39,9 +40,7 @@ def close(one: object, other: object) -> bool:
     return one == other
 
 
-def test_the_same_arm_as_urdf_and_mjcf_has_the_same_diagnosis(
-    run, config, bag, tmp_path: Path
-) -> None:
+def test_the_same_arm_as_urdf_and_mjcf_has_the_same_diagnosis(run, config, bag, tmp_path) -> None:
     answers = []
     for name, path in (("mjcf", as_mjcf(config, tmp_path)), ("urdf", config())):
         run("diagnose", bag, "--config", path, "--out", tmp_path / name, status=0)
@@ -66,11 +65,12 @@ def test_a_first_configuration_names_an_mjcf_and_can_be_used(run, bag, tmp_path:
         run(command, bag, "--config", out, *more, status=0)
 
 
-def test_urdf_and_mjcf_together_are_refused(run, config, bag) -> None:
-    path = config(("  joints: [", "  mjcf: arm2.xml\n  joints: ["))
-    refused(run("check", bag, "--config", path), 2, "urdf and mjcf are both given")
-
-
-def test_an_mjcf_that_is_missing_is_refused(run, config, bag) -> None:
-    path = config((f"urdf: {CONFIG / 'arm2.urdf'}", "mjcf: nothing.xml"))
-    refused(run("check", bag, "--config", path), 2, "robot.mjcf: no file", "nothing.xml")
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("  joints: [", "  mjcf: arm2.xml\n  joints: [", ("urdf", "mjcf")),
+        (f"urdf: {CONFIG / 'arm2.urdf'}", "mjcf: nothing.xml", ("robot.mjcf", "nothing.xml")),
+    ],
+)
+def test_an_mjcf_beside_a_urdf_or_that_is_missing_is_refused(run, config, bag, old, new, words):
+    refused(run("check", bag, "--config", config((old, new))), 2, *words)

@@ -1,20 +1,16 @@
 """What the commands print: tables, one document, or nothing; and what they refuse to replace."""
 
 import json
-import os
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import idim_iv_ros
 from bags import simulated_arms
 from idim_iv_ros.cli import output
-from tests.cli.conftest import write_arm
-from tests.cli.test_bad_input import refused
-from tests.cli.test_start import REPOSITORY, START
+from tests.cli.conftest import in_process, refused, write_arm
 
 
 @pytest.fixture
@@ -89,15 +85,8 @@ def test_progress_is_lines_where_stderr_is_no_terminal(capsys, monkeypatch) -> N
 
 @pytest.mark.parametrize("width", [60, 80])
 def test_tables_of_a_check_fit_the_terminal(config, bag, width: int) -> None:
-    variables = {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": str(width)}
-    done = subprocess.run(
-        [sys.executable, "-c", START, "check", bag, "--config", config()],
-        capture_output=True,
-        text=True,
-        env=variables,
-        check=True,
-    )
-    lines = [line.rstrip() for line in done.stdout.splitlines()]
+    done = in_process("check", bag, "--config", config(), COLUMNS=str(width))
+    lines = [line.rstrip() for line in done.out.splitlines()]
     assert max(map(len, lines[:-1])) <= width
     assert lines[-1].startswith("Next: idim-iv identify ")  # to be pasted: not broken
 
@@ -148,34 +137,25 @@ def test_place_that_cannot_be_used_is_refused_before_the_tables_are_read(
 
 
 def test_functions_take_text_paths_and_one_or_many_bags(bag, record, tmp_path: Path) -> None:
-    import idim_iv_ros
-
-    folder = simulated_arms.CONFIG
-    configuration = idim_iv_ros.load_configuration(str(folder / "arm2.yaml"))
-    assert configuration == idim_iv_ros.load_configuration(folder / "arm2.yaml")
+    path = simulated_arms.CONFIG / "arm2.yaml"
+    configuration = idim_iv_ros.load_configuration(str(path))
+    assert configuration == idim_iv_ros.load_configuration(path)
     options = {"joints": configuration.robot.joints, "reference": "/joint_reference"}
     (one,) = idim_iv_ros.read_recordings(str(bag), **options)
     (same,) = idim_iv_ros.read_recordings([bag], **options)
     np.testing.assert_array_equal(one.position.values, same.position.values)
     np.save(tmp_path / "q.npy", record.position)
     np.save(tmp_path / "tau.npy", record.effort)
+    signals = {"position": tmp_path / "q.npy", "effort": str(tmp_path / "tau.npy")}
     for out in (tmp_path / "a.mcap", str(tmp_path / "b.mcap")):
-        idim_iv_ros.import_table(
-            out,
-            joints=("joint_1", "joint_2"),
-            position=tmp_path / "q.npy",
-            effort=str(tmp_path / "tau.npy"),
-            rate=1000.0,
-        )
+        idim_iv_ros.import_table(out, joints=("joint_1", "joint_2"), rate=1000.0, **signals)
         assert Path(out).is_file()
     assert idim_iv_ros.check(str(bag), configuration) == idim_iv_ros.check((bag,), configuration)
     results = [
         idim_iv_ros.identify(given, configuration) for given in (bag, str(bag), iter([str(bag)]))
     ]
     results.append(idim_iv_ros.identify_recordings(one, configuration))
-    assert (
-        len({tuple(parameter.value for parameter in result.parameters) for result in results}) == 1
-    )
+    assert len({tuple(number.value for number in result.parameters) for result in results}) == 1
     written, _ = idim_iv_ros.write_report(results[0], str(tmp_path / "results"))
     assert written.is_file()
     with pytest.raises(idim_iv_ros.UsageError, match="no bag"):

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import CONFIG, write_arm
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import CONFIG, refused, write_arm
 from tests.simulators.test_replay import OTHER
 
 
@@ -57,9 +56,7 @@ def test_what_cannot_be_replayed_is_one_line_and_nothing_is_written(
     assert not out.exists()
 
 
-def test_without_anything_that_draws_one_line_says_so(
-    run, config, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_anything_that_draws_one_line_says_so(run, config, short, tmp_path, monkeypatch):
     import mujoco
 
     def fails(*_: object) -> None:
@@ -71,9 +68,7 @@ def test_without_anything_that_draws_one_line_says_so(
     refused(out, 2, "nothing draws here", "no display anywhere", "leave --video out")
 
 
-def test_without_mujoco_one_line_names_the_extra(
-    run, config, short: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_mujoco_one_line_names_the_extra(run, config, short, monkeypatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     outcome = run("replay", short, "--config", config(), "--json")
     refused(outcome, 2, "a replay needs MuJoCo", "idim-iv-ros[mujoco]")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_bad_input import refused
+from tests.cli.conftest import refused
 from tests.gap_files import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -134,9 +134,7 @@ def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) ->
         ({"effects": 3}, "soft.json: effects: "),
     ],
 )
-def test_a_wrong_file_of_effects_is_refused_in_one_line(
-    run, tmp_path: Path, content: dict[str, object], words: str
-) -> None:
+def test_a_wrong_file_of_effects_is_refused_in_one_line(run, tmp_path, content, words) -> None:
     file = tmp_path / "soft.json"
     file.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
     config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
@@ -144,9 +142,7 @@ def test_a_wrong_file_of_effects_is_refused_in_one_line(
     assert not bag.exists()
 
 
-def test_bags_of_several_seeds_are_written_all_or_none(
-    config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run
-) -> None:
+def test_bags_of_several_seeds_are_written_all_or_none(config, tmp_path, monkeypatch, run) -> None:
     """The disk is full when the last of them is written."""
     path, seeds = config(), ("--seed", 1, "--seed", 2, "--seed", 3)
     written: list[Path] = []

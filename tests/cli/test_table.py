@@ -7,7 +7,7 @@ from rich.console import Console
 
 from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
 from idim_iv_ros.cli.output import print_table
-from tests.report.sample_gap import sample_gap, with_first_joint_named
+from tests.report.sample_gap import sample_gap
 
 LONG = "shoulder_pan_joint_very_long"
 COLUMNS = ["joint", ">torque", "what was found"]
@@ -40,7 +40,7 @@ def test_columns_that_say_nothing_and_rows_beyond_24_are_left_out() -> None:
 @pytest.mark.parametrize("width", [80, 110])
 def test_a_diagnosis_fits_and_keeps_the_names_of_its_joints(width: int) -> None:
     console = Console(file=io.StringIO(), width=width)
-    print_diagnosis(console, with_first_joint_named(sample_gap(6, "both"), LONG), whole=False)
+    print_diagnosis(console, sample_gap(6, "both", first=LONG), whole=False)
     text = console.file.getvalue()
     assert max(len(line.rstrip()) for line in text.splitlines()) <= width
     assert len(text.splitlines()) <= 50

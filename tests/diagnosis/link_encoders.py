@@ -47,33 +47,15 @@ processing:
 
 @dataclass(frozen=True)
 class Gear:
-    """What lies between motor and link.
+    """What lies between motor and link."""
 
-    Attributes
-    ----------
-    stiffness : float
-        N m/rad; infinite: the link follows the motor.
-    damping : float
-        N m s/rad.
-    gap : float
-        Whole play, rad.
-    late : float
-        Time by which the link's channel is read late, s.
-    step : float
-        Of both encoders, rad; zero: no step.
-    noise : float
-        Standard deviation of each encoder, rad.
-    error : callable
-        Of the link's encoder over the position, rad.
-    """
-
-    stiffness: float = np.inf
-    damping: float = 0.0
-    gap: float = 0.0
-    late: float = 0.0
-    step: float = 0.0
-    noise: float = 2e-6
-    error: Callable[[FloatArray], FloatArray] = np.zeros_like
+    stiffness: float = np.inf  # N m/rad; infinite: the link follows the motor
+    damping: float = 0.0  # N m s/rad
+    gap: float = 0.0  # whole play, rad
+    late: float = 0.0  # time by which the link's channel is read late, s
+    step: float = 0.0  # of both encoders, rad; zero: no step
+    noise: float = 2e-6  # standard deviation of each encoder, rad
+    error: Callable[[FloatArray], FloatArray] = np.zeros_like  # of the link's encoder, rad
 
 
 def motor_motion(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

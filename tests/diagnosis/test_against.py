@@ -7,7 +7,6 @@ also says that errors of the nominal model cancel. Motions of the sets are not t
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -20,8 +19,9 @@ from idim_iv_ros.diagnosis.against.sets import two_sets
 from idim_iv_ros.diagnosis.result import ContrastResult
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
-from idim_iv_ros.recording import Recording, Signal
+from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import SimulatedEffect, record_simulated_robot
+from tests.estimation.test_simulated_arms import recording_of
 
 SECONDS = 8.0
 # Effects that are looked for; the whole catalogue is that of benchmarks/contrast.py.
@@ -69,25 +69,7 @@ def run(
         torque_noise=0.005 * np.asarray(robot.configuration.controller.torque_limit),
         effects=list(effects),
     )
-    values = (made.position, made.effort, made.position_reference, made.velocity_reference)
-    missing = np.zeros(made.position[::every].shape, dtype=bool)
-    position, effort, reference, speed = (
-        Signal(signal[::every], missing, "simulated") for signal in values
-    )
-    return Recording(
-        path=Path(name),
-        joints=tuple(robot.configuration.robot.joints),
-        rate=robot.rate / every,
-        start=100.0 * motion,
-        position=position,
-        effort=effort,
-        velocity=None,
-        position_reference=reference,
-        velocity_reference=speed,
-        clocks=(),
-        notes=(),
-        robot_description=None,
-    )
+    return recording_of(robot, made, name=name, start=100.0 * motion, every=every)
 
 
 def contrast(reference: Sequence[Recording], against: Sequence[Recording]) -> ContrastResult:

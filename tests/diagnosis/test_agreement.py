@@ -70,9 +70,7 @@ def test_recordings_of_one_robot_agree_whatever_the_nominal_model(data: Baseline
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 @pytest.mark.parametrize("mass", [0.5, -0.5])
-def test_the_recording_with_another_load_is_named_with_the_difference(
-    data: Baseline, number: int, mass: float
-) -> None:
+def test_the_recording_with_another_load_is_named_with_the_difference(data, number, mass) -> None:
     """Masses within three standard deviations; the loads of the others do not matter."""
     agreements = differing(data, 1, {number: loaded(data, number, mass)})
     assert set(agreements) == {number}

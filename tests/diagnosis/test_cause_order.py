@@ -32,38 +32,49 @@ SMALL = closing("friction_level", "parametric", "joint_1", 0.6, 0.5, 1e4)
 LARGE = closing("payload", "parametric", "joint_2", 0.9, 0.1, 1e3)
 
 
-def names(causes: list[Cause]) -> list[str]:
-    return [cause.effect for cause in causes]
+# 0.1 N m at its own joint, 6 of 10 N m at another.
+WIDE = replace(
+    SMALL,
+    joint_gaps=(
+        JointChange("joint_1", 0.6, 0.5, 0.03),
+        JointChange("joint_2", 8.0, 5.3, 0.6),
+        JointChange("joint_2", 0.1, 0.2, -0.01),
+    ),
+)
 
 
-def test_structural_causes_stay_in_the_order_of_their_stages() -> None:
-    assert names(strongest_first([FIRST, SECOND], DATA)) == ["stribeck", "elasticity"]  # type: ignore[arg-type]
+def law(evidence: float) -> Cause:
+    return replace(LAW, evidence=replace(LAW.evidence, statistic=evidence))
 
 
-@pytest.mark.parametrize(("evidence", "place"), [(800.0, 2), (1000.0, 0)])
-def test_another_law_is_placed_by_its_evidence(evidence: float, place: int) -> None:
-    law = replace(LAW, evidence=replace(LAW.evidence, statistic=evidence))
-    ordered = names(strongest_first([FIRST, SECOND, law], DATA))  # type: ignore[arg-type]
-    assert ordered.index("controller_mismatch") == place
+def drives(joint: str | None) -> Cause:
+    """Drive inertia that the configuration leaves out."""
+    return replace(closing("drive_inertia", "parametric", "", 0.1, 0.09, 1e2), joint=joint)
 
 
-def test_causes_of_both_kinds_go_by_the_share_of_their_joints_torque() -> None:
-    ordered = strongest_first([SMALL, FIRST, LARGE], DATA)  # type: ignore[arg-type]
-    assert names(ordered) == ["payload", "stribeck", "friction_level"]
+def delay(joint: str | None) -> Cause:
+    return replace(closing("time_delay", "structural", "", 0.1, 0.09, 1e2), joint=joint)
 
 
-def test_what_a_cause_takes_at_other_joints_counts() -> None:
-    """0.1 N m at its own joint, 6 of 10 N m at another."""
-    wide = replace(
-        SMALL,
-        joint_gaps=(
-            JointChange("joint_1", 0.6, 0.5, 0.03),
-            JointChange("joint_2", 8.0, 5.3, 0.6),
-            JointChange("joint_2", 0.1, 0.2, -0.01),
-        ),
-    )
-    ordered = strongest_first([FIRST, wide], DATA)  # type: ignore[arg-type]
-    assert names(ordered) == ["friction_level", "stribeck"]
+@pytest.mark.parametrize(
+    ("causes", "effects"),
+    [
+        # Structural ones stay in the order of their stages; another law is placed by its evidence.
+        ([FIRST, SECOND], ["stribeck", "elasticity"]),
+        ([FIRST, SECOND, law(800.0)], ["stribeck", "elasticity", "controller_mismatch"]),
+        ([FIRST, SECOND, law(1000.0)], ["controller_mismatch", "stribeck", "elasticity"]),
+        # Causes of both kinds go by the share of their joint's torque, at any joint.
+        ([SMALL, FIRST, LARGE], ["payload", "stribeck", "friction_level"]),
+        ([FIRST, WIDE], ["friction_level", "stribeck"]),
+        # What was put in before anything else comes first, if it is of all joints.
+        ([FIRST, LARGE, drives(None)], ["drive_inertia", "payload", "stribeck"]),
+        ([FIRST, LARGE, drives("joint_2")], ["payload", "stribeck", "drive_inertia"]),
+        ([FIRST, LARGE, delay(None)], ["time_delay", "payload", "stribeck"]),
+        ([FIRST, LARGE, delay("joint_2")], ["payload", "stribeck", "time_delay"]),
+    ],
+)
+def test_causes_are_in_the_order_of_their_weight(causes, effects) -> None:
+    assert [cause.effect for cause in strongest_first(causes, DATA)] == effects
 
 
 def test_a_summary_ends_at_120_words_with_the_weightiest_first() -> None:
@@ -80,15 +91,3 @@ def test_further_causes_are_counted() -> None:
     text = further_causes(causes)
     assert "2 smaller causes" in text and "payload" in text
     assert further_causes([]) == ""
-
-
-@pytest.mark.parametrize(
-    ("effect", "kind"), [("drive_inertia", "parametric"), ("time_delay", "structural")]
-)
-def test_what_was_put_in_before_anything_else_stands_first(effect: str, kind: str) -> None:
-    """Drive inertia that the configuration leaves out, and a delay of all joints."""
-    of_all = replace(closing(effect, kind, "", 0.1, 0.09, 1e2), joint=None)
-    of_a_joint = closing(effect, kind, "joint_2", 0.1, 0.09, 1e2)
-    causes = strongest_first([FIRST, LARGE, of_all], DATA)  # type: ignore[arg-type]
-    assert names(causes)[0] == effect
-    assert names(strongest_first([FIRST, LARGE, of_a_joint], DATA))[0] != effect  # type: ignore[arg-type]

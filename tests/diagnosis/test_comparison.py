@@ -49,11 +49,9 @@ def names_of(selection: Selection) -> list[tuple[str, int | None]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "joint", "pole", "torque"), SINGLE, ids=[each[0] for each in SINGLE]
+    ("name", "joint", "pole", "torque"), SINGLE, ids=[name for name, *_ in SINGLE]
 )
-def test_one_effect_is_selected_alone(
-    data: Baseline, name: str, joint: int, pole: float, torque: Torque
-) -> None:
+def test_one_effect_is_selected_alone(data, name, joint, pole, torque) -> None:
     selection = selected(data, world(data, 1, joint, torque, pole=pole))
     assert names_of(selection) == [(name, joint)]
 
@@ -73,9 +71,7 @@ def test_two_effects_at_two_joints(data: Baseline) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("of_gain", [True, False], ids=["gain", "torque"])
-def test_a_gain_that_ripples_is_no_torque_that_ripples(
-    data: Baseline, of_gain: bool, seed: int
-) -> None:
+def test_a_gain_that_ripples_is_no_torque_that_ripples(data, of_gain, seed) -> None:
     """Of the same size over the same position, one times the torque, the other not."""
 
     def torque(m: SmoothMotion) -> np.ndarray:
@@ -96,7 +92,7 @@ def test_a_note_says_what_the_signal_s_error_may_be_instead(data: Baseline) -> N
     (term,) = selected(data, wave).terms
     rival = ("position_ripple", *term.key[1:])
     as_likely = replace(term, rivals=((term.key, 0.55), (rival, 0.45)))
-    (alone,), (note,) = (signal_notes(data.joints, [each]) for each in (term, as_likely))
+    (alone,), (note,) = (signal_notes(data.joints, [one]) for one in (term, as_likely))
     assert "position ripple" not in alone
     assert "position ripple of joint_1 (45 %)" in note
 
@@ -126,9 +122,7 @@ def two_recordings() -> Baseline:
 
 
 @pytest.mark.parametrize("restarts", [True, False])
-def test_friction_that_starts_anew_is_told_from_that_of_the_session(
-    two_recordings: Baseline, restarts: bool
-) -> None:
+def test_friction_that_starts_anew_is_told_from_that_of_the_session(two_recordings, restarts):
     starts = {
         id(motion): start for motion, start in zip(two_recordings.motions, (0.0, 70.0), strict=True)
     }
@@ -150,13 +144,13 @@ def test_one_recording_has_one_clock(data: Baseline) -> None:
 def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
     _, joint, _, torque = SINGLE[0]
     regression = world(data, 1, joint, torque)
-    found = explained(data, regression, selected(data, regression))
-    (cause,) = structural_causes(data, found, [None])
+    explanation = explained(data, regression, selected(data, regression))
+    (cause,) = structural_causes(data, explanation, [None])
     assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
     assert cause.probability is not None and cause.probability > 0.8
     assert cause.parameters["excess"].value == pytest.approx(0.5, abs=0.1)
     assert cause.parameters["speed"].value == pytest.approx(0.15, abs=0.05)
-    assert all(each.std is not None for each in cause.parameters.values())
+    assert all(number.std is not None for number in cause.parameters.values())
     assert cause.torque_gap.after < 0.6 * cause.torque_gap.before
     assert f"{100 * cause.probability:.0f} %" in cause.sentence
 
@@ -171,23 +165,23 @@ def test_the_search_without_a_part_of_the_time_chooses_what_is_there(data: Basel
 
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
-    found = explained(data, regression, selected(data, regression))
-    assert (found.effects, found.numbers) == ((), ())
-    rest = unexplained(data, found)
+    explanation = explained(data, regression, selected(data, regression))
+    assert (explanation.effects, explanation.numbers) == ((), ())
+    rest = unexplained(data, explanation)
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
-    listed = [float(each) for each in re.findall(r"([0-9.]+) s of simulated", rest.where)]
+    listed = [float(time) for time in re.findall(r"([0-9.]+) s of simulated", rest.where)]
     assert len(listed) == sentences.MOST_EVENTS
-    assert max(np.abs(np.array(PULSES) - each).min() for each in listed) < 0.3
+    assert max(np.abs(np.array(PULSES) - time).min() for time in listed) < 0.3
     quiet = world(data, 4)
-    found = explained(data, quiet, selected(data, quiet))
-    assert unexplained(data, found) is None
+    explanation = explained(data, quiet, selected(data, quiet))
+    assert unexplained(data, explanation) is None
 
 
 def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
     regression = world(data, 3, 0, lambda m: 1.0 * np.sin(2.0 * np.pi * 3.3 * m.time))
-    found = explained(data, regression, selected(data, regression))
-    assert (found.effects, found.numbers) == ((), ())
+    explanation = explained(data, regression, selected(data, regression))
+    assert (explanation.effects, explanation.numbers) == ((), ())
 
 
 def test_evidence_of_a_model_is_that_of_the_dense_formula(data: Baseline) -> None:
@@ -197,7 +191,7 @@ def test_evidence_of_a_model_is_that_of_the_dense_formula(data: Baseline) -> Non
     comparison = selection.comparison
     nominal: NominalErrors = comparison.nominal
     ledger, white = comparison.options.ledger, nominal.white
-    rows = [slice(a, b) for a, b in _ranges([len(each) for each in white.gap])]
+    rows = [slice(a, b) for a, b in _ranges([len(gap) for gap in white.gap])]
     model = np.zeros((rows[-1].stop, ledger.parameters))
     for part, one, matrix in zip(rows, ledger.joints, white.model, strict=True):
         model[part, one.columns] = matrix
@@ -232,9 +226,7 @@ def test_the_table_of_probabilities_says_from_what_it_was_made() -> None:
         assert probability(certain, effect) > 0.8 > 0.2 > probability(doubtful, effect)
 
 
-def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_acts_there(
-    data: Baseline,
-) -> None:
+def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_acts_there(data):
     """Noise of one size everywhere would name something in most of these worlds."""
     for seed in range(6):
         plain, rng = world(data, seed), np.random.default_rng(seed)

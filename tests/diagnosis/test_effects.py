@@ -1,18 +1,14 @@
 """Every effect of the catalogue: its torque by a formula of its own, its shapes, names, signs."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import njit
 
-from idim_iv_ros import effects
 from idim_iv_ros.diagnosis.comparison.curves import Stop, StopShape
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
 from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Load, Torque, TorqueTerm
@@ -421,20 +417,12 @@ def test_the_catalogue_has_every_file_in_the_order_that_they_give() -> None:
     """Where two explain equally well the first counts: the order is a part of the result."""
     names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)]
     assert [name for name in names if name in IN_ORDER] == list(IN_ORDER)
+    assert sorted([*names, "controller_mismatch"]) == sorted(set(EFFECTS))
     for kind in (PARAMETRIC, STRUCTURAL):
         assert len({effect.order for effect in kind}) == len(kind)
         for effect in kind:
             assert type(effect).__module__ == f"idim_iv_ros.effects.{effect.name}"
-
-
-def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = (Path(effects.__path__[0]) / "spring.py").read_text()
-    text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
-    (tmp_path / "rope.py").write_text(text)
-    monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
-    names = [cause.name for cause in registry._one_of_each(registry._modules())]
-    assert names.index("rope") == names.index("stribeck") - 1
-    del sys.modules["idim_iv_ros.effects.rope"]
+            assert set(effect.confounders) <= set(EFFECTS) - {effect.name}
 
 
 @pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.name)
@@ -476,15 +464,6 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
             assert len(torque) == len(Torque._fields) and np.isfinite(torque).all()
 
 
-def test_every_effect_has_a_name_of_its_own_and_known_confounders() -> None:
-    names = [effect.name for effect in (*PARAMETRIC, *STRUCTURAL)] + ["controller_mismatch"]
-    assert sorted(names) == sorted(EFFECTS)
-    assert len(set(names)) == len(names)
-    for effect in (*PARAMETRIC, *STRUCTURAL):
-        assert set(effect.confounders) <= set(names) - {effect.name}
-        assert effect.excitation
-
-
 @pytest.mark.parametrize(
     ("name", "shape", "good", "bad"),
     [
@@ -498,39 +477,33 @@ def test_every_effect_has_a_name_of_its_own_and_known_confounders() -> None:
         ("torque_saturation", KneeShape(3.0), [0.2], [-0.2]),
         ("encoder_eccentricity", DiscShape(False), [0.01, -0.01], [0.2, 0.0]),
         ("joint_coupling", CouplingShape(1.0, 1.0), [0.2, 0.1], [-0.2, 0.1]),
+        # Of either sign.
+        ("asymmetric_friction", Shape(), [-0.3], None),
+        ("friction_drift", DriftShape(30.0, False), [-0.3, -0.3], None),
+        ("spring", CubicShape(-0.2, 0.6), [-0.3, 0.3, -0.3], None),
+        ("position_ripple", Waves((9.0,)), [-0.3, 0.3], None),
     ],
 )
 def test_physics_forbids_signs_and_sizes(name, shape, good, bad) -> None:
     effect = BY_NAME[name]
     assert effect.admissible(shape, np.array(good))
-    assert not effect.admissible(shape, np.array(bad))
+    if bad is None:
+        assert effect.admissible(shape, -np.array(good))
+    else:
+        assert not effect.admissible(shape, np.array(bad))
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["asymmetric_friction", "friction_drift", "spring", "position_ripple"],
+    ("effect", "shape", "coefficient", "name", "value", "std"),
+    [
+        # Command τ + 0.25 (τ − knee): 1 / 1.25.
+        ("torque_saturation", KneeShape(3.0), 0.25, "slope", 0.8, 0.05 / 1.25**2),
+        ("elasticity", ShaftShape(500.0, 2.0), 1.25, "stiffness", 400.0, 400.0 * 0.05 / 1.25),
+        ("time_delay", DelayShape(0.004), 1.5, "delay", 0.006, 0.0002),
+        ("backlash", BacklashShape(0.01, 1e3, 3.0, 1.0), 1.0, "gap", 0.01, 0.0005),
+    ],
 )
-def test_effects_of_either_sign(name: str) -> None:
-    effect = BY_NAME[name]
-    shape = effect.grid(Place(1), operating_range_of(synthetic(1.0)))[0]
-    for sign in (1.0, -1.0):
-        assert effect.admissible(shape, sign * np.ones(4))
-
-
-def test_numbers_of_an_engineer() -> None:
+def test_numbers_of_an_engineer(effect, shape, coefficient, name, value, std) -> None:
     """Slope beyond the knee, stiffness and delay from coefficients, with their deviations."""
-    one, small = np.array([0.25]), np.array([0.05])
-    slope = BY_NAME["torque_saturation"].parameters(KneeShape(3.0), one, small)["slope"]
-    assert slope.value == pytest.approx(0.8)  # command τ + 0.25 (τ − knee): 1 / 1.25
-    assert slope.std == pytest.approx(0.05 / 1.25**2)
-    shaft = BY_NAME["elasticity"].parameters(ShaftShape(500.0, 2.0), np.array([1.25]), small)[
-        "stiffness"
-    ]
-    assert shaft.value == pytest.approx(400.0)
-    assert shaft.std == pytest.approx(400.0 * 0.05 / 1.25)
-    late = BY_NAME["time_delay"].parameters(DelayShape(0.004), np.array([1.5]), small)["delay"]
-    assert (late.value, late.std) == (pytest.approx(0.006), pytest.approx(0.0002))
-    play = BY_NAME["backlash"].parameters(BacklashShape(0.01, 1e3, 3.0, 1.0), np.ones(1), small)[
-        "gap"
-    ]
-    assert (play.value, play.std) == (pytest.approx(0.01), pytest.approx(0.0005))
+    numbers = BY_NAME[effect].parameters(shape, np.array([coefficient]), np.array([0.05]))
+    assert (numbers[name].value, numbers[name].std) == (pytest.approx(value), pytest.approx(std))

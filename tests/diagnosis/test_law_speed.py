@@ -14,13 +14,11 @@ from idim_iv_ros.diagnosis.controller import check_law
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.signals import JointSignals
+from tests.diagnosis.simulated_sessions import with_signals
 
 
 def commanded(data: Baseline, effort: np.ndarray, velocity: np.ndarray | None = None) -> Baseline:
-    (motion,) = data.prepared.motions
-    signals = replace(motion.signals, torque=effort, velocity=velocity)
-    motions = (replace(motion, signals=signals),)
-    return replace(data, prepared=replace(data.prepared, motions=motions))
+    return with_signals(data, torque=effort, velocity=velocity)
 
 
 def commands(
@@ -70,9 +68,7 @@ def test_another_gain_beside_a_filtered_speed_is_found(arm: SimulatedArm, data: 
         assert finding.parameters["kd"].value == pytest.approx(1.4 * arm.law.kd[joint], rel=0.05)
 
 
-def test_pulses_beside_the_law_are_said_with_their_size_and_times(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_pulses_beside_the_law_are_said_with_their_size_and_times(arm, data) -> None:
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
     time = np.arange(len(effort)) / signals.rate
@@ -82,16 +78,14 @@ def test_pulses_beside_the_law_are_said_with_their_size_and_times(
     check = check_law(commanded(data, effort))
     (sentence,) = check.beyond
     assert "joint_2" in sentence
-    found = re.findall(r"from (\S+) to (\S+) s of", sentence)
-    assert sorted((float(first), float(last)) for first, last in found) == [
+    times = re.findall(r"from (\S+) to (\S+) s of", sentence)
+    assert sorted((float(first), float(last)) for first, last in times) == [
         (pytest.approx(3.8, abs=0.05), pytest.approx(4.2, abs=0.05)),
         (pytest.approx(8.3, abs=0.05), pytest.approx(8.7, abs=0.05)),
     ]
 
 
-def test_a_law_that_explains_its_commands_leaves_nothing_to_say(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_a_law_that_explains_its_commands_leaves_nothing_to_say(arm, data) -> None:
     effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3)
     assert check_law(commanded(data, effort)).beyond == ()
 
@@ -105,9 +99,7 @@ def delayed(effort: np.ndarray, periods: list[float]) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured_late(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured_late(arm, data):
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
     period = 1.0 / signals.rate
@@ -125,9 +117,7 @@ def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured
     assert delay.std < 0.3 * period
 
 
-def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data) -> None:
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
     late = commanded(data, delayed(effort, [0.5, 3.5]))
@@ -136,9 +126,7 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(
     assert finding.parameters["lag"].value == pytest.approx(3.5 / signals.rate, rel=0.1)
 
 
-def test_efforts_of_one_joint_that_are_much_off_do_not_decide(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_efforts_of_one_joint_that_are_much_off_do_not_decide(arm, data) -> None:
     """A joint whose effort is also what another signal makes it, as a later speed would."""
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
@@ -152,9 +140,7 @@ def test_efforts_of_one_joint_that_are_much_off_do_not_decide(
     assert chosen.factor == pytest.approx(0.3, rel=0.1)
 
 
-def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(arm, data) -> None:
     """Steps of the reference that ask for several times the limit, as a robot that clips them."""
     signals = data.prepared.motions[0].signals
     time = np.arange(len(signals.position)) / signals.rate
@@ -165,18 +151,14 @@ def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(
     effort, _ = commands(arm, stepped, 0.3)
     limit = arm.law.torque_limit
     assert np.all(np.abs(effort).max(axis=0) > 3.0 * limit)
-    (motion,) = data.prepared.motions
-    motions = (replace(motion, signals=replace(stepped, torque=np.clip(effort, -limit, limit))),)
-    changed = replace(data, prepared=replace(data.prepared, motions=motions))
-    assert law_speed(motions, arm.law).factor == pytest.approx(0.3, rel=0.05)
+    changed = with_signals(data, position_reference=wanted, torque=np.clip(effort, -limit, limit))
+    assert law_speed(changed.prepared.motions, arm.law).factor == pytest.approx(0.3, rel=0.05)
     check = check_law(changed)
     assert check.causes == ()
     assert check.beyond == ()
 
 
-def test_a_feedforward_over_the_acceleration_is_no_late_speed(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_a_feedforward_over_the_acceleration_is_no_late_speed(arm, data) -> None:
     """Of 10 ms times kd, it looks like one of a speed that is filtered as much."""
     signals = data.prepared.motions[0].signals
     assert signals.velocity_reference is not None

@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, t
 from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
+from tests.configurations import changed
 from tests.estimation.test_simulated_arms import recorded
 
 
@@ -61,13 +62,10 @@ def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regressi
         assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
 
 
-def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(
-    data: Baseline, regression: Regression
-) -> None:
+def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(data, regression) -> None:
     configuration = data.prepared.configuration
-    signals = configuration.signals.model_copy(update={"effort_unit": "A"})
     current = replace(
-        data.prepared, configuration=configuration.model_copy(update={"signals": signals})
+        data.prepared, configuration=changed(configuration, "signals", effort_unit="A")
     )
     ampere = replace(data, prepared=current)
     assert current.given is None

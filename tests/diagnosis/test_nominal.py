@@ -64,9 +64,7 @@ def test_parameters_that_are_the_urdfs_change_nothing(data: Baseline) -> None:
     assert same.robot.given.coulomb == pytest.approx(model.robot.given.coulomb, abs=1e-12)
 
 
-def test_with_its_own_identified_model_a_robot_has_no_parameter_error(
-    bag: Path, result: Path
-) -> None:
+def test_with_its_own_identified_model_a_robot_has_no_parameter_error(bag, result) -> None:
     everything = [effect.name for effect in STRUCTURAL]
     wrong = diagnose([bag], CONFIGURATION, without=everything)
     right = diagnose([bag], CONFIGURATION, without=everything, nominal=result)
@@ -101,9 +99,7 @@ Change = Callable[[dict[str, Any]], object]
         (lambda d: d.update(kinematics="0" * 64), "the geometry is another"),
     ],
 )
-def test_a_result_of_another_robot_is_refused_in_one_line(
-    data: Baseline, result: Path, tmp_path: Path, change: Change, words: str
-) -> None:
+def test_a_result_of_another_robot_is_refused_in_one_line(data, result, tmp_path, change, words):
     document = json.loads(result.read_text())
     change(document)
     path = tmp_path / "other.json"

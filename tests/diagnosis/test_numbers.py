@@ -19,6 +19,7 @@ from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
 from idim_iv_ros.effects.presliding import Presliding
+from tests.configurations import changed
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
 
@@ -26,8 +27,8 @@ from tests.estimation.test_simulated_arms import recorded
 def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
     """Parametric causes of a world."""
     catalogue = Catalogue(data, regression)
-    found = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
-    return parametric_causes(data, found)[0]
+    explanation = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
+    return parametric_causes(data, explanation)[0]
 
 
 def names(causes: list[Cause]) -> list[tuple[str, str | None]]:
@@ -48,13 +49,11 @@ def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
     return np.asarray(model.base.grouping @ change)
 
 
-def test_gravity_that_is_there_is_not_missed(data: Baseline) -> None:
-    assert missing_gravity(data, world(data, 1)) is None
-
-
 def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
     for seed in range(5):
-        assert causes_of(data, world(data, seed)) == []
+        regression = world(data, seed)
+        assert causes_of(data, regression) == []
+        assert missing_gravity(data, regression) is None
 
 
 def test_friction_level_with_its_size(data: Baseline) -> None:
@@ -86,9 +85,7 @@ def test_a_payload_of_another_program(data: Baseline) -> None:
 
 @pytest.mark.parametrize("joint", [0, 1])
 @pytest.mark.parametrize("factor", [0.9, 1.15])
-def test_a_wrong_gain_is_named_alone_with_its_size(
-    data: Baseline, joint: int, factor: float
-) -> None:
+def test_a_wrong_gain_is_named_alone_with_its_size(data, joint, factor) -> None:
     gains = (factor, 1.0) if joint == 0 else (1.0, factor)
     causes = causes_of(data, world(data, 1, gains=gains))
     assert names(causes) == [("torque_gain", data.joints[joint])]
@@ -116,7 +113,7 @@ def test_a_payload_lies_in_its_interval_though_other_numbers_are_wrong(data: Bas
         change = errors_of_everything(data, seed, 0.03)
         causes = causes_of(data, world(data, seed, change=change, torques=torques))
         for cause in causes:
-            others = {each.effect for each in cause.indistinguishable_from}
+            others = {other.effect for other in cause.indistinguishable_from}
             named += cause.effect == "payload" or "payload" in others
             if cause.effect == "payload":
                 inside += covers(cause, "mass", mass, 1.96)
@@ -128,8 +125,8 @@ def test_parameter_errors_by_joint(data: Baseline) -> None:
     """√(gap² − refit²) of each joint, whatever the causes."""
     regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
     catalogue = Catalogue(data, regression)
-    found = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
-    for error in parametric_causes(data, found)[1]:
+    explanation = explained(data, regression, select(catalogue, torque_ledger(data, regression)))
+    for error in parametric_causes(data, explanation)[1]:
         rest = np.sqrt(max(error.named**2 - error.refit**2, 0.0))
         assert error.remaining == pytest.approx(rest)
         assert error.named < 1.1 * error.refit < 1.2 * error.given
@@ -173,8 +170,7 @@ ROW_NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m
 def bare(request: pytest.FixtureRequest) -> Baseline:
     """An arm whose configuration says nothing of drive inertia."""
     arm = arm2(seconds=12.0) if request.param == 2 else arm6(seconds=15.0)
-    simulator = arm.configuration.simulator.model_copy(update={"armature": None})
-    configuration = arm.configuration.model_copy(update={"simulator": simulator})
+    configuration = changed(arm.configuration, "simulator", armature=None)
     return baseline([recorded(arm, 1)], configuration)
 
 
@@ -193,7 +189,6 @@ def test_drives_without_inertia_are_one_cause_with_the_value_of_each(bare: Basel
     for joint, true in zip(bare.joints, DRIVES[len(bare.joints)], strict=True):
         assert cause.parameters[joint].unit == "kg m²"
         assert covers(cause, joint, true, 4.0)
-    assert cause.sentence.startswith("the drives have inertia that the nominal model lacks")
     assert cause.sentence.count("kg m²") == len(bare.joints)
 
 

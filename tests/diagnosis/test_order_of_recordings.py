@@ -77,9 +77,7 @@ def test_any_order_of_bags_gives_the_same_gap(bags: Bags, arm: SimulatedArm, sta
     require_same_physical(first, second)
 
 
-def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(
-    bags: Bags, arm: SimulatedArm
-) -> None:
+def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(bags, arm) -> None:
     """Simulated bags: stamps say nothing of their order, and no row is lost or counted twice."""
     paths = bags((0.0, 0.0, 0.0))
     orders = [paths, paths[::-1]]
@@ -95,9 +93,7 @@ def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(
 
 
 @pytest.mark.parametrize("starts", [(0.0, 100.0, 40.0), (3.0, 0.0, 5.0)], ids=["apart", "overlap"])
-def test_any_order_of_bags_gives_the_same_identification(
-    bags: Bags, arm: SimulatedArm, starts
-) -> None:
+def test_any_order_of_bags_gives_the_same_identification(bags, arm, starts) -> None:
     paths = bags(starts)
     documents = []
     for order in (paths, [paths[1], paths[2], paths[0]], paths[::-1]):

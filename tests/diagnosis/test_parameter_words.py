@@ -7,7 +7,7 @@ from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
-from idim_iv_ros.effects.registry import PARAMETRIC, parameter_words
+from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.effects.torque_gain import TorqueGain
 from tests.diagnosis.test_effects import UNITS
 
@@ -45,11 +45,6 @@ def test_a_gain_of_1_25_is_a_factor_of_1_25() -> None:
 )
 def test_names_that_are_made_have_words(effect: str, name: str, words: str) -> None:
     assert parameter_words(effect, name) == words
-
-
-def test_effects_of_the_catalogue_are_known() -> None:
-    named = {"payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level"}
-    assert named | {"drive_inertia", "link_inertia"} == {effect.name for effect in PARAMETRIC}
 
 
 def test_a_mass_comes_first_however_sure_moments_of_inertia_are() -> None:

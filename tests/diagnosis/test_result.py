@@ -1,7 +1,6 @@
 """gap.json: what is written is what is read, and what is no gap.json is refused in one line."""
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,6 +44,9 @@ def test_numbers_that_do_not_exist_are_null() -> None:
     document = json.loads(text)
     (written,) = document["where"]["regimes"]
     assert (written["high"], written["energy_share"], written["lift"]) == (None, None, None)
+    (read,) = GapResult.from_json(text, "gap.json").regimes
+    assert (read.low, read.high, read.occupancy) == (0.6, np.inf, 0.0)
+    assert np.isnan(read.energy_share)
     assert document["causes"][0]["torque_gap"]["noise_floor"] is None
     assert document["timing"] == {"fit": None}
     assert document["configuration"] == {"limit": None, "path": "a/b", "ids": [1, 2]}
@@ -60,21 +62,6 @@ def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case:
     assert (read.series, read.tracking) == ((), ())
     assert page.name == "report.html"
     assert sorted(path.name for path in written.parent.iterdir()) == ["gap.json", "report.html"]
-
-
-def test_a_full_disk_leaves_the_old_diagnosis_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_gap_report(sample_gap(2, "none"), tmp_path)
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(UsageError, match=r"No space left on device; .*--out"):
-        write_gap_report(sample_gap(2, "both"), tmp_path)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def _change(document: dict, keys: tuple, value: object) -> None:
@@ -104,9 +91,7 @@ def _change(document: dict, keys: tuple, value: object) -> None:
         (("causes", 0, "sen\ntence"), 1, "unknown key causes.0.sen tence"),
     ],
 )
-def test_a_file_of_another_format_is_refused_with_the_key(
-    tmp_path: Path, keys: tuple, value: object, words: str
-) -> None:
+def test_a_file_of_another_format_is_refused_with_the_key(tmp_path, keys, value, words) -> None:
     document = sample_gap(2, "structural").to_document()
     _change(document, keys, value)
     path = tmp_path / "gap.json"
@@ -129,20 +114,10 @@ def test_what_is_no_diagnosis_is_refused_in_one_line(tmp_path: Path, content: by
         GapResult.read(tmp_path / "none.json")
 
 
-def test_an_open_end_of_a_regime_and_a_missing_number_are_read_back() -> None:
-    regime = Regime("joint_1", "speed", -np.inf, np.inf, "rad/s", np.nan, 0.5, 1.0, None)
-    result = replace(sample_gap(2, "none"), where=Where((), (regime,)))
-    (read,) = GapResult.from_json(result.to_json(), "gap.json").regimes
-    assert (read.low, read.high, read.occupancy) == (-np.inf, np.inf, 0.5)
-    assert np.isnan(read.energy_share)
-
-
 @pytest.mark.parametrize("joints", [2, 6])
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("bare", [False, True])
-def test_the_committed_schema_describes_what_is_written(
-    joints: int, case: Case, bare: bool
-) -> None:
+def test_the_committed_schema_describes_what_is_written(joints, case, bare) -> None:
     schema = json.loads((DOCS / "gap.schema.json").read_text(encoding="utf-8"))
     validator = Draft202012Validator(schema)
     result = sample_gap(joints, case, given=not bare, floor=not bare, tracking=not bare)

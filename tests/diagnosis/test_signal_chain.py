@@ -16,6 +16,8 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
+from tests.configurations import changed
+from tests.diagnosis.simulated_sessions import with_signals
 from tests.estimation.test_simulated_arms import recorded
 
 PERIOD = 1e-3
@@ -23,14 +25,13 @@ PERIOD = 1e-3
 
 def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:
     """Return the same recording with other efforts (n_samples, n_joints)."""
-    (motion,) = data.prepared.motions
-    changed = replace(motion, signals=replace(motion.signals, torque=effort))
-    prepared = replace(data.prepared, motions=(changed,))
+    changed = with_signals(data, torque=effort)
+    (motion,) = changed.prepared.motions
     rows = tuple(
-        replace(row, torque=changed.decimation.whole(changed.torque[:, j])[changed.kept[:, j]])
+        replace(row, torque=motion.decimation.whole(motion.torque[:, j])[motion.kept[:, j]])
         for j, row in enumerate(data.rows)
     )
-    return replace(data, prepared=prepared, rows=rows)
+    return replace(changed, rows=rows)
 
 
 def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
@@ -58,9 +59,7 @@ def test_a_measured_torque_is_not_shifted(data: Baseline) -> None:
     assert chain.agreeing.all()
 
 
-def test_a_held_command_is_half_a_period_later_than_its_mean(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_a_held_command_is_half_a_period_later_than_its_mean(arm, data) -> None:
     command = simulated_arms.record(arm, 1).truth.torque
     mean = 0.5 * (command + np.vstack([command[:1], command[:-1]]))  # what acts around each sample
     chains = [chain_of(with_effort(data, effort))[1] for effort in (command, mean)]
@@ -70,9 +69,7 @@ def test_a_held_command_is_half_a_period_later_than_its_mean(
 
 
 @pytest.mark.parametrize("delay", [-0.8e-3, 1.3e-3, 6e-3])
-def test_a_shift_of_all_joints_is_estimated_and_taken_out(
-    arm: SimulatedArm, data: Baseline, delay: float
-) -> None:
+def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> None:
     effort = effort_of(recorded(arm, 1))
     _, plain = chain_of(data)
     shifted, chain = chain_of(with_effort(data, later(effort, [delay, delay], arm.rate)))
@@ -84,9 +81,7 @@ def test_a_shift_of_all_joints_is_estimated_and_taken_out(
         assert error < 0.01 * np.std(original.torque)
 
 
-def test_a_joint_that_is_later_than_the_other_keeps_its_delay(
-    arm: SimulatedArm, data: Baseline
-) -> None:
+def test_a_joint_that_is_later_than_the_other_keeps_its_delay(arm, data) -> None:
     effort = effort_of(recorded(arm, 1))
     _, chain = chain_of(with_effort(data, later(effort, [0.0, 4e-3], arm.rate)))
     assert chain.std is not None
@@ -120,18 +115,13 @@ def test_a_delay_of_all_joints_is_a_cause_and_the_loop_tells_where_it_is(place: 
     assert refitted([recording], arm.configuration, ("time_delay",)).delays == ()
 
 
-@pytest.mark.parametrize("delay", [0.0, 1.5e-3])
-def test_a_command_that_is_held_and_computed_for_a_period_is_no_cause(delay: float) -> None:
+@pytest.mark.parametrize(("delay", "configured"), [(0.0, 0.0), (1.5e-3, 0.0), (0.0, 4e-3)])
+def test_a_command_that_is_held_and_computed_for_a_period_is_no_cause(delay, configured) -> None:
+    """Nor is a delay of the loop that the configuration has."""
     arm = arm2(seconds=8.0)
-    assert refitted([early(recorded(arm, 1), arm, delay)], arm.configuration, ()).delays == ()
-
-
-def test_a_delay_that_the_configuration_has_is_no_cause() -> None:
-    arm = arm2(seconds=8.0)
-    controller = arm.configuration.controller.model_copy(update={"delay": 4e-3})
-    configuration = arm.configuration.model_copy(update={"controller": controller})
-    arm = replace(arm, law=replace(arm.law, delay=4e-3))
-    assert refitted([recorded(arm, 1)], configuration, ()).delays == ()
+    configuration = changed(arm.configuration, "controller", delay=configured)
+    arm = replace(arm, law=replace(arm.law, delay=configured))
+    assert refitted([early(recorded(arm, 1), arm, delay)], configuration, ()).delays == ()
 
 
 def test_of_two_joints_that_differ_the_earlier_has_the_common_shift() -> None:

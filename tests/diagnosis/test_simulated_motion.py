@@ -41,9 +41,7 @@ def difference(one: list[np.ndarray], other: list[np.ndarray]) -> float:
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-5])
-def test_what_another_loop_does_to_the_motion_is_taken_over_without_its_noise(
-    noise: float,
-) -> None:
+def test_what_another_loop_does_to_the_motion_is_taken_over_without_its_noise(noise) -> None:
     states = sines()
     real = [other_loop(states, order) for order in range(3)]
     rng = np.random.default_rng(1)

@@ -53,9 +53,7 @@ def test_the_filter_is_found_and_the_loop_moves_as_the_robot(data: Baseline) -> 
     assert np.all(tracking(data) < 0.25 * tracking(with_exact_speed(data)))
 
 
-def test_a_recorded_velocity_that_the_law_uses_is_imitated(
-    arm: SimulatedArm, late: Recording
-) -> None:
+def test_a_recorded_velocity_that_the_law_uses_is_imitated(arm, late) -> None:
     position = late.position.values
     speed = np.zeros_like(position)
     for k in range(1, len(position)):

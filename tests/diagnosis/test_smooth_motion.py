@@ -6,23 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2, record
+from bags.simulated_arms import SimulatedArm, record
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
+from tests.configurations import changed
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
-
-SECONDS = 10.0
-
-
-@pytest.fixture(scope="module")
-def data() -> Baseline:
-    arm = arm2(seconds=SECONDS)
-    return baseline([recorded(arm, 1)], arm.configuration)
 
 
 def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baseline) -> None:
@@ -39,10 +32,9 @@ def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baselin
         assert np.all(error < share * np.std(upper, axis=0))
 
 
-def test_it_is_closer_to_the_true_motion_than_what_was_measured(data: Baseline) -> None:
+def test_it_is_closer_to_the_true_motion_than_what_was_measured(arm, data: Baseline) -> None:
     """Against the position and its central differences of a recording without noise."""
     motion = data.motions[0]
-    arm = arm2(seconds=SECONDS)
     true = record(arm, 1, position_noise=0.0, torque_noise=[0.0, 0.0])
     noisy = record(arm, 1)
     for joint in (0, 1):
@@ -59,9 +51,7 @@ def test_it_is_closer_to_the_true_motion_than_what_was_measured(data: Baseline) 
         assert np.std(error) < 0.3 * np.std(raw[:, joint])
 
 
-def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(
-    data: Baseline,
-) -> None:
+def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(data) -> None:
     (slip,) = simulated_slips(data.prepared, data.estimate)
     assert slip is not None
     assert np.abs(slip).max() <= 1.0
@@ -117,15 +107,13 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
         np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
 
 
-def test_band_is_as_wide_as_the_sampling_allows_whatever_the_noise_of_the_encoders() -> None:
+def test_band_is_as_wide_as_the_sampling_allows_whatever_the_noise_of_the_encoders(arm) -> None:
     """25 Hz at most, and a fifth of the Nyquist frequency of the recorded positions or torques."""
-    arm = arm2(seconds=SECONDS)
     for noise in (4e-4, 1.6e-3):
-        changed = widened([recorded(arm, 1, position_noise=noise)], arm.configuration).processing
-        assert changed.decimation_cutoff == pytest.approx(25.0, rel=0.15)
-        assert changed.position_cutoff == pytest.approx(2.5 * changed.decimation_cutoff, rel=1e-6)
-    named = arm.configuration.processing.model_copy(update={"decimation_cutoff": 7.0})
-    configured = arm.configuration.model_copy(update={"processing": named})
+        wide = widened([recorded(arm, 1, position_noise=noise)], arm.configuration).processing
+        assert wide.decimation_cutoff == pytest.approx(25.0, rel=0.15)
+        assert wide.position_cutoff == pytest.approx(2.5 * wide.decimation_cutoff, rel=1e-6)
+    configured = changed(arm.configuration, "processing", decimation_cutoff=7.0)
     assert widened([recorded(arm, 1)], configured) is configured
 
 
@@ -142,24 +130,15 @@ def beside_reversals(data: Baseline) -> int:
     return count
 
 
-def changed_processing(arm: SimulatedArm, **values: float) -> Configuration:
-    processing = arm.configuration.processing.model_copy(update=values)
-    return arm.configuration.model_copy(update={"processing": processing})
-
-
-@pytest.fixture(scope="module")
-def arm() -> SimulatedArm:
-    return arm2(seconds=SECONDS)
-
-
 @pytest.mark.parametrize("others", [{}, {"decimation_cutoff": 8.0}, {"position_cutoff": 30.0}])
-def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(
-    arm: SimulatedArm, others: dict[str, float]
-) -> None:
+def test_rows_beside_a_reversal_count_where_the_loop_is_simulated(arm, others) -> None:
     """Whatever else the user configures."""
-    data = baseline([recorded(arm, 1)], changed_processing(arm, **others))
+    data = baseline([recorded(arm, 1)], changed(arm.configuration, "processing", **others))
     assert data.sticking
     assert beside_reversals(data) > 0
+
+
+World = Callable[[SimulatedArm], tuple[Recording, Configuration]]
 
 
 def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
@@ -167,35 +146,33 @@ def unreferenced(arm: SimulatedArm) -> tuple[Recording, Configuration]:
     return blind, arm.configuration
 
 
-def lawless(arm: SimulatedArm) -> tuple[Recording, Configuration]:
-    nobody = {"type": "unknown", "kp": None, "kd": None}
-    section = arm.configuration.controller.model_copy(update=nobody)
-    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
-
-
 def unstable(arm: SimulatedArm) -> tuple[Recording, Configuration]:
     """A law with which the simulated loop runs away, as only its simulation shows."""
     wrong = {"kp": [-1200.0, -250.0], "kd": [0.0, 0.0], "torque_limit": None}
-    section = arm.configuration.controller.model_copy(update=wrong)
-    return recorded(arm, 1), arm.configuration.model_copy(update={"controller": section})
+    return recorded(arm, 1), changed(arm.configuration, "controller", **wrong)
 
 
 @pytest.mark.parametrize(
     ("world", "why"), [(unreferenced, "not simulated"), (unstable, "cannot be simulated")]
 )
 def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed(
-    arm: SimulatedArm, world: Callable[[SimulatedArm], tuple[Recording, Configuration]], why: str
+    arm: SimulatedArm, world: World, why: str
 ) -> None:
     recording, configuration = world(arm)
-    data = baseline([recording], configuration)
-    assert beside_reversals(data) == 0
-    assert any(why in reason for reason in data.prepared.reasons)
+    blind = baseline([recording], configuration)
+    assert beside_reversals(blind) == 0
+    assert any(why in reason for reason in blind.prepared.reasons)
+    # It is the measured motion: what stands in for the simulated one lacks the upper half of it.
+    (motion,), (measured,) = blind.motions, blind.prepared.motions
+    places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
+    first = measured.span.start + int(measured.decimation.kept[0])
+    np.testing.assert_array_equal(motion.position, measured.position[first + places])
 
 
 @pytest.mark.parametrize("margin", [0.0, 3.0])
 @pytest.mark.parametrize("world", [None, unreferenced])
 def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float, world) -> None:
-    configuration = changed_processing(arm, reversal_margin=margin)
+    configuration = changed(arm.configuration, "processing", reversal_margin=margin)
     recording = recorded(arm, 1) if world is None else world(arm)[0]
     data = baseline([recording], configuration)
     assert data.prepared.configuration.processing.reversal_margin == margin
@@ -245,21 +222,10 @@ def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
     )
 
 
-def test_without_a_simulated_loop_it_is_the_measured_motion_in_the_whole_band() -> None:
-    """What stands in for the simulated motion lacks the upper half of it."""
-    arm = arm2(seconds=SECONDS)
-    lonely = replace(recorded(arm, 1), position_reference=None, velocity_reference=None)
-    data = baseline([lonely], arm.configuration)
-    (motion,), (measured,) = data.motions, data.prepared.motions
-    places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
-    first = measured.span.start + int(measured.decimation.kept[0])
-    np.testing.assert_array_equal(motion.position, measured.position[first + places])
-
-
-def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm: SimulatedArm) -> None:
-    recording, configuration = lawless(arm)
-    data = baseline([recording], configuration)
-    assert data.sticking
-    assert beside_reversals(data) > 0
-    configured = baseline([recorded(arm, 1)], arm.configuration)
-    assert data.row_rate == configured.row_rate
+def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm, data: Baseline) -> None:
+    nobody = {"type": "unknown", "kp": None, "kd": None}
+    configuration = changed(arm.configuration, "controller", **nobody)
+    fitted = baseline([recorded(arm, 1)], configuration)
+    assert fitted.sticking
+    assert beside_reversals(fitted) > 0
+    assert fitted.row_rate == data.row_rate

@@ -29,6 +29,14 @@ FINE = 2.0 * np.pi / 2**16
 COARSE = 2.0 * np.pi / 2**14
 
 
+ERRORS = {
+    "once a turn": lambda angle: 1e-3 * np.sin(angle),
+    "twice a turn": lambda angle: 1e-3 * np.sin(2.0 * angle + 1.0),
+    "turns -1 times": lambda angle: -2.0 * angle,
+    "stands still": lambda angle: -angle,
+}
+
+
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory):
     @cache
@@ -75,41 +83,25 @@ def test_gap_of_play_is_found_beside_the_stiffness_of_its_flanks(measure):
     assert within(gear.time_offset, -0.002)
 
 
-def test_a_time_offset_alone_is_no_elasticity(measure):
-    gear = measure(Gear(late=0.003))
-    assert within(gear.time_offset, 0.003)
-    assert gear.stiffness is None
-    assert gear.backlash is None
-    assert "no twist follows the load" in gear.reason
-    assert gear.stiffness_at_least > 1e6
+@pytest.mark.parametrize("late", [0.0, 0.003])
+def test_equal_encoders_with_any_time_offset_show_no_elasticity(measure, late):
+    gear = measure(Gear(late=late))
+    assert gear.time_offset.value == pytest.approx(late, abs=1e-5)
+    assert late == 0.0 or within(gear.time_offset, late)
+    assert gear.stiffness is gear.backlash is gear.lost_motion is None
+    assert gear.reason and gear.stiffness_at_least > 1e6
 
 
-def test_equal_encoders_show_nothing(measure):
-    gear = measure(Gear())
-    assert gear.stiffness is None
-    assert gear.backlash is None
-    assert gear.lost_motion is None
-    assert abs(gear.time_offset.value) < 1e-5
-
-
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", ["once a turn", "twice a turn"])
 def test_an_eccentric_encoder_on_a_rigid_gear_is_no_elasticity(measure, order):
     """Gravity follows sin q, and so does an encoder that is mounted off its axis."""
-    gear = measure(Gear(error=(_once, _twice)[order - 1]))
+    gear = measure(Gear(error=ERRORS[order]))
     assert gear.stiffness is None
     assert gear.position_error
 
 
-def _once(angle):
-    return 1e-3 * np.sin(angle)
-
-
-def _twice(angle):
-    return 1e-3 * np.sin(2.0 * angle + 1.0)
-
-
 def test_a_shaft_behind_an_eccentric_encoder_keeps_its_stiffness(measure):
-    gear = measure(Gear(stiffness=2e4, damping=30.0, error=_once))
+    gear = measure(Gear(stiffness=2e4, damping=30.0, error=ERRORS["once a turn"]))
     assert within(gear.stiffness, 2e4)
 
 
@@ -127,20 +119,12 @@ def test_a_twist_below_the_step_of_the_encoders_cannot_be_told(measure):
     assert gear.stiffness_at_least < 3e5
 
 
-@pytest.mark.parametrize(("error", "words"), [(-2.0, "turns -1 times"), (-1.0, "stands still")])
-def test_an_encoder_with_another_sign_or_that_stands_still_is_named(measure, error, words):
-    gear = measure(Gear(error=(_reversed, _standing)[error == -1.0]))
+@pytest.mark.parametrize("words", ["turns -1 times", "stands still"])
+def test_an_encoder_with_another_sign_or_that_stands_still_is_named(measure, words):
+    gear = measure(Gear(error=ERRORS[words]))
     assert words in gear.reason
     assert words in transmission(gear)
     assert gear.time_offset is None
-
-
-def _reversed(angle):
-    return -2.0 * angle
-
-
-def _standing(angle):
-    return -angle
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import pytest
 
 from idim_iv_ros.diagnosis.answer.causes import verdict_of
-from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointGap, Unexplained, Verdict
+from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointGap, Unexplained
 from idim_iv_ros.diagnosis.sentences import largest_gap, not_in_catalogue
 
 REST = Unexplained("joint_2", "velocity", 0.37, "joint_2: a curve")
@@ -42,9 +42,7 @@ PAYLOAD, STRIBECK = cause("payload", "parametric"), cause("stribeck", "structura
         ([PAYLOAD, STRIBECK], REST, "both"),
     ],
 )
-def test_verdict_of_causes_and_what_is_outside(
-    causes: list[Cause], rest: Unexplained | None, word: Verdict
-) -> None:
+def test_verdict_of_causes_and_what_is_outside(causes, rest, word) -> None:
     assert verdict_of(causes, rest) == word
 
 

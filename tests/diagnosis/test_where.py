@@ -32,9 +32,7 @@ from idim_iv_ros.recording import SessionPart
         ((5, 50), 1.0, (5, 50)),
     ],
 )
-def test_blocks_last_five_seconds_and_do_not_reach_into_the_next_recording(
-    seconds: tuple[int, int], length: float | None, blocks: tuple[int, int]
-) -> None:
+def test_blocks_last_five_seconds_and_do_not_reach_into_the_next_recording(seconds, length, blocks):
     first, second = time_blocks([100 * duration for duration in seconds], 100.0, length)
     assert (len(np.unique(first)), len(np.unique(second))) == blocks
     assert not set(first) & set(second)

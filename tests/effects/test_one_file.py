@@ -11,7 +11,7 @@ from idim_iv_ros.effects.registry import BY_NAME
 PACKAGE = Path(idim_iv_ros.__file__).parent
 OWNERS = (ast.Module, ast.ClassDef, ast.FunctionDef)
 COMPOUND = re.compile("[a-z]+(?:_[a-z]+)+")
-FOLDERS = ("diagnosis", "report", "simulators", "simulator_files", "fleet")
+FOLDERS = ("simulation", "diagnosis", "report", "simulators", "simulator_files", "fleet")
 KEY = "a key of the configuration, not an effect"
 ALLOWED = {
     ("diagnosis/nominal.py", "drive_inertia"): KEY,
@@ -30,19 +30,19 @@ def named(path: Path) -> set[str]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     bodies = [node.body[0] for node in ast.walk(tree) if isinstance(node, OWNERS)]
     documentation = [body.value for body in bodies if isinstance(body, ast.Expr)]
-    found = set()
+    names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             if node not in documentation:
-                found |= {node.value, *COMPOUND.findall(node.value)} & set(BY_NAME)
+                names |= {node.value, *COMPOUND.findall(node.value)} & set(BY_NAME)
         elif isinstance(node, ast.ImportFrom):
             inner = [f"{node.module}.{alias.name}" for alias in node.names]
-            found |= {modules[name] for name in (node.module, *inner) if name in modules}
+            names |= {modules[name] for name in (node.module, *inner) if name in modules}
             if str(node.module).startswith("idim_iv_ros"):
                 source = vars(import_module(str(node.module)))
                 values = [source.get(alias.name) for alias in node.names]
-                found |= {value for value in values if isinstance(value, str) and value in BY_NAME}
-    return found
+                names |= {value for value in values if isinstance(value, str) and value in BY_NAME}
+    return names
 
 
 def test_no_other_module_names_an_effect() -> None:

@@ -16,6 +16,7 @@ from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording, Signal
+from tests.configurations import changed
 from tests.estimation.test_simulated_arms import off_by, recorded, truth_of
 
 FAST, SLOW = 1000.0, 250.0
@@ -53,9 +54,7 @@ def pair(
 
 
 @pytest.mark.parametrize("slow_first", [False, True])
-def test_every_recording_is_filtered_at_the_same_frequencies(
-    arm: SimulatedArm, second: Recording, slow_first: bool
-) -> None:
+def test_every_recording_is_filtered_at_the_same_frequencies(arm, second, slow_first) -> None:
     prepared = prepare(pair(arm, second, 4, slow_first=slow_first), arm.configuration)
     assert {motion.signals.rate for motion in prepared.motions} == {FAST, SLOW}
     row_rate, edge = prepared.cutoffs.row_rate, arm.configuration.processing.decimation_edge
@@ -77,9 +76,7 @@ def test_every_recording_is_filtered_at_the_same_frequencies(
     assert "fast.mcap with 1000 Hz" in reasons
 
 
-def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(
-    arm: SimulatedArm,
-) -> None:
+def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(arm) -> None:
     """Against both at 1000 Hz, and against the truth: deviations in their own σ have rms 1."""
     truth, deviations = truth_of(arm), []
     other_motion = arm2(seconds=10.0, seed=2)
@@ -123,10 +120,9 @@ def test_bags_of_one_rig_with_rates_of_1000_and_985_hz_give_the_parameters_of_bo
     arm: SimulatedArm, second: Recording
 ) -> None:
     # At these cut-offs no two factors bring the rates closer than they are.
-    processing = arm.configuration.processing.model_copy(
-        update={"position_cutoff": 100.0, "decimation_cutoff": 40.0}
+    configuration = changed(
+        arm.configuration, "processing", position_cutoff=100.0, decimation_cutoff=40.0
     )
-    configuration = arm.configuration.model_copy(update={"processing": processing})
     first = replace(recorded(arm, 1), path=Path("a.mcap"))
     later = replace(second, path=Path("b.mcap"), start=100.0)
     same = identify_recordings([first, later], configuration)
@@ -181,14 +177,9 @@ def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: Si
     assert tracked.rms["joint_1"] == pytest.approx(np.sqrt(energies.sum() / seconds))
 
 
-def test_rates_that_no_decimation_brings_together_are_refused_with_both(
-    arm: SimulatedArm, second: Recording
-) -> None:
+def test_rates_that_no_decimation_brings_together_are_refused_with_both(arm, second) -> None:
     odd = replace(at_rate(second, 1, "odd.mcap", 100.0), rate=400.0)
-    processing = arm.configuration.processing.model_copy(
-        update={"position_cutoff": 180.0, "decimation_cutoff": 150.0}
-    )
-    wide = arm.configuration.model_copy(update={"processing": processing})
+    wide = changed(arm.configuration, "processing", position_cutoff=180.0, decimation_cutoff=150.0)
     first = replace(recorded(arm, 1), path=Path("fast.mcap"))
     with pytest.raises(
         DataError, match=r"fast\.mcap with 1000 Hz, odd\.mcap with 400 Hz"
@@ -198,10 +189,7 @@ def test_rates_that_no_decimation_brings_together_are_refused_with_both(
     assert "processing.decimation_cutoff" in str(refusal.value)
 
 
-def test_a_cutoff_that_the_slowest_recording_does_not_hold_is_refused_with_its_name(
-    arm: SimulatedArm, second: Recording
-) -> None:
-    processing = arm.configuration.processing.model_copy(update={"position_cutoff": 200.0})
-    wide = arm.configuration.model_copy(update={"processing": processing})
+def test_a_cutoff_that_the_slowest_recording_does_not_hold_is_refused_with_its_name(arm, second):
+    wide = changed(arm.configuration, "processing", position_cutoff=200.0)
     with pytest.raises(UsageError, match=r"250 samples per second of slow\.mcap"):
         identify_recordings(pair(arm, second, 4), wide)

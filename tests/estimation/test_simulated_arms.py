@@ -16,31 +16,39 @@ from idim_iv_ros import IdentificationResult, identify_recordings
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import Recording, Signal
+from idim_iv_ros.simulation import SimulatedRecording
+from tests.configurations import changed
 
 SEEDS = 50
 NOISY = {"arm2": 1e-3, "arm6": 5e-4, "arm7": 5e-4}  # rad
 
 
 def recorded(arm: SimulatedArm, seed: int, **noise: float) -> Recording:
-    record = simulated_arms.record(arm, seed, **noise)
-    nothing = np.zeros(record.position.shape, dtype=bool)
+    return recording_of(arm, simulated_arms.record(arm, seed, **noise))
 
-    def signal(values: np.ndarray) -> Signal:
-        return Signal(values, nothing, "simulated")
 
+def recording_of(
+    arm: SimulatedArm,
+    record: SimulatedRecording,
+    *,
+    name: str = "simulated",
+    start: float = 0.0,
+    every: int = 1,
+) -> Recording:
+    """What is read of a simulated arm's bag; one in `every` samples."""
+    nothing = np.zeros(record.position[::every].shape, dtype=bool)
+    names = ("position", "effort", "position_reference", "velocity_reference")
+    signals = {name: Signal(getattr(record, name)[::every], nothing, "simulated") for name in names}
     return Recording(
-        path=Path("simulated"),
+        path=Path(name),
         joints=tuple(arm.configuration.robot.joints),
-        rate=arm.rate,
-        start=0.0,
-        position=signal(record.position),
-        effort=signal(record.effort),
+        rate=arm.rate / every,
+        start=start,
         velocity=None,
-        position_reference=signal(record.position_reference),
-        velocity_reference=signal(record.velocity_reference),
         clocks=(),
         notes=(),
         robot_description=None,
+        **signals,
     )
 
 
@@ -52,20 +60,18 @@ def truth_of(arm: SimulatedArm) -> dict[str, float]:
 
 
 def without_gravity(configuration: Configuration) -> Configuration:
-    robot = configuration.robot.model_copy(update={"gravity": [0.0, 0.0, 0.0]})
-    return configuration.model_copy(update={"robot": robot})
+    return changed(configuration, "robot", gravity=[0.0, 0.0, 0.0])
 
 
 def filtered_wide(configuration: Configuration) -> Configuration:
     """Cut-offs as a user sets them who does not look at the noise."""
-    processing = configuration.processing.model_copy(
-        update={
-            "position_cutoff": 40.0,
-            "decimation_cutoff": 15.0,
-            "minimum_speed": [0.1] * len(configuration.robot.joints),
-        }
+    return changed(
+        configuration,
+        "processing",
+        position_cutoff=40.0,
+        decimation_cutoff=15.0,
+        minimum_speed=[0.1] * len(configuration.robot.joints),
     )
-    return configuration.model_copy(update={"processing": processing})
 
 
 def off_by(result: IdentificationResult, truth: dict[str, float]) -> np.ndarray:
@@ -109,9 +115,8 @@ def test_refined_estimates_are_right_too(arm6, result) -> None:
 
 def test_regular_start_leads_to_the_same_estimate(arm6, result) -> None:
     configuration = arm6.configuration
-    section = configuration.identification.model_copy(update={"start": "regular"})
     regular = identify_recordings(
-        [recorded(arm6, 1)], configuration.model_copy(update={"identification": section})
+        [recorded(arm6, 1)], changed(configuration, "identification", start="regular")
     )
     assert regular.converged
     for ours, other in zip(regular.parameters, result.parameters, strict=True):
@@ -156,10 +161,7 @@ def test_recording_without_references_says_what_it_costs(arm6) -> None:
 
 
 def test_unknown_control_law_is_recovered_from_the_recording(arm6) -> None:
-    section = arm6.configuration.controller.model_copy(
-        update={"type": "unknown", "kp": None, "kd": None}
-    )
-    configuration = arm6.configuration.model_copy(update={"controller": section})
+    configuration = changed(arm6.configuration, "controller", type="unknown", kp=None, kd=None)
     result = identify_recordings([recorded(arm6, 1)], configuration)
     assert "fitted control law" in result.instruments.source
     gains = {(gain.joint, gain.term): gain.value for gain in result.fitted_gains}

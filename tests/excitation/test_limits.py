@@ -10,6 +10,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import motion_limits
 from idim_iv_ros.excitation.limits import moving_frames, require_reachable
 from idim_iv_ros.model import JointLimits
+from tests.configurations import changed
 
 
 def without(model, **changes):
@@ -17,9 +18,7 @@ def without(model, **changes):
     return replace(model, robot=replace(model.robot, limits=limits))
 
 
-def test_default_acceleration_is_half_the_torque_on_the_inertia_or_full_speed_in_100_ms(
-    robots,
-) -> None:
+def test_default_acceleration_is_half_the_torque_on_the_inertia_or_full_speed_in_100_ms(robots):
     configuration, model = robots("arm2")
     limits = motion_limits(model, configuration)
     np.testing.assert_allclose(limits.acceleration[1], 10.0 * limits.velocity[1])
@@ -37,9 +36,8 @@ def test_default_acceleration_is_half_the_torque_on_the_inertia_or_full_speed_in
 
 def test_torque_limit_is_the_smaller_of_urdf_and_controller(robots) -> None:
     configuration, model = robots("arm2")
-    controller = configuration.controller.model_copy(update={"torque_limit": [100.0, 20.0]})
-    changed = configuration.model_copy(update={"controller": controller})
-    np.testing.assert_array_equal(motion_limits(model, changed).torque, [90.0, 20.0])
+    smaller = changed(configuration, "controller", torque_limit=[100.0, 20.0])
+    np.testing.assert_array_equal(motion_limits(model, smaller).torque, [90.0, 20.0])
 
 
 def test_continuous_joints_get_half_a_turn_each_way(robots) -> None:

@@ -30,9 +30,7 @@ def configuration():
         *((1000.0, seconds, "motion lasts") for seconds in (0.0, -1.0, 1e9, math.inf, math.nan)),
     ],
 )
-def test_sampling_that_cannot_be_computed_is_refused(
-    rate: float, duration: float, words: str
-) -> None:
+def test_sampling_that_cannot_be_computed_is_refused(rate, duration, words) -> None:
     with pytest.raises(UsageError, match=words):
         require_sampling(rate, duration, "the motion")
 

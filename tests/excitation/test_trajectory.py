@@ -90,36 +90,28 @@ def test_no_file_and_no_text_are_one_line(tmp_path: Path) -> None:
             read_trajectory(path)
 
 
-def message(value, kind: str):
-    """Fill a message type by the names of its fields, as ros2 topic pub does."""
-    fields = STORE.types[kind].__dataclass_fields__
-    fields = {name: field for name, field in fields.items() if name != "__msgtype__"}
-    assert set(value) == set(fields)
-    nested = {
-        "header": "std_msgs/msg/Header",
-        "stamp": "builtin_interfaces/msg/Time",
-        "time_from_start": "builtin_interfaces/msg/Duration",
-    }
-    filled = {}
-    for name, content in value.items():
-        if name in nested:
-            filled[name] = message(content, nested[name])
-        elif name == "points":
-            point = "trajectory_msgs/msg/JointTrajectoryPoint"
-            filled[name] = [message(entry, point) for entry in content]
-        elif name in ("positions", "velocities", "accelerations", "effort"):
-            assert all(isinstance(number, float) for number in content)
-            filled[name] = np.array(content, dtype=float)
-        else:
-            filled[name] = content
-    return STORE.types[kind](**filled)
+def message(document):
+    """The message that ros2 topic pub makes of a document, whose keys are its fields."""
+    types = STORE.types
+    fields = ("positions", "velocities", "accelerations", "effort", "time_from_start")
+    points = []
+    for entry in document["points"]:
+        assert set(entry) == set(fields)
+        numbers = [entry[name] for name in fields[:-1]]
+        assert all(isinstance(number, float) for row in numbers for number in row)
+        since = types["builtin_interfaces/msg/Duration"](**entry["time_from_start"])
+        point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+        points.append(point(*(np.array(row, dtype=float) for row in numbers), since))
+    stamp = types["builtin_interfaces/msg/Time"](**document["header"].pop("stamp"))
+    header = types["std_msgs/msg/Header"](stamp, **document["header"])
+    return types[KIND](header, points=points, joint_names=document["joint_names"])
 
 
 def test_yaml_becomes_the_message() -> None:
     trajectory = wave()
     text = io.StringIO()
     write_joint_trajectory(trajectory, text, rate=10.0)
-    built = message(YAML(typ="safe", pure=True).load(text.getvalue()), KIND)
+    built = message(YAML(typ="safe", pure=True).load(text.getvalue()))
     read = STORE.deserialize_cdr(STORE.serialize_cdr(built, KIND), KIND)
     assert read.joint_names == ["shoulder", "elbow"]
     stamps = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in read.points]

@@ -22,9 +22,7 @@ from tests.fleet.conftest import CONFIG, BagFolder
 from tests.fleet.test_fleet import LocalRun
 
 
-def test_identify_writes_the_answer_and_says_what_was_left_out(
-    run: Any, folder: BagFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_identify_writes_the_answer_and_says_what_was_left_out(run, folder, tmp_path, monkeypatch):
     monkeypatch.setattr(FleetRun, "tasks", LocalRun.tasks)
     arguments = ("fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path)
     outcome = run(*arguments, status=0)
@@ -41,20 +39,15 @@ def test_identify_writes_the_answer_and_says_what_was_left_out(
     assert "fleet.parquet: exists, and was not written by idim_iv_ros" in refused.error
 
 
-def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
-    folder: BagFolder, tmp_path: Path, run: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(folder, tmp_path, run, monkeypatch):
     monkeypatch.setattr(FleetRun, "tasks", LocalRun.tasks)
     manifest = tmp_path / "manifest.csv"
     lines = ["uri,robot", f"{folder.corrupt},arm-2", "gone/run-1.mcap,arm-3", "gone,arm-3"]
     manifest.write_text("\n".join(lines) + "\n", encoding="utf-8")
     outcome = run(f"fleet identify {manifest} --config {CONFIG} --out {tmp_path / 'out'}", status=1)
     assert f"Next: idim-iv check {folder.corrupt} --config {CONFIG}" in outcome.out
-    said = [line for line in outcome.out.splitlines() if "gone" in line]
-    assert said == [
-        f"Not used: {tmp_path / 'gone' / 'run-1.mcap'}: no such file",
-        f"Not used: {tmp_path / 'gone'}: no such file",
-    ]
+    for path in (tmp_path / "gone" / "run-1.mcap", tmp_path / "gone"):
+        assert f"{path}: no such file" in outcome.out
     document = json.loads((tmp_path / "out" / "fleet.json").read_text(encoding="utf-8"))
     assert [bag["status"] for bag in document["bags"]] == ["corrupt", "missing", "missing"]
     assert "2 of 2 bags could not be used: missing" in str(document["robots"])
@@ -71,9 +64,7 @@ def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(
         (["{stores}"], "foo:// is no kind of store"),  # before any bag is looked at
     ],
 )
-def test_wrong_use_is_one_line(
-    run: Any, folder: BagFolder, tmp_path: Path, arguments: list[str], words: str
-) -> None:
+def test_wrong_use_is_one_line(run, folder, tmp_path, arguments, words) -> None:
     stores = tmp_path / "stores.csv"
     stores.write_text(f"uri,robot\n{folder.bags[0]},arm-1\nfoo://b/a.mcap,arm-2\n")
     given = [argument.format(bags=folder.path, stores=stores) for argument in arguments]
@@ -142,6 +133,7 @@ def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -
     kept = list((tmp_path / BAGS).glob("*.json"))
     assert kept
     assert {json.loads(path.read_text())["format"] for path in kept} == {"idim_iv_ros/bag/1"}
-    time.sleep(5.0)
     with pytest.raises(ProcessLookupError):  # no worker is left behind
-        os.killpg(process.pid, 0)
+        while time.monotonic() < deadline:
+            os.killpg(process.pid, 0)
+            time.sleep(0.05)

@@ -21,6 +21,7 @@ from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.table import FILE, write_table
 from idim_iv_ros.identification.identify import identify
+from tests.configurations import changed
 from tests.fleet.conftest import CONFIG, BagFolder
 
 
@@ -63,9 +64,7 @@ def serial(folder: BagFolder) -> tuple[BagResult, ...]:
     )
 
 
-def test_a_worker_that_is_killed_changes_nothing(
-    folder: BagFolder, serial: tuple[BagResult, ...], tmp_path: Path
-) -> None:
+def test_a_worker_that_is_killed_changes_nothing(folder, serial, tmp_path) -> None:
     killed = []
 
     def kill_once(stage: str, share: float) -> None:
@@ -85,9 +84,7 @@ def test_a_worker_that_is_killed_changes_nothing(
         np.testing.assert_allclose(bag.r_factor, same.r_factor, rtol=1e-12, atol=1e-300)
 
 
-def test_the_estimate_of_a_bag_is_that_of_identify(
-    folder: BagFolder, serial: tuple[BagResult, ...]
-) -> None:
+def test_the_estimate_of_a_bag_is_that_of_identify(folder, serial) -> None:
     alone = identify(folder.bags[0], load_configuration(CONFIG))
     bag = serial[0]
     assert (bag.uri, bag.estimator) == (str(folder.bags[0]), "idim-iv")
@@ -108,9 +105,7 @@ def test_the_r_factor_holds_the_whitened_regression(serial: tuple[BagResult, ...
         assert abs(bag.r_factor[-1, -1] ** 2 / degrees - 1.0) < 4.0 * np.sqrt(2.0 / degrees)
 
 
-def test_a_corrupt_bag_is_a_row_with_its_reason(
-    folder: BagFolder, serial: tuple[BagResult, ...]
-) -> None:
+def test_a_corrupt_bag_is_a_row_with_its_reason(folder, serial) -> None:
     corrupt = next(bag for bag in serial if bag.uri == str(folder.corrupt))
     assert (corrupt.status, corrupt.robot) == ("corrupt", "arm-2")
     assert "the file ends in the middle" in corrupt.reason
@@ -154,8 +149,7 @@ def test_a_robot_is_its_description_wherever_the_file_lies() -> None:
     robot = Robot.of(load_configuration(CONFIG))
     other = robot.description.replace(b'<mass value="', b'<mass value="1')
     assert configuration_digest(robot.configuration, other) != robot.digest
-    elsewhere = robot.configuration.robot.model_copy(update={"urdf": Path("/nowhere/arm2.urdf")})
-    moved = robot.configuration.model_copy(update={"robot": elsewhere})
+    moved = changed(robot.configuration, "robot", urdf=Path("/nowhere/arm2.urdf"))
     assert configuration_digest(moved, robot.description) == robot.digest
     path = Robot(moved, robot.description, robot.digest).local().robot.urdf
     assert path is not None and path.read_bytes() == robot.description

@@ -71,18 +71,14 @@ def test_what_needs_attention_comes_first(answer: FleetResult) -> None:
     assert order == sorted(order) and (order[0], order[-1]) == (0, 4)
 
 
-def test_every_bag_is_listed_and_a_corrupt_one_with_its_reason(
-    answer: FleetResult, bags: Sequence[BagResult]
-) -> None:
+def test_every_bag_is_listed_and_a_corrupt_one_with_its_reason(answer, bags) -> None:
     assert [bag.uri for bag in answer.bags] == [bag.uri for bag in bags]
     (unused,) = (bag for bag in answer.bags if not bag.used)
     assert unused.status == "corrupt" and unused.why_not == "the file is cut off"
     assert robot_of(answer, unused.robot).not_used == 1
 
 
-def test_the_robots_that_stand_out_are_screened_and_ordinary_ones_for_the_type(
-    answer: FleetResult,
-) -> None:
+def test_the_robots_that_stand_out_are_screened_and_ordinary_ones_for_the_type(answer) -> None:
     why = {screened.robot: screened.why for screened in answer.screen}
     assert why["arm2-001"] == why["arm2-002"] == "differs"
     assert why["arm2-004"] == why["arm2-005"] == "changed"
@@ -159,9 +155,7 @@ def test_bags_that_differ_from_day_to_day_make_no_narrow_interval() -> None:
     assert robot_of(answer, "arm2-001").agreement[0].p_value < 1e-6
 
 
-def test_diagnoses_say_what_is_of_the_type_and_what_is_of_one_robot(
-    answer: FleetResult, bags: Sequence[BagResult]
-) -> None:
+def test_diagnoses_say_what_is_of_the_type_and_what_is_of_one_robot(answer, bags) -> None:
     shared = CauseSummary("load_dependent_friction", "structural", "joint_2")
     backlash = CauseSummary("backlash", "structural", "joint_1")
     typical = [screened.robot for screened in answer.screen if screened.why == "typical"]

@@ -94,9 +94,7 @@ def put(bucket: str, name: str, content: bytes) -> str:
     return f"{bucket}/{name}"
 
 
-def test_only_the_chunks_of_the_topics_are_fetched(
-    bucket: str, folder: BagFolder, tmp_path: Path
-) -> None:
+def test_only_the_chunks_of_the_topics_are_fetched(bucket, folder, tmp_path) -> None:
     local = tmp_path / "run.mcap"
     with_camera(folder.bags[0], local, every=250)
     uri = put(bucket, "arm-1/run.mcap", local.read_bytes())
@@ -124,9 +122,7 @@ def test_a_torn_bag_is_read_as_far_as_it_goes(bucket: str, folder: BagFolder) ->
     assert any("ends in the middle" in note.sentence for note in recording.notes)
 
 
-def test_a_bag_in_a_bucket_has_the_result_of_the_same_bag_on_disk(
-    bucket: str, folder: BagFolder
-) -> None:
+def test_a_bag_in_a_bucket_has_the_result_of_the_same_bag_on_disk(bucket, folder) -> None:
     robot = Robot.of(load_configuration(CONFIG))
     uri = put(bucket, "same/arm-1/run-1.mcap", folder.bags[0].read_bytes())
     far = identify_task(uri, "", "", robot)
@@ -136,9 +132,7 @@ def test_a_bag_in_a_bucket_has_the_result_of_the_same_bag_on_disk(
     assert np.array_equal(far.r_factor, near.r_factor)
 
 
-def test_a_bucket_is_searched_and_its_checksums_tell_contents_apart(
-    bucket: str, folder: BagFolder
-) -> None:
+def test_a_bucket_is_searched_and_its_checksums_tell_contents_apart(bucket, folder) -> None:
     for name, bag in (("a", 0), ("b", 1), ("c", 0)):
         put(bucket, f"search/arm-1/{name}.mcap", folder.bags[bag].read_bytes())
     entries = find_bags(f"{bucket}/search")

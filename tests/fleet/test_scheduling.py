@@ -52,14 +52,10 @@ def test_a_task_that_fails_is_one_answer_with_its_reason(client: Any) -> None:
     }
 
 
-def test_a_worker_of_another_version_ends_the_run_whenever_it_came(
-    client: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monkeypatch) -> None:
     its = code_version()
     monkeypatch.setattr(scheduling, "code_version", lambda: "0.1+other")
     with pytest.raises(UsageError) as refused:
         answers_of(client, reciprocal, 2)
-    assert str(refused.value) == (
-        f"--scheduler {client.scheduler.address}: workers run {its}, this machine 0.1+other; "
-        "install the same version everywhere"
-    )
+    for words in (client.scheduler.address, its, "0.1+other"):
+        assert words in str(refused.value)

@@ -14,6 +14,7 @@ from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording import write_bag
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_segments
+from tests.configurations import changed
 from tests.estimation.test_simulated_arms import truth_of
 from tests.fleet.conftest import CONFIG
 
@@ -35,8 +36,7 @@ def filtered_as(position: float, decimation: float) -> Configuration:
     configuration = load_configuration(CONFIG)
     cutoffs = {"position_cutoff": position, "decimation_cutoff": decimation}
     update = {**cutoffs, "minimum_speed": [0.05, 0.05]}
-    processing = configuration.processing.model_copy(update=update)
-    return configuration.model_copy(update={"processing": processing})
+    return changed(configuration, "processing", **update)
 
 
 def fields(bag: Path, configuration: Configuration, seconds: float) -> dict[str, Any]:
@@ -47,12 +47,9 @@ def fields(bag: Path, configuration: Configuration, seconds: float) -> dict[str,
 @pytest.mark.parametrize(
     "reference", ["/joint_reference", pytest.param(None, marks=pytest.mark.slow)]
 )
-def test_segments_give_the_true_parameters_as_the_whole_bag_does(
-    arm: simulated_arms.SimulatedArm, bag: Path, reference: str | None
-) -> None:
+def test_segments_give_the_true_parameters_as_the_whole_bag_does(arm, bag, reference) -> None:
     configuration = filtered_as(20.0, 8.0)
-    signals = configuration.signals.model_copy(update={"reference": reference})
-    configuration = configuration.model_copy(update={"signals": signals})
+    configuration = changed(configuration, "signals", reference=reference)
     whole, parts = (fields(bag, configuration, seconds) for seconds in (60.0, 8.0))
     assert parts["checks"][0] == "read in 3 segments"
     assert 0.9 < parts["rows"] / whole["rows"] < 1.0  # four edges more

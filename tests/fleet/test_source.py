@@ -28,9 +28,7 @@ def touched(folder: Path, *names: str) -> None:
         (["r1/day/metadata.yaml", "r1/day/0.mcap", "r1/day/1.mcap"], [("", "r1", "day")]),
     ],
 )
-def test_folders_name_type_and_robot(
-    tmp_path: Path, files: list[str], expected: list[tuple[str, str, str]]
-) -> None:
+def test_folders_name_type_and_robot(tmp_path, files, expected) -> None:
     touched(tmp_path / "fleet", *files)
     entries = find_bags(str(tmp_path / "fleet"))
     assert [(e.type, e.robot, Path(e.uri).name) for e in entries] == expected

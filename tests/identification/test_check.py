@@ -8,6 +8,7 @@ import pytest
 from bags.simulated_arms import arm2, joint_topics, record
 from idim_iv_ros.identification.check import check, count_reversals
 from idim_iv_ros.recording import JointTopic, write_bag
+from tests.configurations import changed
 
 REST = 8.0  # s
 
@@ -40,8 +41,7 @@ def reversals(tmp_path: Path, seconds_of_rest: float) -> list[int]:
     assert urdf is not None
     topic = JointTopic("/joint_states", joints, time, position, None, effort)
     write_bag(path, [topic], robot_description=urdf.read_text(encoding="utf-8"))
-    signals = arm.configuration.signals.model_copy(update={"reference": None})
-    report = check([path], arm.configuration.model_copy(update={"signals": signals}))
+    report = check([path], changed(arm.configuration, "signals", reference=None))
     sentences = [finding.sentence for finding in report.findings if "reversals" in finding.sentence]
     return [int(sentence.split(", ")[-1].split()[0]) for sentence in sentences]
 

@@ -1,7 +1,9 @@
 """Parameters that physics forbids, or that may be zero, are marked wherever they are listed."""
 
 import io
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +38,11 @@ def with_value(value: float, std: float, non_negative: bool) -> IdentificationRe
     return replace(result, parameters=(changed, *others))
 
 
-def printed(result: IdentificationResult) -> str:
-    console = Console(file=io.StringIO(), width=200)
-    print_parameters(console, result)
-    print_remarks(console, result)
-    assert isinstance(console.file, io.StringIO)
-    return console.file.getvalue()
+def printed(*prints: Callable[[Console], None], width: int = 300) -> str:
+    text = io.StringIO()
+    for one in prints:
+        one(Console(file=text, width=width))
+    return text.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -54,13 +55,12 @@ def printed(result: IdentificationResult) -> str:
         (0.5, 0.1, True, ""),
     ],
 )
-def test_a_value_says_why_not_to_rely_on_it(
-    value: float, std: float, non_negative: bool, remark: str
-) -> None:
+def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark) -> None:
     result = with_value(value, std, non_negative)
     parameter = result.to_document()["parameters"][0]
     assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
-    (line,) = [line for line in printed(result).splitlines() if "FvX" in line]
+    text = printed(lambda c: print_parameters(c, result), lambda c: print_remarks(c, result))
+    (line,) = [line for line in text.splitlines() if "FvX" in line]
     html = report_html(result)
     row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
     for known_remark in (IMPOSSIBLE, NOT_SIGNIFICANT):
@@ -107,21 +107,17 @@ def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
     result = sample_result()
     wrong = replace(result, verdict=OverallVerdict("misspecified", "The model is wrong."))
     right = replace(result, verdict=OverallVerdict("valid", "Fine."))
-    for judged_result, named in ((wrong, True), (right, False)):
-        console = Console(file=io.StringIO(), width=40)
-        print_next(
-            console, judged_result, [Path("run1.mcap"), Path("my runs/2.mcap")], Path("my.yaml")
+    bags = [Path("run1.mcap"), Path("my runs/2.mcap")]
+    expected = "idim-iv diagnose run1.mcap 'my runs/2.mcap' --config my.yaml --out why"
+    for case, named in ((wrong, True), (right, False)):
+        text = printed(
+            partial(print_next, result=case, bags=bags, config=Path("my.yaml")), width=40
         )
-        assert isinstance(console.file, io.StringIO)
-        text = console.file.getvalue()
-        expected = "idim-iv diagnose run1.mcap 'my runs/2.mcap' --config my.yaml --out why"
         assert (expected in text) == named
 
 
 @pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])
-def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(
-    deviations: float, essential: bool
-) -> None:
+def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(deviations, essential):
     result = sample_result(2, "coloured")
     assert result.refined is not None
     first, *others = result.refined.parameters
@@ -144,7 +140,5 @@ def test_the_relative_error_of_each_joint_is_printed_and_saved() -> None:
     errors = {result.joints[0]: 12.3456, result.joints[1]: None}
     result = replace(result, fit=replace(result.fit, joint_relative_error_percent=errors))
     assert result.to_document()["fit"]["joint_relative_error_percent"] == errors
-    console = Console(file=io.StringIO(), width=300)
-    print_verdict(console, result)
-    assert isinstance(console.file, io.StringIO)
-    assert f"{result.joints[0]} 12.3 %, {result.joints[1]} –" in console.file.getvalue()
+    text = printed(lambda console: print_verdict(console, result))
+    assert f"{result.joints[0]} 12.3 %, {result.joints[1]} –" in text

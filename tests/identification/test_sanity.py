@@ -17,6 +17,7 @@ from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.recording import write_bag
 from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
 from idim_iv_ros.types import FloatArray
+from tests.configurations import changed
 
 Change = Callable[[SimulatedArm, SimulatedRecording], SimulatedRecording]
 ARM = arm2(seconds=10.0)
@@ -66,10 +67,18 @@ def noisy(recorded: SimulatedRecording, size: float) -> SimulatedRecording:
 
 
 def in_band(arm: SimulatedArm, decimation: float, position: float) -> Configuration:
-    processing = arm.configuration.processing.model_copy(
-        update={"position_cutoff": position, "decimation_cutoff": decimation}
+    return changed(
+        arm.configuration, "processing", position_cutoff=position, decimation_cutoff=decimation
     )
-    return arm.configuration.model_copy(update={"processing": processing})
+
+
+def with_urdf(folder: Path, pattern: str, text: str, kind: str = "revolute") -> Configuration:
+    """The arm whose URDF has another text in every place of a pattern, and joints of a kind."""
+    urdf = ARM.configuration.robot.urdf
+    assert urdf is not None
+    other = re.sub(pattern, text, urdf.read_text(encoding="utf-8"))
+    (folder / "other.urdf").write_text(other.replace('type="revolute"', f'type="{kind}"'))
+    return changed(ARM.configuration, "robot", urdf=folder / "other.urdf")
 
 
 def of_friction(compensated: float = 0.9) -> FloatArray:
@@ -104,8 +113,7 @@ def test_friction_with_the_wrong_sign_tells_where_no_mass_does(tmp_path: Path) -
     recorded = record(arm, 1)
     effort = 3.0 * recorded.effort
     effort[:, 5] *= -1.0
-    signals = arm.configuration.signals.model_copy(update={"effort_unit": "A"})
-    configuration = arm.configuration.model_copy(update={"signals": signals})
+    configuration = changed(arm.configuration, "signals", effort_unit="A")
     report = checked(tmp_path, replace(recorded, effort=effort), arm, configuration)
     assert where(report, "unusable") == ["joint_6"]
 
@@ -124,8 +132,7 @@ def test_torques_of_slow_and_noisy_motions_are_torques(make, noise: float, tmp_p
     [{"position_offset": [0.3, -0.3]}, {"gravity": [0.0, 0.0, 9.81]}, {"gravity": [0.0, 0.0, 0.0]}],
 )
 def test_wrong_zero_or_gravity_is_no_wrong_sign(robot, tmp_path: Path) -> None:
-    section = ARM.configuration.robot.model_copy(update=robot)
-    configuration = ARM.configuration.model_copy(update={"robot": section})
+    configuration = changed(ARM.configuration, "robot", **robot)
     assert where(checked(tmp_path, RECORD, configuration=configuration), "unusable") == []
 
 
@@ -149,28 +156,24 @@ def test_position_beyond_the_limits_is_said_with_both(tmp_path: Path) -> None:
 @pytest.mark.parametrize("limit", ["", '<limit lower="0" upper="0" velocity="0" effort="0"/>'])
 def test_limits_that_are_missing_accuse_nobody(limit: str, tmp_path: Path) -> None:
     """A joint that turns on and on, and one whose limits are zero for want of any."""
-    urdf = ARM.configuration.robot.urdf
-    assert urdf is not None
-    text = re.sub(r"<limit[^>]*/>", limit, urdf.read_text(encoding="utf-8"))
-    if not limit:
-        text = text.replace('type="revolute"', 'type="continuous"')
-    (tmp_path / "free.urdf").write_text(text)
-    section = ARM.configuration.robot.model_copy(update={"urdf": tmp_path / "free.urdf"})
-    configuration = ARM.configuration.model_copy(update={"robot": section})
+    kind = "revolute" if limit else "continuous"
+    configuration = with_urdf(tmp_path, r"<limit[^>]*/>", limit, kind)
     position = RECORD.position + np.array([0.0, 8.0 * np.pi])
     report = checked(tmp_path, replace(RECORD, position=position), configuration=configuration)
     assert [finding for finding in report.findings if finding.where.startswith("joint_") and
             finding.level != "good"] == []  # fmt: skip
 
 
-def test_speeds_beyond_the_limit_are_said(tmp_path: Path) -> None:
-    urdf = ARM.configuration.robot.urdf
-    assert urdf is not None
-    text = re.sub(r'velocity="[\d.]+"', 'velocity="1.0"', urdf.read_text(encoding="utf-8"))
-    (tmp_path / "slow.urdf").write_text(text)
-    section = ARM.configuration.robot.model_copy(update={"urdf": tmp_path / "slow.urdf"})
-    configuration = ARM.configuration.model_copy(update={"robot": section})
-    report = checked(tmp_path, RECORD, configuration=configuration)
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        (r'velocity="[\d.]+"', 'velocity="1.0"'),  # faster than the limit
+        # A servo's gain, as models for simulators have it in the place of damping.
+        (r'damping="[\d.]+"', 'damping="200"'),
+    ],
+)
+def test_speeds_and_torques_that_contradict_the_urdf_are_said(tmp_path, pattern, text) -> None:
+    report = checked(tmp_path, RECORD, configuration=with_urdf(tmp_path, pattern, text))
     assert where(report, "limited") == ["joint_1", "joint_2"]
 
 
@@ -188,18 +191,6 @@ def test_band_that_is_named_gives_enough_rows(tmp_path: Path) -> None:
     assert where(check([tmp_path / "run.mcap"], wider), "limited") == []
     result = identify([tmp_path / "run.mcap"], few)
     assert [doubt.split(":")[0] for doubt in result.doubts] == ["joint_1", "joint_2"]
-
-
-def test_damping_that_the_torque_does_not_have_is_said(tmp_path: Path) -> None:
-    """A servo's gain, as models for simulators have it in the place of damping."""
-    urdf = ARM.configuration.robot.urdf
-    assert urdf is not None
-    text = re.sub(r'damping="[\d.]+"', 'damping="200"', urdf.read_text(encoding="utf-8"))
-    (tmp_path / "stiff.urdf").write_text(text)
-    section = ARM.configuration.robot.model_copy(update={"urdf": tmp_path / "stiff.urdf"})
-    configuration = ARM.configuration.model_copy(update={"robot": section})
-    report = checked(tmp_path, RECORD, configuration=configuration)
-    assert where(report, "limited") == ["joint_1", "joint_2"]
 
 
 @pytest.mark.parametrize(
@@ -220,9 +211,7 @@ def test_damping_that_the_torque_does_not_have_is_said(tmp_path: Path) -> None:
         pytest.param(lambda effort: -0.1 * effort, "A", 2, id="current of opposite sign"),
     ],
 )
-def test_unit_of_the_efforts_is_that_of_most(
-    change, unit: str, warned: int, tmp_path: Path
-) -> None:
+def test_unit_of_the_efforts_is_that_of_most(change, unit, warned, tmp_path) -> None:
     path = bag(tmp_path, ARM, replace(RECORD, effort=change(RECORD.effort)))
     proposal = propose_configuration([path], ARM.configuration.robot.urdf)
     assert proposal.values["signals"]["effort_unit"] == unit

@@ -108,9 +108,7 @@ def test_the_same_arm_as_urdf_and_mjcf_has_the_same_regressor(tmp_path: Path) ->
         assert getattr(mjcf.limits, key) == pytest.approx(getattr(urdf.limits, key))
 
 
-def test_the_armature_of_the_configuration_takes_the_place_of_that_of_the_file(
-    tmp_path: Path,
-) -> None:
+def test_the_armature_of_the_configuration_takes_the_place_of_that_of_the_file(tmp_path) -> None:
     text = read_urdf_file(written(tmp_path, ARM2))
     robot = load_robot(text, ("joint_1", "joint_2"), armature=(0.3, 0.2))
     assert list(robot.given.drive_inertia) == [0.3, 0.2]
@@ -151,9 +149,7 @@ MESH = MESH.replace("<worldbody>", '<asset><mesh name="m" file="nothing.obj"/></
         ("<mujoco><worldbody><bodi/></worldbody></mujoco>", ("a",), ("line 1", "bodi")),
     ],
 )  # fmt: skip
-def test_what_the_nominal_model_cannot_hold_is_refused_in_one_line(
-    text: str, joints: tuple[str, ...], words: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_what_the_nominal_model_cannot_hold_is_refused_in_one_line(text, joints, words, tmp_path):
     path = written(tmp_path, text)
     with pytest.raises(UsageError) as refused:
         load_robot(read_urdf_file(path), joints, source=str(path))
@@ -162,9 +158,7 @@ def test_what_the_nominal_model_cannot_hold_is_refused_in_one_line(
     assert "\n" not in message and str(path) in message
 
 
-def test_without_mujoco_one_line_names_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_mujoco_one_line_names_the_extra(tmp_path, monkeypatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(UsageError, match=r"idim-iv-ros\[mujoco\]"):
         read_urdf_file(written(tmp_path, ARM2))
@@ -199,9 +193,7 @@ def test_armature_and_damping_of_an_actuator_count_at_its_joint(tmp_path: Path) 
     ("mass", "words"),
     [("nan", "a number in it is NaN"), ("-1", "line 5 (link_1)"), ("abc", "attribute 'mass'")],
 )
-def test_what_mujoco_says_is_said_in_words_of_the_file(
-    mass: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd
-) -> None:
+def test_what_mujoco_says_is_said_in_words_of_the_file(mass, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     text = ARM2.replace('mass="4.2"', f'mass="{mass}"')
     with pytest.raises(UsageError) as caught:

@@ -17,7 +17,5 @@ from idim_iv_ros.model.parameters import unit_at
         ("0.3 rad of gradient", "prismatic", "N m", "0.3 m of gradient"),
     ],
 )
-def test_a_unit_follows_the_joint_and_its_effort(
-    unit: str, joint_type: str, effort_unit: str, expected: str
-) -> None:
+def test_a_unit_follows_the_joint_and_its_effort(unit, joint_type, effort_unit, expected) -> None:
     assert unit_at(unit, joint_type, effort_unit) == expected

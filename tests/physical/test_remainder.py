@@ -39,29 +39,31 @@ def spread(
 
 @pytest.mark.parametrize("seed", range(5))
 def test_an_exact_nominal_model_stays(seed: int) -> None:
-    found = spread(NOMINAL, seed=seed)
+    remainder = spread(NOMINAL, seed=seed)
     masses = [LAYOUT.names.index(f"M{joint}") for joint in range(1, 8)]
-    np.testing.assert_allclose(found.standard[masses[1:]], NOMINAL[masses[1:]], rtol=0.01)
-    assert np.median(found.links) == 0.0 and found.links[1:].max() < 0.03
+    np.testing.assert_allclose(remainder.standard[masses[1:]], NOMINAL[masses[1:]], rtol=0.01)
+    assert np.median(remainder.links) == 0.0 and remainder.links[1:].max() < 0.03
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_one_heavier_link_is_found_and_the_others_stay(seed: int) -> None:
     true = NOMINAL.copy()
     true[link(3)] *= 1.12
-    found = spread(true, seed=seed)
-    assert found.links.argmax() == 2
-    assert found.standard[link(3)[-1]] == pytest.approx(true[link(3)[-1]], rel=0.04)
+    remainder = spread(true, seed=seed)
+    assert remainder.links.argmax() == 2
+    assert remainder.standard[link(3)[-1]] == pytest.approx(true[link(3)[-1]], rel=0.04)
     for joint in (4, 5, 6, 7):
-        assert found.standard[link(joint)[-1]] == pytest.approx(NOMINAL[link(joint)[-1]], rel=0.03)
+        assert remainder.standard[link(joint)[-1]] == pytest.approx(
+            NOMINAL[link(joint)[-1]], rel=0.03
+        )
 
 
 def test_a_load_is_a_body_of_its_own_and_named_numbers_are_left_to_the_estimate() -> None:
     true = NOMINAL.copy()
     true[LAYOUT.names.index("Fc4")] += 3.0
     start = true[LAYOUT.names.index("Fc4")] - 0.5
-    found = spread(true, seed=1, load=1.1 * BALL, Fc4=float(start))
-    assert found.standard[LAYOUT.names.index("Fc4")] == pytest.approx(start + 0.5, rel=0.01)
-    assert found.loads[0][-1] == pytest.approx(0.8, abs=0.05)
-    assert np.linalg.eigvalsh(pseudo_inertia(found.loads[0]))[0] > 0.0
-    np.testing.assert_allclose(found.standard[link(7)], NOMINAL[link(7)], rtol=0.05, atol=1e-3)
+    remainder = spread(true, seed=1, load=1.1 * BALL, Fc4=float(start))
+    assert remainder.standard[LAYOUT.names.index("Fc4")] == pytest.approx(start + 0.5, rel=0.01)
+    assert remainder.loads[0][-1] == pytest.approx(0.8, abs=0.05)
+    assert np.linalg.eigvalsh(pseudo_inertia(remainder.loads[0]))[0] > 0.0
+    np.testing.assert_allclose(remainder.standard[link(7)], NOMINAL[link(7)], rtol=0.05, atol=1e-3)

@@ -108,9 +108,7 @@ def arm(number: int, folder: Path) -> PhysicalParameters:
 
 
 @pytest.mark.parametrize("number", [1, 2, 6, 12])
-def test_the_divergence_from_the_nominal_model_outweighs_no_recording(
-    number: int, tmp_path: Path
-) -> None:
+def test_the_divergence_from_the_nominal_model_outweighs_no_recording(number, tmp_path) -> None:
     """Arms of four, three and two joints that a tie-breaker of 0.1 called impossible."""
     test = arm(number, tmp_path).test
     assert test.statistic is not None and test.df is not None

@@ -9,12 +9,8 @@ import pytest
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.prediction import LivePrediction, identified_model
+from tests.configurations import changed
 from tests.prediction.arm6 import play, samples, urdf_of
-
-
-def changed(configuration, section: str, **values):
-    part = getattr(configuration, section).model_copy(update=values)
-    return configuration.model_copy(update={section: part})
 
 
 @pytest.mark.parametrize(
@@ -39,7 +35,6 @@ def test_a_result_of_another_configuration_is_refused_in_one_line(
 
 def test_a_result_of_another_urdf_is_refused(result, configuration) -> None:
     text, source = urdf_of(configuration)
-    longer = text.replace('xyz="0', 'xyz="0.01 0', 1) if 'xyz="0' in text else text
     place = text.index("<origin", text.index('<joint name="joint_2"'))
     end = text.index("/>", place)
     longer = text[:place] + '<origin xyz="0.1 0.2 0.3" rpy="0 0 0"' + text[end:]

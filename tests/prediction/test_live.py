@@ -42,9 +42,7 @@ def places(predictions: list[Prediction]) -> np.ndarray:
     return np.round((stamps - START) * 1e-9 * RATE).astype(int)
 
 
-def test_curves_are_those_of_the_offline_filters_on_what_had_arrived(
-    identified, played, offline
-) -> None:
+def test_curves_are_those_of_the_offline_filters_on_what_had_arrived(identified, played, offline):
     """The whole past of the recording, filtered at once, as far as it had come by then."""
     live, predictions = played
     motion, acceleration, _ = offline
@@ -73,9 +71,7 @@ def test_curves_are_those_of_the_offline_filters_on_what_had_arrived(
         assert np.all(np.abs(prediction.predicted - predicted)[there] < tolerance[there])
 
 
-def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(
-    identified, played, offline
-) -> None:
+def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(identified, played, offline):
     live, predictions = played
     motion, acceleration, predicted = offline
     valid = [prediction for prediction in predictions if not prediction.reason]
@@ -129,9 +125,7 @@ def _largest_effort(
     return largest @ size(acceleration[200:-200])
 
 
-def test_rows_equal_the_parallel_decimation_of_the_identification(
-    identified, played, offline
-) -> None:
+def test_rows_equal_the_parallel_decimation_of_the_identification(identified, played, offline):
     live, _ = played
     motion, _, predicted = offline
     factor = motion.decimation.factor
@@ -241,9 +235,7 @@ def test_joints_in_messages_of_one_stamp_are_predicted_as_in_one_message(
     np.testing.assert_allclose(last.measured, expected.measured, atol=1e-6)
 
 
-def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(
-    identified, recording
-) -> None:
+def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(identified, recording):
     seconds = slice(0, 5)
     pair = samples(recording, seconds)
     split = LivePrediction(identified)
@@ -259,9 +251,7 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(
     assert split.rows.share(1e9, 50) == pytest.approx(expected, rel=0.05)
 
 
-def test_a_part_of_the_robot_that_falls_silent_is_not_predicted_any_more(
-    identified, recording
-) -> None:
+def test_a_part_of_the_robot_that_falls_silent_is_not_predicted_any_more(identified, recording):
     pair = [in_two_messages(stream, apart=0) for stream in samples(recording, slice(0, 4))]
     for stream in pair:
         stream.named[4000:, 3:] = False
@@ -328,15 +318,11 @@ def test_a_rate_below_the_filter_is_refused_with_both_numbers(identified, record
     pair = samples(recording, slice(0, 3), every=40)
     last = play(LivePrediction(identified), *pair)[-1]
     cutoff = identified.result.processing.position_cutoff
-    assert last.reason == (
-        f"positions come at 25 Hz, and the result was made with a cut-off of {cutoff:g} Hz: more "
-        f"than {2 * cutoff:g} Hz are needed"
-    )
+    for number in (25.0, cutoff, 2 * cutoff):
+        assert f"{number:g} Hz" in last.reason
 
 
-def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(
-    identified, recording
-) -> None:
+def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(identified, recording):
     positions, efforts = samples(recording, slice(0, 4))
     time = positions.time.copy()
     time[2000] -= 5_000_000

@@ -8,7 +8,7 @@ import scipy
 import yaml
 from scipy.interpolate import CubicSpline
 
-from idim_iv_ros import import_table, write_bag
+from idim_iv_ros import Configuration, import_table, load_configuration, write_bag
 from idim_iv_ros.recording.writing.write import JointTopic
 
 
@@ -38,6 +38,37 @@ def tx40_bag(data: Path, out: Path) -> Path:
         rate=5000.0,
     )
     return out
+
+
+TX40 = """
+robot:
+  urdf: {urdf}
+  joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
+  position_offset: [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
+  motor_to_joint:
+    - [32, 0, 0, 0, 0, 0]
+    - [0, 32, 0, 0, 0, 0]
+    - [0, 0, 45, 0, 0, 0]
+    - [0, 0, 0, -48, 0, 0]
+    - [0, 0, 0, 0, 45, 0]
+    - [0, 0, 0, 0, 32, 32]
+  couplings:
+    - joints: [joint_5, joint_6]
+processing:
+  position_cutoff: 25.0
+  decimation_cutoff: 20.0
+  decimation_edge: 0.8
+  minimum_speed: [0.05009095, 0.05009095, 0.07504916, 0.0715585, 0.05585054, 0.12217305]
+  reversal_margin: 0.0
+  trim: [0.0, 0.0]
+"""
+
+
+def tx40_configuration(data: Path, folder: Path, text: str = TX40) -> Configuration:
+    """The TX40 with the URDF of the data."""
+    path = folder / "tx40.yaml"
+    path.write_text(text.format(urdf=data / "staubli_tx40" / "tx40_mdh_modified.urdf"))
+    return load_configuration(path)
 
 
 def double_pendulum_bag(data: Path, out: Path) -> Path:
@@ -84,6 +115,13 @@ processing:
 LATE_NOISE = 2e-5  # rad
 
 
+def kuka_configuration(data: Path, folder: Path) -> Configuration:
+    """The KR300 with the URDF of the data."""
+    path = folder / "kr300.yaml"
+    path.write_text(KUKA.format(urdf=data / "kuka_kr300" / "kr300.urdf"))
+    return load_configuration(path)
+
+
 def kuka_bags(data: Path, folder: Path, *, link: str = "encoders") -> list[Path]:
     """KUKA KR300: motor encoders in joint angles, motor torques, references, second encoders.
 
@@ -106,14 +144,9 @@ def kuka_bags(data: Path, folder: Path, *, link: str = "encoders") -> list[Path]
         if link == "late":
             behind = CubicSpline(time, motor[:, :3], axis=0)(np.maximum(time - 0.003, 0.0))
             behind += np.random.default_rng(0).normal(0.0, LATE_NOISE, behind.shape)
+        torque = record["act_torque_rel_nm"].item().T
         topics = [
-            JointTopic(
-                "/joint_states",
-                KUKA_JOINTS,
-                time,
-                position=motor,
-                effort=record["act_torque_rel_nm"].item().T,
-            ),
+            JointTopic("/joint_states", KUKA_JOINTS, time, position=motor, effort=torque),
             JointTopic("/joint_reference", KUKA_JOINTS, time, position=degrees["ref_pos_deg"]),
             JointTopic("/link_states", KUKA_JOINTS[:3], time, position=behind),
         ]
@@ -166,19 +199,11 @@ def pendulum_urdf(
         inertia = max(model[f"I{number}"] - mass * lever**2, 1e-5)
         links.append(_LINK.format(name=name, lever=lever, mass=mass, inertia=inertia))
     quarter = "1.5707963267948966 1.5707963267948966 0"
+    keys = ("name", "parent", "child", "along", "turned", "friction", "damping")
+    tree = (("shoulder", "base", "upper", 0, quarter), ("elbow", "upper", "lower", upper, "0 0 0"))
     joints = [
-        _JOINT.format(
-            name=name,
-            parent=parent,
-            child=child,
-            along=along,
-            turned=turned,
-            friction=friction[number],
-            damping=damping[number],
-        )
-        for number, (name, parent, child, along, turned) in enumerate(
-            (("shoulder", "base", "upper", 0, quarter), ("elbow", "upper", "lower", upper, "0 0 0"))
-        )
+        _JOINT.format(**dict(zip(keys, (*row, *losses), strict=True)))
+        for row, losses in zip(tree, zip(friction, damping, strict=True), strict=True)
     ]
     whole = "".join(['<link name="base"/>', *links, *joints])
     return f'<robot name="double_pendulum">{whole}</robot>'
@@ -204,16 +229,9 @@ def pendulum_bag(file: Path, out: Path, terms: dict[str, float]) -> Path:
     def both(name: str) -> np.ndarray:
         return np.column_stack([columns[f"{name}1"], columns[f"{name}2"]])
 
-    effort = sum(factor * both(name) for name, factor in terms.items())
-    topic = JointTopic(
-        "/joint_states",
-        ["shoulder", "elbow"],
-        columns["time"],
-        position=both("pos_meas"),
-        velocity=both("vel_meas"),
-        effort=np.asarray(effort),
-    )
-    write_bag(out, [topic])
+    effort = np.asarray(sum(factor * both(name) for name, factor in terms.items()))
+    signals = both("pos_meas"), both("vel_meas"), effort
+    write_bag(out, [JointTopic("/joint_states", ["shoulder", "elbow"], columns["time"], *signals)])
     return out
 
 
@@ -273,12 +291,7 @@ def servo_bags(data: Path, folder: Path, gain: int) -> list[Path]:
         bag = folder / f"xl330_{gain}_{record['trajectory']}.mcap"
         topics = [
             JointTopic(
-                "/joint_states",
-                ["servo"],
-                time,
-                position=channel["position"],
-                velocity=channel["speed"],
-                effort=duty,
+                "/joint_states", ["servo"], time, channel["position"], channel["speed"], duty
             ),
             JointTopic("/joint_reference", ["servo"], time, position=channel["goal_position"]),
         ]
@@ -297,11 +310,10 @@ def emps_with_pulses(data: Path, out: Path) -> Path:
     time, command = record["t"], record["vir"].astype(float)
     for begin, end, size in PULSES:
         command = command + size * ((time >= begin) & (time < end))
+    measured, reference = record["qm"][:, None], record["qg"][:, None]
     topics = [
-        JointTopic(
-            "/joint_states", ["axis"], time, position=record["qm"][:, None], effort=command[:, None]
-        ),
-        JointTopic("/joint_reference", ["axis"], time, position=record["qg"][:, None]),
+        JointTopic("/joint_states", ["axis"], time, position=measured, effort=command[:, None]),
+        JointTopic("/joint_reference", ["axis"], time, position=reference),
     ]
     write_bag(out, topics)
     return out

@@ -14,8 +14,7 @@ import pytest
 from idim_iv_ros import load_configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import Cause, GapResult
-from tests.real.recordings import emps_bag, tx40_bag
-from tests.real.test_tx40 import CONFIGURATION
+from tests.real.recordings import TX40, emps_bag, tx40_bag, tx40_configuration
 
 # Independent least squares, directions apart: Fv+ 166.71, Fv- 240.42, Fc+ 20.14, Fc- 20.63.
 HALF_VISCOUS = (166.71 - 240.42) / 2
@@ -38,12 +37,11 @@ def emps(data: Path, config: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 def tx40(data: Path, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
     """Of a nominal model without coupling and without gravity."""
     folder = tmp_path_factory.mktemp("tx40")
-    assert COUPLED in CONFIGURATION
-    text = CONFIGURATION.replace(COUPLED, "  couplings: []\n")
+    assert COUPLED in TX40
+    text = TX40.replace(COUPLED, "  couplings: []\n")
     text = text.replace("processing:", "  gravity: [0.0, 0.0, 0.0]\nprocessing:")
-    path = folder / "tx40.yaml"
-    path.write_text(text.format(urdf=data / "staubli_tx40" / "tx40_mdh_modified.urdf"))
-    return diagnose([tx40_bag(data, folder / "tx40.mcap")], load_configuration(path))
+    bag = tx40_bag(data, folder / "tx40.mcap")
+    return diagnose([bag], tx40_configuration(data, folder, text))
 
 
 def test_emps_has_asymmetric_friction_of_the_published_size(emps: GapResult) -> None:
@@ -54,9 +52,7 @@ def test_emps_has_asymmetric_friction_of_the_published_size(emps: GapResult) -> 
     assert abs(emps.extended_parameters["off1"].value) < 1.5
 
 
-def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(
-    emps: GapResult,
-) -> None:
+def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(emps) -> None:
     """4.08 % with one level of friction and an offset, 3.11 % with two.
 
     The published errors are of the rows that were fitted, these of rows that were not.
@@ -67,15 +63,12 @@ def test_asymmetry_alone_takes_the_relative_error_of_emps_to_the_published_one(
     assert errors["+asymmetric_friction[axis]"] == pytest.approx(3.11, rel=0.1)
 
 
-def test_emps_asymmetry_is_the_first_effect(emps: GapResult) -> None:
+def test_emps_asymmetry_is_the_first_effect_and_its_law_is_no_mismatch(emps: GapResult) -> None:
+    """The published law gives the recorded signal to 0.0037 V."""
+    assert all(cause.effect != "controller_mismatch" for cause in emps.causes)
     structural = [cause.effect for cause in emps.causes if cause.kind == "structural"]
     assert structural[0] == "asymmetric_friction"
     assert [stage.name for stage in emps.stages][2] == "+asymmetric_friction[axis]"
-
-
-def test_law_that_reproduces_the_recorded_command_is_no_mismatch(emps: GapResult) -> None:
-    """The published law gives the recorded signal to 0.0037 V."""
-    assert all(cause.effect != "controller_mismatch" for cause in emps.causes)
 
 
 def test_emps_given_as_one_kilogram_is_found_to_be_ninety_five(emps: GapResult) -> None:
@@ -92,14 +85,14 @@ def test_emps_friction_is_told_though_the_file_gives_none(emps: GapResult) -> No
 def test_no_cause_of_emps_has_a_size_that_may_be_zero(emps: GapResult) -> None:
     for cause in emps.causes:
         assert any(
-            each.std is not None and abs(each.value) > 1.96 * each.std
-            for each in cause.parameters.values()
+            number.std is not None and abs(number.value) > 1.96 * number.std
+            for number in cause.parameters.values()
         )
 
 
 def test_coupling_of_joints_five_and_six_is_found_when_left_out(tx40: GapResult) -> None:
     cause = cause_of(tx40, "joint_coupling")
-    assert cause is next(each for each in tx40.causes if each.kind == "structural")
+    assert cause is next(one for one in tx40.causes if one.kind == "structural")
     assert {cause.joint, cause.other_joint} == {"joint_5", "joint_6"}
     assert cause.parameters["direction"].value == 1.0
     assert cause.torque_gap.after < 0.5 * cause.torque_gap.before
@@ -107,10 +100,10 @@ def test_coupling_of_joints_five_and_six_is_found_when_left_out(tx40: GapResult)
 
 def test_gravity_is_found_when_set_to_zero(tx40: GapResult) -> None:
     cause = cause_of(tx40, "gravity_direction")
-    found = np.array([cause.parameters[f"gravity_{axis}"].value for axis in "xyz"])
-    tilt = np.degrees(np.arccos(-found[2] / np.linalg.norm(found)))
+    gravity = np.array([cause.parameters[f"gravity_{axis}"].value for axis in "xyz"])
+    tilt = np.degrees(np.arccos(-gravity[2] / np.linalg.norm(gravity)))
     assert tilt < 5.0
-    assert np.linalg.norm(found) == pytest.approx(9.81, rel=0.25)
+    assert np.linalg.norm(gravity) == pytest.approx(9.81, rel=0.25)
     names = [stage.name for stage in tx40.stages]
     assert names[:3] == ["given", "+gravity_direction", "refit"]
     given, heavy, refit = tx40.stages[:3]

@@ -43,9 +43,9 @@ def servo(data: Path, tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.mark.parametrize("gain", [100, 200, 400])
 def test_recordings_of_a_gain_agree_with_the_law_of_that_gain(servo, gain) -> None:
-    found = servo(gain, gain)
-    assert found.causes == ()
-    assert found.beyond == ()
+    answer = servo(gain, gain)
+    assert answer.causes == ()
+    assert answer.beyond == ()
 
 
 @pytest.mark.parametrize(("gain", "law"), [(100, 200), (400, 100)])
@@ -56,9 +56,7 @@ def test_recordings_of_a_gain_are_not_those_of_another_law(servo, gain, law) -> 
     assert finding.parameters["kp"].value == pytest.approx(volts, rel=0.03)
 
 
-def test_pulses_in_the_command_are_said_with_size_joint_and_times(
-    data: Path, config: Path, tmp_path: Path
-) -> None:
+def test_pulses_in_the_command_are_said_with_size_joint_and_times(data, config, tmp_path) -> None:
     """35.15 N/V (shared/data/README.md)."""
     bag = emps_with_pulses(data, tmp_path / "emps.mcap")
     (sentence,) = law_check([bag], config / "emps.yaml").beyond
@@ -75,7 +73,7 @@ def test_pulses_in_the_command_are_said_with_size_joint_and_times(
 
 def _numbers(parts: list[str]) -> tuple[float, float, float]:
     """Size, begin and end of the one part that tells of a pulse."""
-    (part,) = [each for each in parts if " N from " in each]
+    (part,) = [text for text in parts if " N from " in text]
     size, _, rest = part.partition(" N from ")
     begin, _, rest = rest.partition(" to ")
     return float(size.split()[-1]), float(begin), float(rest.split()[0])
@@ -90,11 +88,9 @@ def _numbers(parts: list[str]) -> tuple[float, float, float]:
         ("pendubot, disturbance missing", ["elbow"]),
     ],
 )
-def test_only_a_friction_compensation_is_no_torque(
-    name: str, compensations: list[str], data: Path, tmp_path: Path
-) -> None:
+def test_only_a_friction_compensation_is_no_torque(name, compensations, data, tmp_path) -> None:
     """The command of the pendubot's elbow is that of its friction compensation, nothing else."""
-    (case,) = [each for each in CASES if each.name == name]
+    (case,) = [one for one in CASES if one.name == name]
     bags, configuration = case.make(data, tmp_path)
     report = check(bags, load_configuration(configuration))
-    assert [each.where for each in report.findings if each.level == "unusable"] == compensations
+    assert [one.where for one in report.findings if one.level == "unusable"] == compensations

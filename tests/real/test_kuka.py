@@ -10,25 +10,22 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros import load_configuration
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result import Transmission
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
 from idim_iv_ros.identification.check import check
 from idim_iv_ros.identification.prepare import read_configured
-from tests.real.recordings import KUKA, kuka_bags
+from tests.real.recordings import kuka_bags, kuka_configuration
 
 PUBLISHED = {"j2": 7.5189e6, "j3": 4.0999e6}
 
 
 def measured(data: Path, folder: Path, link: str) -> dict[str, Transmission]:
-    path = folder / "kr300.yaml"
-    path.write_text(KUKA.format(urdf=data / "kuka_kr300" / "kr300.urdf"))
-    configuration = load_configuration(path)
+    configuration = kuka_configuration(data, folder)
     recordings = read_configured(kuka_bags(data, folder, link=link), configuration)
     refit = refitted(recordings, configuration, ())
-    found = measured_transmissions(refit.data, refit.regression)
-    return {each.result.joint: each.result for each in found}
+    joints = measured_transmissions(refit.data, refit.regression)
+    return {joint.result.joint: joint.result for joint in joints}
 
 
 @pytest.fixture(scope="module")
@@ -56,23 +53,19 @@ def test_time_offset_of_the_channels_is_found_beside_the_twist(encoders, joint) 
     assert offset.std < 1e-4
 
 
-def test_a_time_offset_alone_is_no_elasticity(
-    data: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_time_offset_alone_is_no_elasticity(data, tmp_path_factory) -> None:
     """The motor's own encoder, 3 ms late and with noise, in place of the one behind the gear."""
-    for found in measured(data, tmp_path_factory.mktemp("late"), "late").values():
-        assert found.stiffness is None
-        assert found.backlash is None
-        assert abs(found.time_offset.value - 3e-3) < 3.5 * found.time_offset.std
-        assert found.stiffness_at_least > 1e7
+    for gear in measured(data, tmp_path_factory.mktemp("late"), "late").values():
+        assert gear.stiffness is None
+        assert gear.backlash is None
+        assert abs(gear.time_offset.value - 3e-3) < 3.5 * gear.time_offset.std
+        assert gear.stiffness_at_least > 1e7
 
 
 def test_check_says_what_the_second_encoders_hold(data: Path, tmp_path: Path) -> None:
     """0.7 mrad rms between motor and link (shared/data/README.md)."""
-    path = tmp_path / "kr300.yaml"
-    path.write_text(KUKA.format(urdf=data / "kuka_kr300" / "kr300.urdf"))
-    report = check(kuka_bags(data, tmp_path), load_configuration(path))
-    said = {each.where: each.sentence for each in report.findings if "behind" in each.sentence}
+    report = check(kuka_bags(data, tmp_path), kuka_configuration(data, tmp_path))
+    said = {one.where: one.sentence for one in report.findings if "behind" in one.sentence}
     assert set(said) == {"j1", "j2", "j3"}
     assert report.usable
     assert all("0.6" in sentence and "mrad rms" in sentence for sentence in said.values())

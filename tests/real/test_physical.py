@@ -6,8 +6,7 @@ import pytest
 
 from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.identification.result import IdentificationResult
-from tests.real.recordings import double_pendulum_bag, emps_bag, tx40_bag
-from tests.real.test_tx40 import CONFIGURATION
+from tests.real.recordings import double_pendulum_bag, emps_bag, tx40_bag, tx40_configuration
 
 
 @pytest.fixture(scope="module", params=["emps", "tx40", "double_pendulum"])
@@ -19,12 +18,10 @@ def result(
 ) -> IdentificationResult:
     folder, name = tmp_path_factory.mktemp("physical"), request.param
     make = {"emps": emps_bag, "tx40": tx40_bag, "double_pendulum": double_pendulum_bag}[name]
-    bag, path = make(data, folder / f"{name}.mcap"), config / f"{name}.yaml"
+    bag = make(data, folder / f"{name}.mcap")
     if name == "tx40":
-        path = folder / "tx40.yaml"
-        urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
-        path.write_text(CONFIGURATION.format(urdf=urdf))
-    return identify([bag], load_configuration(path))
+        return identify([bag], tx40_configuration(data, folder))
+    return identify([bag], load_configuration(config / f"{name}.yaml"))
 
 
 def test_the_held_out_error_is_at_most_two_percent_worse(result: IdentificationResult) -> None:
@@ -40,12 +37,6 @@ def test_every_link_is_a_body_and_no_drive_gives_energy(result: IdentificationRe
     assert all(link.eigenvalues[0] > 0.0 for link in result.physical.links)
     for name, value in result.physical.values.items():
         assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))
-
-
-@pytest.mark.load
-def test_it_takes_less_than_a_second(result: IdentificationResult) -> None:
-    assert result.physical is not None
-    assert result.physical.seconds < 1.0
 
 
 def test_current_in_place_of_torque_is_no_mass(data: Path, config: Path) -> None:

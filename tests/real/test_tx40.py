@@ -9,32 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from idim_iv_ros import Configuration, identify, load_configuration
+from idim_iv_ros import Configuration, identify
 from idim_iv_ros.identification.result import IdentificationResult
-from tests.real.recordings import tx40_bag
+from tests.real.recordings import tx40_bag, tx40_configuration
 
-CONFIGURATION = """
-robot:
-  urdf: {urdf}
-  joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]
-  position_offset: [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
-  motor_to_joint:
-    - [32, 0, 0, 0, 0, 0]
-    - [0, 32, 0, 0, 0, 0]
-    - [0, 0, 45, 0, 0, 0]
-    - [0, 0, 0, -48, 0, 0]
-    - [0, 0, 0, 0, 45, 0]
-    - [0, 0, 0, 0, 32, 32]
-  couplings:
-    - joints: [joint_5, joint_6]
-processing:
-  position_cutoff: 25.0
-  decimation_cutoff: 20.0
-  decimation_edge: 0.8
-  minimum_speed: [0.05009095, 0.05009095, 0.07504916, 0.0715585, 0.05585054, 0.12217305]
-  reversal_margin: 0.0
-  trim: [0.0, 0.0]
-"""
 # Names of the table that stand for the same column.
 KINDS = {"Iam": "Iam", "fv": "Fv", "fs": "Fc", "fvm": "Fvm", "fsm": "Fcm", "off": "off", "Ia": "Ia"}
 
@@ -49,10 +27,7 @@ def table_name(expression: str) -> str:
 
 @pytest.fixture(scope="module")
 def configuration(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Configuration:
-    path = tmp_path_factory.mktemp("config") / "tx40.yaml"
-    urdf = data / "staubli_tx40" / "tx40_mdh_modified.urdf"
-    path.write_text(CONFIGURATION.format(urdf=urdf))
-    return load_configuration(path)
+    return tx40_configuration(data, tmp_path_factory.mktemp("config"))
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +65,7 @@ def test_names_of_the_papers_table_are_among_them(result: IdentificationResult) 
 
 def test_grouped_expressions_are_those_of_the_table(result, table) -> None:
     def terms(expression: str, sign: float = 1.0) -> dict[str, float]:
-        found = {}
+        factors = {}
         words = expression.replace("*", " ").split()
         factor = 1.0
         for word in words:
@@ -99,9 +74,9 @@ def test_grouped_expressions_are_those_of_the_table(result, table) -> None:
             elif word[0].isdigit():
                 factor = float(word)
             else:
-                found[table_name(word) if word[0] in "Imfo" else word] = sign * factor
+                factors[table_name(word) if word[0] in "Imfo" else word] = sign * factor
                 factor = 1.0
-        return found
+        return factors
 
     ours = {parameter.name: terms(parameter.expression) for parameter in result.parameters}
     for name, (expression, _, _) in table.items():
@@ -132,9 +107,7 @@ def test_residual_of_each_joint_is_four_to_ten_percent_of_its_torque(result) -> 
         assert 3.0 < residual.relative_percent < 11.0, residual.joint
 
 
-def test_without_references_the_fallback_is_named_and_nothing_is_claimed(
-    bag, configuration
-) -> None:
+def test_without_references_the_fallback_is_named_and_nothing_is_claimed(bag, configuration):
     result = identify([bag], configuration)
     assert "smoothed" in result.instruments.source
     assert any("no reference is read" in sentence for sentence in result.controller)

@@ -11,21 +11,24 @@ TYPES = STORE.types
 NAMES = ("a", "b")
 
 
+def header(stamp: float, types=TYPES):
+    """A header with a stamp in s."""
+    nanoseconds = round(stamp * 1e9)
+    time = types["builtin_interfaces/msg/Time"](
+        sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9
+    )
+    return types["std_msgs/msg/Header"](stamp=time, frame_id="")
+
+
 def joint_state(stamp: float, names=NAMES, position=None, velocity=(), effort=None):
     """A JointState whose values tell joint and time: position = stamp + 10 per joint."""
-    nanoseconds = round(stamp * 1e9)
     index = {"a": 0.0, "b": 1.0, "c": 2.0}
     if position is None:
         position = [stamp + 10.0 * index[name] for name in names]
     if effort is None:
         effort = [1.0 + stamp + index[name] for name in names]
     return TYPES["sensor_msgs/msg/JointState"](
-        header=TYPES["std_msgs/msg/Header"](
-            stamp=TYPES["builtin_interfaces/msg/Time"](
-                sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9
-            ),
-            frame_id="",
-        ),
+        header=header(stamp),
         name=list(names),
         position=np.array(position, dtype=float),
         velocity=np.array(velocity, dtype=float),
@@ -41,15 +44,15 @@ def float_array(values):
     )
 
 
-def write(folder: Path, messages, storage=StoragePlugin.MCAP) -> Path:
+def write(folder: Path, messages, storage=StoragePlugin.MCAP, store=STORE) -> Path:
     """Write (topic, log time in s, message) into a rosbag2 folder."""
     with Writer(folder, version=9, storage_plugin=storage) as writer:
         connections = {}
         for topic, stamp, message in messages:
             kind = message.__msgtype__
             if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            raw = STORE.serialize_cdr(message, kind)
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            raw = store.serialize_cdr(message, kind)
             writer.write(connections[topic], round(stamp * 1e9), raw)
     return folder
 

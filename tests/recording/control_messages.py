@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from tests.recording.bag_writer import header, write
 
 STATE = "control_msgs/msg/JointTrajectoryControllerState"
 DYNAMIC = "control_msgs/msg/DynamicJointState"
@@ -27,22 +29,13 @@ def _lines(prefix: str, names: str) -> str:
 
 _NEW, _OLD = "reference feedback error output", "desired actual error"
 _BOTH = f"{_NEW} desired actual"
+_MULTI = "string[] multi_dof_joint_names\n"
 _DEFINITIONS = {
-    "jazzy": _HEAD
-    + _lines(_POINT, _NEW)
-    + "string[] multi_dof_joint_names\n"
-    + _lines(_FRAMES, _NEW)
-    + "float64 speed_scaling_factor\n",
-    "iron": _HEAD
-    + _lines(_POINT, _NEW)
-    + "string[] multi_dof_joint_names\n"
-    + _lines(_FRAMES, _NEW),
-    "humble": _HEAD
-    + _lines(_POINT, _BOTH)
-    + "string[] multi_dof_joint_names\n"
-    + _lines(_FRAMES, _BOTH),
+    "iron": _HEAD + _lines(_POINT, _NEW) + _MULTI + _lines(_FRAMES, _NEW),
+    "humble": _HEAD + _lines(_POINT, _BOTH) + _MULTI + _lines(_FRAMES, _BOTH),
     "foxy": _HEAD + _lines(_POINT, _OLD),
 }
+_DEFINITIONS["jazzy"] = _DEFINITIONS["iron"] + "float64 speed_scaling_factor\n"
 _OTHERS = {
     "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
     DYNAMIC: _HEAD + "control_msgs/InterfaceValue[] interface_values\n",
@@ -76,13 +69,7 @@ class ControlBag:
         self.store = store(self.version)
 
     def header(self, stamp: float):
-        types, nanoseconds = self.store.types, round(stamp * 1e9)
-        return types["std_msgs/msg/Header"](
-            stamp=types["builtin_interfaces/msg/Time"](
-                sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9
-            ),
-            frame_id="",
-        )
+        return header(stamp, self.store.types)
 
     def point(self, stamp=0.0, position=(), velocity=(), acceleration=(), effort=()):
         """A point whose time from the start changes with every message, as it really does."""
@@ -143,12 +130,6 @@ class ControlBag:
         self.messages.append((topic, stamp, message))
 
     def write(self, folder: Path, storage=StoragePlugin.MCAP, late: float = 5.0) -> Path:
-        with Writer(folder, version=9, storage_plugin=storage) as writer:
-            connections = {}
-            for topic, stamp, message in sorted(self.messages, key=lambda message: message[1]):
-                kind = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, kind, typestore=self.store)
-                raw = self.store.serialize_cdr(message, kind)
-                writer.write(connections[topic], round((stamp + late) * 1e9), raw)
-        return folder
+        messages = sorted(self.messages, key=lambda message: message[1])
+        arriving = [(topic, stamp + late, message) for topic, stamp, message in messages]
+        return write(folder, arriving, storage, self.store)

@@ -48,9 +48,7 @@ def assert_measured(recording: Recording, expected: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("jump", [20.0, 3600.0, 1e9, 1.7e9])
-def test_a_clock_that_jumps_is_named_and_the_longest_stretch_is_used(
-    tmp_path: Path, jump: float
-) -> None:
+def test_a_clock_that_jumps_is_named_and_the_longest_stretch_is_used(tmp_path, jump) -> None:
     stamps = STAMPS.copy()
     stamps[400:] += jump
     recording, said = read(tmp_path, stamps)
@@ -84,9 +82,7 @@ def test_a_jump_of_all_topics_keeps_the_same_stretch_of_each(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("place", [0, 1, 300, COUNT - 1])
 @pytest.mark.parametrize("stamp", [0.0, 1e6, 2.1e9])
-def test_a_single_stray_stamp_costs_its_message_only(
-    tmp_path: Path, place: int, stamp: float
-) -> None:
+def test_a_single_stray_stamp_costs_its_message_only(tmp_path, place, stamp) -> None:
     stamps = STAMPS + 1e5
     stamps[place] = stamp
     recording, said = read(tmp_path, stamps)
@@ -113,25 +109,16 @@ def test_stray_stamps_in_a_row_and_everywhere_cost_their_messages_only(tmp_path:
     assert "messages with a stray stamp are left out; the first: message" in said
 
 
-def test_a_stretch_on_another_clock_is_left_out_between_two_that_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("stretch", [slice(300, 360), slice(500, 900)])
+def test_a_stretch_on_another_clock_is_left_out_between_two_that_go_on(tmp_path, stretch) -> None:
     stamps = STAMPS.copy()
-    stamps[300:360] += 1e9
+    stamps[stretch] += 1e9
     recording, _ = read(tmp_path, stamps)
-    assert_measured(recording, np.concatenate([VALUES[:300], VALUES[360:]]))
-
-
-def test_a_long_stretch_on_another_clock_parts_two_that_go_on(tmp_path: Path) -> None:
-    stamps = STAMPS.copy()
-    stamps[500:900] += 1e9
-    recording, said = read(tmp_path, stamps)
-    assert_measured(recording, np.concatenate([VALUES[:500], VALUES[900:]]))
-    assert "400 messages" in said
+    assert_measured(recording, np.delete(VALUES, np.arange(COUNT)[stretch]))
 
 
 @pytest.mark.parametrize("pause", [15.0, 600.0, 20_000.0])
-def test_both_sides_of_a_pause_are_used_and_the_pause_takes_no_memory(
-    tmp_path: Path, pause: float
-) -> None:
+def test_both_sides_of_a_pause_are_used_and_the_pause_takes_no_memory(tmp_path, pause) -> None:
     stamps = STAMPS.copy()
     stamps[400:] += pause
     arrival = 4.0 + stamps
@@ -157,9 +144,7 @@ def test_hardly_anything_but_holes_is_refused(tmp_path: Path) -> None:
         read(tmp_path, stamps, arrival=stamps)
 
 
-def test_stamps_from_an_unset_clock_and_a_single_one_from_a_set_clock_mean_arrival(
-    tmp_path: Path,
-) -> None:
+def test_stamps_from_an_unset_clock_and_a_single_one_from_a_set_clock_mean_arrival(tmp_path):
     stamps = np.zeros(COUNT)
     stamps[700] = 1.7e9
     recording, _ = read(tmp_path, stamps)
@@ -169,9 +154,7 @@ def test_stamps_from_an_unset_clock_and_a_single_one_from_a_set_clock_mean_arriv
 
 @pytest.mark.parametrize("jump", [-400.0, 400.0])
 @pytest.mark.parametrize("length", [1, 30])
-def test_stray_stamps_are_left_out_where_they_are_times_of_arrival_too(
-    jump: float, length: int
-) -> None:
+def test_stray_stamps_are_left_out_where_they_are_times_of_arrival_too(jump, length) -> None:
     """Of a topic without a header, or of a bag that was converted."""
     time = (1e9 * (1000.0 + STAMPS)).astype(np.int64)
     stray = np.concatenate([np.arange(first, first + length) for first in (200, 600)])

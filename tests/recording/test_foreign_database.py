@@ -55,9 +55,7 @@ def test_topics_without_names_end_in_one_line(tmp_path: Path, column: str, value
 
 @pytest.mark.parametrize("field", ["position", "effort"])
 @pytest.mark.parametrize("value", [1e100, -1e100, np.inf, 2e9])
-def test_one_impossible_value_is_left_out_with_message_joint_and_value(
-    tmp_path: Path, field: str, value: float
-) -> None:
+def test_one_impossible_value_is_left_out_with_message_joint_and_value(tmp_path, field, value):
     messages = steady(300)
     values = {"position": [2.0, 12.0], "effort": [3.0, 4.0]}
     values[field][1] = value

@@ -67,9 +67,7 @@ def test_at_no_instant_a_file_holds_more_than_metadata_says(tmp_path: Path, look
     assert counts(bag.folder) == (35, 35)
 
 
-def test_what_a_full_disk_refuses_is_not_promised(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_full_disk_refuses_is_not_promised(tmp_path, monkeypatch) -> None:
     bag = GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])
     bag.add(messages(1, 10))
     bag.commit()
@@ -83,9 +81,7 @@ def test_what_a_full_disk_refuses_is_not_promised(
     assert counts(bag.folder) == (20, 20)
 
 
-def test_a_bag_that_cannot_begin_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bag_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(os, "pwrite", full)
     with pytest.raises(OSError, match="No space"):
         GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])

@@ -70,20 +70,19 @@ def test_episode_becomes_a_bag_in_rad(data_set, tmp_path):
     np.testing.assert_allclose(command, scale * (states(1)[:, :2] + 1.0), atol=1e-9)
 
 
-def test_degrees_are_refused_with_what_to_do(data_set, tmp_path):
-    with pytest.raises(DataError, match=r"pan.pos is at .*--scale 0.0174533"):
-        import_lerobot(tmp_path / "run.mcap", data_set)
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({}, DataError, r"pan.pos is at .*--scale 0.0174533"),
+        ({"joints": ["elbow"]}, UsageError, r"no column elbow.*pan.pos, lift.pos, gripper.pos"),
+        ({"episode": 7}, UsageError, "episode 7"),
+    ],
+    ids=["degrees", "column", "episode"],
+)
+def test_what_is_not_there_or_no_angle_is_refused(data_set, tmp_path, options, error, words):
+    with pytest.raises(error, match=words):
+        import_lerobot(tmp_path / "run.mcap", data_set, **options)
     assert not (tmp_path / "run.mcap").exists()
-
-
-def test_column_that_is_not_there(data_set, tmp_path):
-    with pytest.raises(UsageError, match=r"no column elbow.*pan.pos, lift.pos, gripper.pos"):
-        import_lerobot(tmp_path / "run.mcap", data_set, joints=["elbow"])
-
-
-def test_episode_that_is_not_there(data_set, tmp_path):
-    with pytest.raises(UsageError, match="episode 7"):
-        import_lerobot(tmp_path / "run.mcap", data_set, episode=7)
 
 
 def test_dates_of_a_parquet_file_are_stamps(tmp_path):

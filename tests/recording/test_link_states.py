@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros import DataError, UsageError, import_table, read_recordings, write_bag
-from idim_iv_ros.configuration import load_configuration
+from idim_iv_ros import DataError, import_table, read_recordings, write_bag
 from idim_iv_ros.recording.writing.write import JointTopic
 
 JOINTS = ["a", "b"]
@@ -56,21 +55,18 @@ def test_a_joint_without_encoder_is_invented_throughout(tmp_path: Path) -> None:
     assert not any("missing" in note.sentence for note in recording.notes)
 
 
-def test_a_topic_of_other_joints_is_refused_with_their_names(tmp_path: Path) -> None:
-    link = JointTopic("/link_states", ["c", "d"], TIME, position=motion(TIME))
-    with pytest.raises(DataError, match=r"/link_states .* a; .* c, d"):
-        read(written(tmp_path, link))
-
-
-def test_a_topic_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no topic /link_states"):
-        read(written(tmp_path))
-
-
-def test_a_topic_of_another_time_is_refused(tmp_path: Path) -> None:
-    link = JointTopic("/link_states", JOINTS, TIME + 100.0, position=motion(TIME))
-    with pytest.raises(DataError, match="/link_states and /joint_states"):
-        read(written(tmp_path, link))
+@pytest.mark.parametrize(
+    ("topics", "words"),
+    [
+        ([("/link_states", ["c", "d"], TIME)], r"/link_states .* a; .* c, d"),
+        ([], "no topic /link_states"),
+        ([("/link_states", JOINTS, TIME + 100.0)], "/link_states and /joint_states"),
+    ],
+    ids=["other joints", "no topic", "another time"],
+)
+def test_a_topic_that_says_nothing_of_the_joints_is_refused(tmp_path, topics, words) -> None:
+    with pytest.raises(DataError, match=words):
+        read(written(tmp_path, *(JointTopic(*topic, position=motion(TIME)) for topic in topics)))
 
 
 def test_a_wrapped_encoder_is_in_the_turn_of_its_motor(tmp_path: Path) -> None:
@@ -79,42 +75,16 @@ def test_a_wrapped_encoder_is_in_the_turn_of_its_motor(tmp_path: Path) -> None:
     assert np.allclose(recording.link_position.values, recording.position.values, atol=1e-12)
 
 
-def test_import_writes_the_topic(tmp_path: Path) -> None:
-    np.savez(tmp_path / "d.npz", q=motion(TIME), tau=motion(TIME) + 1.0, link=motion(TIME) - 1e-3)
-    table = tmp_path / "d.npz"
-    summary = import_table(
-        tmp_path / "out.mcap",
-        joints=JOINTS,
-        rate=500.0,
-        position=f"{table}:q",
-        effort=f"{table}:tau",
-        link=f"{table}:link",
-    )
-    assert "link" in summary.signals
-    recording = read(tmp_path / "out.mcap")
+@pytest.mark.parametrize("samples", [2000, 1999])
+def test_import_writes_the_topic_or_refuses_another_length(tmp_path: Path, samples: int) -> None:
+    table, out = tmp_path / "d.npz", tmp_path / "out.mcap"
+    np.savez(table, q=motion(TIME), tau=motion(TIME) + 1.0, link=motion(TIME)[:samples] - 1e-3)
+    signals = {"position": f"{table}:q", "effort": f"{table}:tau", "link": f"{table}:link"}
+    if samples != len(TIME):
+        with pytest.raises(DataError, match="1999 samples, but 2000"):
+            import_table(out, joints=JOINTS, rate=500.0, **signals)
+        assert not out.exists()
+        return
+    assert "link" in import_table(out, joints=JOINTS, rate=500.0, **signals).signals
+    recording = read(out)
     assert np.allclose(recording.position.values - recording.link_position.values, 1e-3)
-
-
-def test_import_refuses_another_length(tmp_path: Path) -> None:
-    np.savez(tmp_path / "d.npz", q=motion(TIME), tau=motion(TIME), link=motion(TIME)[:-1])
-    table = tmp_path / "d.npz"
-    with pytest.raises(DataError, match="1999 samples, but 2000"):
-        import_table(
-            tmp_path / "out.mcap",
-            joints=JOINTS,
-            rate=500.0,
-            position=f"{table}:q",
-            effort=f"{table}:tau",
-            link=f"{table}:link",
-        )
-    assert not (tmp_path / "out.mcap").exists()
-
-
-def test_a_topic_with_another_meaning_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "r.urdf").write_text("<robot name='r'><link name='a'/></robot>")
-    path = tmp_path / "r.yaml"
-    path.write_text(
-        "robot:\n  urdf: r.urdf\n  joints: [a]\nsignals:\n  link_states: /joint_states\n"
-    )
-    with pytest.raises(UsageError, match="link_states is /joint_states"):
-        load_configuration(path)

@@ -49,9 +49,7 @@ def assert_every_joint_is_at_its_own_time(recording: Recording) -> None:
 @pytest.mark.parametrize(
     ("stamped", "arrives"), [(0.0, -LATER), (0.0, LATER), (-0.002, 0.0), (0.002, 0.0)]
 )
-def test_a_gripper_changes_nothing_of_the_arm(
-    tmp_path: Path, rate: float, stamped: float, arrives: float
-) -> None:
+def test_a_gripper_changes_nothing_of_the_arm(tmp_path, rate, stamped, arrives) -> None:
     alone = read(tmp_path / "alone", messages(ARM))
     other = gripper(rate=rate, stamped=stamped, arrives=arrives)
     recording = read(tmp_path / "both", messages(ARM), other)
@@ -74,9 +72,7 @@ def test_efforts_of_the_gripper_are_not_those_of_the_arm(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("stamped", "arrives"), [(0.0, -LATER), (0.0, LATER), (-0.003, 0.0), (0.003, 0.0)]
 )
-def test_an_arm_in_two_messages_is_one_recording(
-    tmp_path: Path, joints, stamped: float, arrives: float
-) -> None:
+def test_an_arm_in_two_messages_is_one_recording(tmp_path, joints, stamped, arrives) -> None:
     last = messages(("c",), stamped=stamped, arrives=arrives)
     recording = read(tmp_path, messages(("a", "b")), last, joints=joints)
     assert recording.rate == 100.0

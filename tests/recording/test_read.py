@@ -52,12 +52,6 @@ def test_joint_order_may_change_between_messages(tmp_path: Path) -> None:
     assert not recording.position.invented.any()
 
 
-def test_joints_that_are_not_asked_for_are_left_out(tmp_path: Path) -> None:
-    bag = write(tmp_path / "bag", steady(names=("c", "b", "a")))
-    recording = read(bag, joints=("b",))
-    np.testing.assert_allclose(recording.position.values[0, 0], 11.0)
-
-
 def test_velocity_is_as_published_or_none(tmp_path: Path) -> None:
     recording = read(write(tmp_path / "bag", steady(velocity=(0.5, -0.5))))
     np.testing.assert_array_equal(recording.velocity.values[3], [0.5, -0.5])
@@ -106,16 +100,6 @@ def test_array_of_another_length_is_refused(tmp_path: Path) -> None:
     messages = steady() + [("/effort", 1.0 + k / 50, float_array([1.0])) for k in range(100)]
     with pytest.raises(DataError, match=r"1 numbers .* 2 joints"):
         read(write(tmp_path / "bag", messages), effort="/effort")
-
-
-def test_stamps_that_are_all_zero_fall_back_to_arrival(tmp_path: Path) -> None:
-    messages = [
-        ("/joint_states", 1.0 + k / 100, joint_state(0.0, position=[1.0 + k / 100, 11 + k / 100]))
-        for k in range(200)
-    ]
-    recording = read(write(tmp_path / "bag", messages))
-    assert recording.clocks[0].source == "arrival"
-    assert_values_tell_joint_and_time(recording)
 
 
 def test_repeated_and_late_messages_are_put_in_order(tmp_path: Path) -> None:
@@ -174,12 +158,6 @@ def test_rate_that_is_no_whole_number_does_not_drift(tmp_path: Path) -> None:
     assert_values_tell_joint_and_time(recording)
 
 
-def test_several_bags_are_several_recordings(tmp_path: Path) -> None:
-    bags = [write(tmp_path / name, steady(100 * k)) for k, name in ((1, "x"), (2, "y"))]
-    recordings = read_recordings(bags, joints=["a"])
-    assert [recording.samples for recording in recordings] == [100, 200]
-
-
 def test_written_bag_is_read_bit_for_bit(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     time = 3.0 + np.arange(1000) / 1000.0
@@ -236,18 +214,18 @@ def test_unusable_recording_is_one_line_with_the_file(tmp_path, make, keywords, 
     assert "\n" not in str(caught.value)
 
 
-def test_missing_file_and_foreign_file_are_named(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no such file"):
-        read(tmp_path / "none.mcap")
-    (tmp_path / "table.csv").write_text("1,2")
-    with pytest.raises(DataError, match="idim-iv import"):
-        read(tmp_path / "table.csv")
-    (tmp_path / "text.mcap").write_text("not a bag")
-    with pytest.raises(DataError, match="not an MCAP file"):
-        read(tmp_path / "text.mcap")
-    (tmp_path / "text.db3").write_text("not a bag")
-    with pytest.raises(DataError, match="not a rosbag2 database"):
-        read(tmp_path / "text.db3")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(DataError, match=r"no \.mcap, \.db3 or \.bag"):
-        read(tmp_path / "empty")
+@pytest.mark.parametrize(
+    ("name", "content", "error", "words"),
+    [
+        ("none.mcap", None, UsageError, "no such file"),
+        ("table.csv", "1,2", DataError, "idim-iv import"),
+        ("text.mcap", "not a bag", DataError, "not an MCAP file"),
+        ("text.db3", "not a bag", DataError, "not a rosbag2 database"),
+        (".", None, DataError, r"no \.mcap, \.db3 or \.bag"),
+    ],
+)
+def test_missing_file_and_foreign_file_are_named(tmp_path, name, content, error, words) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(error, match=words):
+        read(tmp_path / name)

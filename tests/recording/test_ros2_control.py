@@ -68,9 +68,7 @@ def column(function) -> np.ndarray:
     ],
 )
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_a_reference_is_what_the_controller_was_asked_for(
-    tmp_path: Path, version, names, storage
-) -> None:
+def test_a_reference_is_what_the_controller_was_asked_for(tmp_path, version, names, storage):
     bag = on_controller(on_states(ControlBag(version)), names=names).write(
         tmp_path / "bag", storage
     )
@@ -82,9 +80,7 @@ def test_a_reference_is_what_the_controller_was_asked_for(
 
 
 @pytest.mark.parametrize("version", ["jazzy", "iron", "humble", "foxy"])
-def test_a_database_without_definitions_is_read_by_the_versions_that_are_known(
-    tmp_path: Path, version
-) -> None:
+def test_a_database_without_definitions_is_read_by_the_versions_that_are_known(tmp_path, version):
     names = ("desired", "actual") if version == "foxy" else ("reference", "feedback")
     bag = on_controller(on_states(ControlBag(version)), names=names)
     folder = bag.write(tmp_path / "bag", StoragePlugin.SQLITE3)
@@ -122,7 +118,10 @@ def test_a_named_field_is_read_under_its_old_name_too(tmp_path: Path, field) -> 
 
 def test_joints_are_found_by_name_whatever_their_order_and_number(tmp_path: Path) -> None:
     bag = on_controller(on_states(ControlBag()), order=(1, 0)).write(tmp_path / "bag")
-    assert np.array_equal(read(bag, reference=STATE).position_reference.values, column(asked))
+    recording = read(bag, reference=STATE)
+    assert np.array_equal(recording.position_reference.values, column(asked))
+    # Every message has another time from the start, and all are one layout.
+    assert not any("layouts" in note.what for note in recording.notes)
     (only,) = read_recordings([bag], joints=["b"], reference=STATE)
     assert np.array_equal(only.position_reference.values, column(asked)[:, 1:])
 
@@ -175,11 +174,6 @@ def test_a_slower_reference_is_interpolated(tmp_path: Path) -> None:
     # A cubic spline through points 40 ms apart: error below 5/384 h⁴ max|f⁗| (de Boor).
     difference = reference.values - column(asked)[: len(reference.values)]
     assert np.abs(difference[inside]).max() < 5.0 / 384.0 * 0.04**4 * 1.1
-
-
-def test_every_message_has_another_time_and_all_are_one_layout(tmp_path: Path) -> None:
-    bag = on_controller(on_states(ControlBag())).write(tmp_path / "bag")
-    assert not any("layouts" in note.what for note in read(bag, reference=STATE).notes)
 
 
 INTERFACES = [["effort", "position", "velocity", "motor_current"], ["position", "effort"]]
@@ -263,18 +257,14 @@ def test_a_joint_state_within_a_message_is_read_by_name(tmp_path: Path) -> None:
         ("/joint_states#wrong", "sensor_msgs/msg/JointState, which has no field wrong"),
     ],
 )
-def test_a_field_that_is_not_there_is_refused_with_those_that_are(
-    tmp_path: Path, source, sentence
-) -> None:
+def test_a_field_that_is_not_there_is_refused_with_those_that_are(tmp_path, source, sentence):
     bag = lbr(on_controller(on_states(ControlBag()))).write(tmp_path / "bag")
     with pytest.raises((DataError, UsageError), match=sentence) as caught:
         read(bag, reference=source)
     assert "\n" not in str(caught.value)
 
 
-def test_a_field_of_a_relative_topic_is_found_in_the_namespace_of_the_robot(
-    tmp_path: Path,
-) -> None:
+def test_a_field_of_a_relative_topic_is_found_in_the_namespace_of_the_robot(tmp_path) -> None:
     bag = ControlBag()
     for stamp in STAMPS:
         bag.joint_state(stamp, JOINTS, measured(stamp), (), torque(stamp), "/left/joint_states")

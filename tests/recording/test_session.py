@@ -1,6 +1,6 @@
 """Recordings of a session, one after the other, whatever their stamps."""
 
-from itertools import pairwise, permutations
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +40,10 @@ def test_recordings_follow_their_first_stamps_whatever_the_order_given(starts) -
     assert [ordered.start for ordered in sessions[0].recordings] == sorted(starts)
 
 
-@pytest.mark.parametrize("starts", [(0.0, 0.0, 0.0), (0.0, 3.0, 20.0), (0.0, 10.0, 12.0)])
+MANY = tuple(np.random.default_rng(1).uniform(0.0, 200.0, 40).tolist())
+
+
+@pytest.mark.parametrize("starts", [(0.0,) * 3, (0.0, 3.0, 20.0), (0.0, 10.0, 12.0), MANY])
 def test_time_of_the_session_increases_from_sample_to_sample(starts) -> None:
     session = session_of([recording(f"{k}", start) for k, start in enumerate(starts)])
     time = np.concatenate([part.start + np.arange(1000) / RATE for part in session.parts])
@@ -56,9 +59,7 @@ def test_time_of_the_session_increases_from_sample_to_sample(starts) -> None:
         ([("a", 0.0, 30.0), ("b", 2.0, 4.0), ("c", 35.0, 10.0)], [0.0, 30.0, 39.0]),
     ],
 )
-def test_pauses_keep_their_length_up_to_an_hour_and_equal_stamps_their_order(
-    stamps, expected
-) -> None:
+def test_pauses_keep_their_length_up_to_an_hour_and_equal_stamps_their_order(stamps, expected):
     session = session_of([recording(*described) for described in stamps])
     assert [part.bag for part in session.parts] == [name for name, _, _ in stamps]
     assert [part.start for part in session.parts] == pytest.approx(expected)
@@ -69,8 +70,7 @@ def test_pauses_keep_their_length_up_to_an_hour_and_equal_stamps_their_order(
 def test_overlapping_stamps_are_named_and_one_recording_needs_no_words() -> None:
     overlapping = session_of([recording("b.mcap", 4.0), recording("a.mcap", 0.0)])
     order, overlap = overlapping.sentences
-    assert "a.mcap from 0 s, b.mcap from 10 s" in order
-    assert overlap.startswith("stamps of b.mcap begin before")
+    assert order.index("a.mcap") < order.index("b.mcap") and "b.mcap" in overlap
     assert session_of([recording("a", 7.0)]).sentences == ()
 
 
@@ -85,13 +85,6 @@ def test_a_time_of_the_session_is_told_in_the_time_of_its_recording() -> None:
 def test_recordings_of_the_same_name_are_told_by_their_folder() -> None:
     one, two = recording("a/bag", 0.0), recording("b/bag", 0.0)
     assert [part.bag for part in session_of([one, two]).parts] == ["runs/a/bag", "runs/b/bag"]
-
-
-def test_time_of_many_recordings_increases_between_all_of_them() -> None:
-    random = np.random.default_rng(1)
-    starts = random.uniform(0.0, 200.0, 40)
-    parts = session_of([recording(str(k), float(start)) for k, start in enumerate(starts)]).parts
-    assert all(b.start >= a.start + a.duration for a, b in pairwise(parts))
 
 
 def test_no_recording_at_all_is_refused_in_words() -> None:

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.request import descriptions_of, topics_in_bag
-from tests.recording.bag_writer import STORE, TYPES, joint_state, write
+from tests.recording.bag_writer import TYPES, joint_state, write
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 # By what they are shifted, which says from which topic values came.
@@ -56,9 +56,7 @@ ROOT = ("/joint_states", "/joint_reference", "/robot_description")
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 @pytest.mark.parametrize("topics", [LEFT, RIGHT, ROOT])
-def test_one_configuration_reads_a_robot_in_any_namespace(
-    tmp_path: Path, topics: tuple[str, ...], storage: StoragePlugin
-) -> None:
+def test_one_configuration_reads_a_robot_in_any_namespace(tmp_path, topics, storage) -> None:
     recording = read(bag_of(tmp_path, *topics, storage=storage))
     shift = SHIFTS[topics[0].rpartition("/")[0]]
     assert shifts(recording) == (shift, shift)
@@ -70,11 +68,8 @@ def test_two_robots_in_one_bag_ask_which_is_meant(tmp_path: Path) -> None:
     bag = bag_of(tmp_path, *LEFT, *RIGHT)
     with pytest.raises(DataError) as refused:
         read(bag)
-    assert str(refused.value) == (
-        f"{bag}: signals.joint_states: joint_states may be /left/joint_states or "
-        "/right/joint_states: write the full name of your robot's, as `joint_states: "
-        "/left/joint_states`, under signals, and the same for reference"
-    )
+    for name in (str(bag), "signals.joint_states", "/left/joint_states", "/right/joint_states"):
+        assert name in str(refused.value)
     whole = read(bag, joint_states="/right/joint_states", reference="/right/joint_reference")
     assert shifts(whole) == (100.0, 100.0)
     assert whole.robot_description == "/right/robot_description"
@@ -102,14 +97,10 @@ def test_the_reference_of_another_robot_is_not_taken(tmp_path: Path) -> None:
     assert "/left/joint_states, /right/joint_reference" in str(refused.value)
 
 
-def test_a_full_name_is_no_other(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"/joint_states; .* /left/"):
-        read(bag_of(tmp_path, *LEFT), joint_states="/joint_states")
-
-
-def test_a_name_is_no_end_of_a_word(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"/states; .* /left/"):
-        read(bag_of(tmp_path, *LEFT), joint_states="states")
+@pytest.mark.parametrize("name", ["/joint_states", "states"])
+def test_a_full_name_is_no_other_and_a_name_no_end_of_a_word(tmp_path: Path, name: str) -> None:
+    with pytest.raises(DataError, match=rf"/{name.lstrip('/')}; .* /left/"):
+        read(bag_of(tmp_path, *LEFT), joint_states=name)
 
 
 @pytest.mark.parametrize(
@@ -120,9 +111,7 @@ def test_a_name_is_no_end_of_a_word(tmp_path: Path) -> None:
         ([*LEFT[:2], "/right/robot_description"], None),
     ],
 )
-def test_description_is_that_of_the_namespace_else_the_global_one(
-    tmp_path: Path, topics: list[str], expected: str | None
-) -> None:
+def test_description_is_that_of_the_namespace_else_the_global_one(tmp_path, topics, expected):
     assert read(bag_of(tmp_path, *topics)).robot_description == expected
 
 
@@ -153,17 +142,10 @@ def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
 
 
 def test_only_topics_that_can_hold_joints_are_candidates(tmp_path: Path) -> None:
-    bag = write(
-        tmp_path / "bag",
-        [
-            *(
-                ("/left/joint_states", 6.0 + s, joint_state(s))
-                for s in (0.01 * k for k in range(99))
-            ),
-            ("/words/joint_states", 6.0, described("not these")),
-        ],
-    )
-    assert STORE and read(bag, reference=None).samples == 99
+    stamps = [0.01 * k for k in range(99)]
+    messages = [("/left/joint_states", 6.0 + stamp, joint_state(stamp)) for stamp in stamps]
+    messages.append(("/words/joint_states", 6.0, described("not these")))
+    assert read(write(tmp_path / "bag", messages), reference=None).samples == 99
 
 
 def test_names_are_resolved_like_a_node_does() -> None:
@@ -173,14 +155,6 @@ def test_names_are_resolved_like_a_node_does() -> None:
         "arm/joint_states": "/cell/arm/joint_states",
         "/motion/reference": "/motion/reference",
     }
-
-
-@pytest.mark.parametrize("name", ["~/joint_states", "joint_states/"])
-def test_names_that_no_topic_of_a_robot_has_are_refused(tmp_path: Path, name: str) -> None:
-    path = tmp_path / "arm.yaml"
-    path.write_text(f"robot:\n  joints: [a]\nsignals:\n  joint_states: {name}\n")
-    with pytest.raises(UsageError, match=r"signals\.joint_states"):
-        load_configuration(path)
 
 
 def test_names_of_a_node_are_no_part_of_the_document() -> None:

@@ -13,7 +13,7 @@ def sample_everything(folder: Path) -> GapResult:
     """Contrast, suspicions, a transmission and physical parameters; causes without a p-value."""
     result = sample_contrast()
     causes = tuple(
-        replace(each, evidence=replace(each.evidence, p_value=None)) for each in result.causes
+        replace(cause, evidence=replace(cause.evidence, p_value=None)) for cause in result.causes
     )
     transmission = Transmission(
         joint="joint_1",

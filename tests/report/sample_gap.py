@@ -1,7 +1,6 @@
 """Diagnoses as they come out of real recordings, made without one."""
 
 import itertools
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -52,6 +51,7 @@ def sample_gap(
     tracking: bool = True,
     seconds: float = 60.0,
     seed: int = 1,
+    first: str = "joint_1",
 ) -> GapResult:
     """Return a diagnosis of a robot with `joints` joints.
 
@@ -62,8 +62,10 @@ def sample_gap(
         (parametric), both, contact (unknown) or nothing.
     given, floor, tracking
         Whether there is a nominal model, a noise floor from repeats, a loop that can be simulated.
+    first
+        Name of the first joint.
     """
-    names = tuple(f"joint_{k + 1}" for k in range(joints))
+    names = (first, *(f"joint_{k + 1}" for k in range(1, joints)))
     random = np.random.default_rng(seed)
     series = tuple(
         _series(k, names, case, given, int(seconds / STEP), random) for k in range(joints)
@@ -88,9 +90,9 @@ def sample_gap(
             if case == "unknown"
             else None
         ),
-        where=Where(tuple(_joint_gap(each, floor, series) for each in series), _regimes(series)),
+        where=Where(tuple(_joint_gap(joint, floor, series) for joint in series), _regimes(series)),
         findings=(
-            f"{names[1]}, below 0.05 rad/s, both directions: 61 % of the gap in 9 % of the samples",
+            f"{_second(names)}, below 0.05 rad/s: 61 % of the gap in 9 % of the samples",
             f"{names[-1]}, position 0.4 to 1.5 rad: 48 % of the gap in 31 % of the samples",
         ),
         not_testable=(
@@ -121,34 +123,9 @@ def sample_gap(
     )
 
 
-def with_first_joint_named(result: GapResult, name: str) -> GapResult:
-    """Return the result with another name of its first joint, wherever a field holds it."""
-    old = result.joints[0]
-
-    def other(joint: str | None) -> str | None:
-        return name if joint == old else joint
-
-    return replace(
-        result,
-        joints=(name, *result.joints[1:]),
-        where=Where(
-            tuple(replace(each, joint=other(each.joint)) for each in result.joint_gaps),
-            tuple(replace(each, joint=other(each.joint)) for each in result.regimes),
-        ),
-        series=tuple(replace(each, joint=other(each.joint)) for each in result.series),
-        tracking=tuple(replace(each, joint=other(each.joint)) for each in result.tracking),
-        stages=tuple(
-            replace(
-                each,
-                torque_rms={other(k): v for k, v in each.torque_rms.items()},
-                torque_ci95={other(k): v for k, v in each.torque_ci95.items()},
-                tracking_rms=None
-                if each.tracking_rms is None
-                else {other(k): v for k, v in each.tracking_rms.items()},
-            )
-            for each in result.stages
-        ),
-    )
+def _second(names: tuple[str, ...]) -> str:
+    """Joint 2, or the only one."""
+    return names[:2][-1]
 
 
 def _series(
@@ -164,7 +141,7 @@ def _series(
     noise = lfilter([NOISE * 0.8], [1.0, -0.6], random.normal(size=rows))
     refit = torque.copy()
     if case in ("structural", "both"):
-        if k == 1:
+        if names[k] == _second(names):
             torque = torque + 1.6 * np.sign(v) * (np.exp(-((v / 0.12) ** 2)) - 0.15)
         if k == len(names) - 1:
             torque = torque + 0.35 * np.sin(18.0 * q + 0.4)
@@ -176,21 +153,10 @@ def _series(
     turned = np.flatnonzero(np.diff(np.sign(v)) != 0)
     last = np.searchsorted(turned, np.arange(rows)) - 1
     since = np.abs(q - q[turned[np.maximum(last, 0)]])
-    return GapSeries(
-        names[k],
-        time,
-        measured,
-        model if given else None,
-        refit,
-        extended,
-        extended - load,
-        6.0 * v + 8.0 * np.sign(v) if given else None,
-        q,
-        v,
-        load,
-        since,
-        STEP,
-    )
+    friction = 6.0 * v + 8.0 * np.sign(v) if given else None
+    nominal = model if given else None
+    torques = (measured, nominal, refit, extended, extended - load, friction)
+    return GapSeries(names[k], time, *torques, q, v, load, since, STEP)
 
 
 def _rms(values: FloatArray) -> float:
@@ -208,7 +174,6 @@ def _hints(names: tuple[str, ...]) -> tuple[Hint, ...]:
         Hint(
             effect="time_delay",
             joint=names[0],
-            other_joint=None,
             sentence=f"time delay at {names[0]} (delay 0.4 ± 0.3 ms): only a hint, {reason}",
             reason=reason,
             parameters={"delay": EffectParameter(4e-4, 1.5e-4, "s")},
@@ -227,7 +192,6 @@ def _causes(
         effect="payload",
         kind="parametric",
         joint=None,
-        other_joint=None,
         parameters={
             "mass": EffectParameter(1.283, 0.021, "kg"),
             "centre_of_mass_x": EffectParameter(0.041, 0.003, "m"),
@@ -235,7 +199,6 @@ def _causes(
             "centre_of_mass_z": EffectParameter(0.102, 0.005, "m"),
         },
         evidence=Evidence(3127.4, None, 0.91, "6 of 6", p_value_from="none: not simulated"),
-        indistinguishable_from=(),
         torque_gap=_gap(1.46, 0.27, level),
         simulation_gap=moved,
         sentence="All joints: the simulator lacks a payload of 1.28 ± 0.04 kg at the last link; "
@@ -244,8 +207,7 @@ def _causes(
     stribeck = Cause(
         effect="stribeck",
         kind="structural",
-        joint=names[1],
-        other_joint=None,
+        joint=_second(names),
         parameters={
             "excess": EffectParameter(1.62, 0.07, "N m"),
             "speed": EffectParameter(0.121, 0.009, "rad/s"),
@@ -254,27 +216,23 @@ def _causes(
             611.2, 0.005, 0.47, "6 of 6", "6 of 6", "largest support in 199 simulated recordings"
         ),
         indistinguishable_from=(
-            Indistinguishable("presliding", names[1], 0.3),
-            Indistinguishable("time_delay", names[1], 0.1),
+            Indistinguishable("presliding", _second(names), 0.3),
+            Indistinguishable("time_delay", _second(names), 0.1),
         ),
         torque_gap=_gap(0.62, 0.225, level),
         simulation_gap=moved,
-        sentence=f"{names[1]}: friction rises below 0.12 rad/s by 1.6 N m (Stribeck); with it 96 % "
-        "of the torque gap above the noise goes.",
+        sentence=f"{_second(names)}: friction rises by 1.6 N m below 0.12 rad/s.",
     )
     ripple = Cause(
         effect="position_ripple",
         kind="structural",
         joint=names[-1],
-        other_joint=None,
         parameters={
             "amplitude": EffectParameter(0.351, 0.012, "N m"),
             "wave_number_1": EffectParameter(18.02, 0.04, "1/rad"),
         },
         evidence=Evidence(208.0, 0.01, 0.31, "5 of 6", "6 of 6"),
-        indistinguishable_from=(),
         torque_gap=_gap(0.33, 0.22, level),
-        simulation_gap=None,
         sentence=f"{names[-1]}: a torque ripple of 0.35 N m, 18 times a turn.",
     )
     structural = (stribeck, ripple)
@@ -285,40 +243,33 @@ def _causes(
         "structural": structural,
         "both": (payload, *structural),
     }
-    return tuple(each for each in causes[case] if given or each.kind == "structural")
+    return tuple(cause for cause in causes[case] if given or cause.kind == "structural")
 
 
 def _summary(case: Case, names: tuple[str, ...]) -> str:
+    ripple = f"a torque ripple at {names[-1]}"
     return {
-        "none": "The simulator is as good as the recording can tell: the refitted model leaves "
-        "0.21 N m, which is the noise floor of 0.21 N m. No effect of the catalogue helps on "
-        "data that was held out.",
-        "parametric": "The gap is a payload that the simulator lacks: 1.28 ± 0.04 kg at the last "
-        "link. With it the torque gap of all joints falls from 1.46 to 0.27 N m, 95 % of what "
-        "lies above the noise floor.",
-        "structural": f"The simulator lacks Stribeck friction at {names[1]} (1.6 N m below "
-        f"0.12 rad/s) and a torque ripple at {names[-1]} (0.35 N m, 18 times a turn). With both, "
-        "96 % of the torque gap above the noise floor goes. Stribeck friction cannot be told "
-        "from presliding on this recording.",
-        "both": f"The simulator lacks a payload of 1.28 kg, Stribeck friction at {names[1]} and "
-        f"a torque ripple at {names[-1]}. With all three the torque gap falls from 1.46 to "
-        "0.23 N m.",
-        "unknown": f"62 % of the residual energy above the noise floor at {names[-1]} comes in "
-        "pulses between 12 and 15 s. Nothing in the catalogue explains it: look for contact.",
+        "none": "The refitted model leaves 0.21 N m, which is the noise floor of 0.21 N m.",
+        "parametric": "The gap is a payload that the simulator lacks: 1.28 ± 0.04 kg.",
+        "structural": f"The simulator lacks Stribeck friction at {_second(names)} and {ripple}.",
+        "both": f"The simulator lacks a payload, friction at {_second(names)} and {ripple}.",
+        "unknown": f"62 % of the residual energy at {names[-1]} comes in pulses: look for contact.",
     }[case]
 
 
 def _joint_gap(series: GapSeries, floor: bool, everything: tuple[GapSeries, ...]) -> JointGap:
-    def gap(each: GapSeries) -> FloatArray:
-        return each.torque - (each.refit if each.given is None else each.given)
+    def gap(joint: GapSeries) -> FloatArray:
+        return joint.torque - (joint.refit if joint.given is None else joint.given)
 
-    total = sum(np.sum(gap(each) ** 2) / np.sum(each.torque**2) for each in everything)
-    own = np.sum(gap(series) ** 2) / np.sum(series.torque**2)
+    shares = {
+        joint.joint: np.sum(gap(joint) ** 2) / np.sum(joint.torque**2) for joint in everything
+    }
+    share = shares[series.joint]
     return JointGap(
         series.joint,
         _rms(gap(series)),
-        float(100.0 * np.sqrt(own)),
-        float(own / total),
+        float(100.0 * np.sqrt(share)),
+        float(share / sum(shares.values())),
         NOISE if floor else None,
         "repeats: 3 of the same motion" if floor else "lower bound: no motion was repeated",
     )
@@ -345,19 +296,8 @@ def _regimes(everything: tuple[GapSeries, ...]) -> tuple[Regime, ...]:
                 if occupancy == 0.0:
                     continue
                 lift = share / occupancy
-                regimes.append(
-                    Regime(
-                        series.joint,
-                        axis,
-                        low * scale,
-                        high * scale,
-                        unit,
-                        share,
-                        occupancy,
-                        lift,
-                        (0.8 * lift, 1.2 * lift),
-                    )
-                )
+                where = (series.joint, axis, low * scale, high * scale, unit)
+                regimes.append(Regime(*where, share, occupancy, lift, (0.8 * lift, 1.2 * lift)))
     return tuple(sorted(regimes, key=lambda regime: -regime.lift))
 
 
@@ -373,7 +313,8 @@ def _stages(
         kinds.append("+payload")
     kinds.append("refit")
     if case in ("structural", "both"):
-        kinds += [f"+stribeck[{names[1]}]", f"+position_ripple[{names[-1]}]"]
+        kinds += [f"+stribeck[{_second(names)}]", f"+position_ripple[{names[-1]}]"]
+    note = "" if tracking else "the control law is unknown"
     stages = []
     for place, kind in enumerate(kinds):
         rms = {}
@@ -387,32 +328,21 @@ def _stages(
             else:
                 rms[series.joint] = _rms(series.torque - series.refit)
         motion = {name: 4e-4 * rms[name] for name in names} if tracking else None
-        stages.append(
-            Stage(
-                kind,
-                rms,
-                {name: (0.93 * value, 1.08 * value) for name, value in rms.items()},
-                motion,
-                "" if tracking else "the control law is unknown",
-            )
-        )
+        ci95 = {name: (0.93 * value, 1.08 * value) for name, value in rms.items()}
+        stages.append(Stage(kind, rms, ci95, motion, note))
     return tuple(stages)
 
 
 def _tracking(names: tuple[str, ...], random) -> tuple[TrackingSeries, ...]:
     time = np.linspace(0.0, 20.0, 800)
-    series = []
-    for name in names:
-        for bag in ("session-1.mcap", "session-2.mcap"):
-            measured = 5e-4 * np.sin(1.3 * time) + 1e-4 * np.sign(np.cos(0.7 * time))
-            series.append(
-                TrackingSeries(
-                    name,
-                    bag,
-                    time,
-                    measured + 2e-5 * random.normal(size=len(time)),
-                    4e-4 * np.sin(1.3 * time + 0.2),
-                    4.9e-4 * np.sin(1.3 * time) + 0.9e-4 * np.sign(np.cos(0.7 * time)),
-                )
-            )
-    return tuple(series)
+    turning = np.sign(np.cos(0.7 * time))
+    measured = 5e-4 * np.sin(1.3 * time) + 1e-4 * turning
+    before = 4e-4 * np.sin(1.3 * time + 0.2)
+    after = 4.9e-4 * np.sin(1.3 * time) + 0.9e-4 * turning
+    return tuple(
+        TrackingSeries(
+            name, bag, time, measured + 2e-5 * random.normal(size=len(time)), before, after
+        )
+        for name in names
+        for bag in ("session-1.mcap", "session-2.mcap")
+    )

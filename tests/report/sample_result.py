@@ -2,7 +2,6 @@
 
 import functools
 import itertools
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -26,7 +25,6 @@ from idim_iv_ros.identification.result import (
 from idim_iv_ros.recording import ClockQuality, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
-    OverallVerdict,
     ResidualDiagnosis,
     diagnose_residual,
     judge_all,
@@ -51,9 +49,11 @@ _KINDS = (
 
 
 @functools.cache
-def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> IdentificationResult:
+def sample_result(
+    joints: int = 6, case: Case = "coloured", seed: int = 1, *, first: str = "joint_1"
+) -> IdentificationResult:
     """Return a result of a robot with `joints` joints; the last two are fine when rejected."""
-    names = tuple(f"joint_{k + 1}" for k in range(joints))
+    names = (first, *(f"joint_{k + 1}" for k in range(1, joints)))
     random = np.random.default_rng(seed)
     series, residuals = [], []
     for name in names:
@@ -110,7 +110,7 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
             relative_error_percent=6.4387,
             ls_relative_error_percent=6.4112,
             condition_number=187.3,
-            samples=sum(len(each.time) for each in series),
+            samples=sum(len(joint.time) for joint in series),
             base_parameters=len(parameters),
             essential_parameters=sum(p.essential for p in parameters),
             essential_p_value=0.3127,
@@ -134,41 +134,6 @@ def sample_result(joints: int = 6, case: Case = "coloured", seed: int = 1) -> Id
         series=tuple(series),
         timing={"reading": 0.4123, "model": 0.21, "filtering": 0.05, "estimation": 3.217},
     )
-
-
-def with_joint_name(result: IdentificationResult, name: str) -> IdentificationResult:
-    """Return the result with its first joint, its robot and its bag called `name`."""
-    instruments = replace(
-        result.instruments,
-        source=f"simulation of {name}",
-        tests=tuple(_scoped(test, name, result) for test in result.instruments.tests),
-    )
-    exogeneity = tuple(_scoped(test, name, result) for test in result.exogeneity.tests)
-    specification = tuple(
-        replace(test, scope=test.scope.replace(f"{result.joints[0]}:", f"{name}:"))
-        for test in result.specification.tests
-    )
-    first = result.residuals[0]
-    residual = replace(first, joint=name, sentence=f"{name}: {first.sentence.partition(': ')[2]}")
-    return replace(
-        result,
-        robot=name,
-        joints=(name, *result.joints[1:]),
-        bags=tuple(replace(bag, path=f"/tmp/{name}.mcap") for bag in result.bags),
-        configuration={"robot": {"joints": [name, *result.joints[1:]]}},
-        instruments=instruments,
-        specification=replace(result.specification, tests=specification),
-        exogeneity=replace(result.exogeneity, tests=exogeneity),
-        residuals=(residual, *result.residuals[1:]),
-        verdict=OverallVerdict(result.verdict.verdict, f"Look at {name}."),
-        series=(replace(result.series[0], joint=name), *result.series[1:]),
-        software={"python": name},
-        timing={name: 1.0},
-    )
-
-
-def _scoped(test: HypothesisTest, name: str, result: IdentificationResult) -> HypothesisTest:
-    return replace(test, scope=name) if test.scope == result.joints[0] else test
 
 
 def _joint(

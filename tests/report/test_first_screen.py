@@ -34,7 +34,7 @@ from idim_iv_ros.report.numerals import THIN, percent
 from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
 from idim_iv_ros.report.section import Files, Report
 from tests.report.sample_contrast import sample_contrast
-from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+from tests.report.sample_gap import CASES, Case, sample_gap
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
 from tests.report.test_html import NASTY, Page
@@ -56,18 +56,12 @@ def test_the_verdict_of_a_diagnosis_is_short(case: Case, given: bool) -> None:
     result = sample_gap(6, case, given=given)
     # The longest name of the catalogue.
     longest = [
-        replace(each, effect="position_dependent_friction", joint="joint_6")
-        for each in result.causes
+        replace(cause, effect="position_dependent_friction", joint="joint_6")
+        for cause in result.causes
     ]
     headline = diagnosis_headline(replace(result, causes=tuple(longest)))
     assert _words(headline) <= 42
-    assert all(each.endswith(".") for each in headline)
-
-
-@pytest.mark.parametrize("case", KINDS)
-@pytest.mark.parametrize("joints", [1, 7])
-def test_the_verdict_of_an_identification_is_short(case, joints: int) -> None:
-    assert _words(identification_headline(sample_result(joints, case))) <= 40
+    assert all(sentence.endswith(".") for sentence in headline)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -76,6 +70,16 @@ def test_a_diagnosis_ends_in_two_or_three_steps_the_last_one_a_recording(case: C
     assert 2 <= len(steps) <= 3
     assert all(step.words and step.code for step in steps)
     assert re.match(r"idim-iv (excite|record) .*--config arm6\.yaml", steps[-1].code)
+
+
+@pytest.mark.parametrize("case", KINDS)
+def test_an_identification_has_a_short_verdict_and_two_or_three_steps(case) -> None:
+    for joints in (1, 7):
+        result = sample_result(joints, case)
+        assert _words(identification_headline(result)) <= 40
+        steps = identification_steps(Report(result, Files("tx40.yaml")))
+        assert 2 <= len(steps) <= 3
+        assert any("--config tx40.yaml" in step.code for step in steps)
 
 
 @pytest.mark.parametrize("named", [False, True])
@@ -94,20 +98,12 @@ def test_recordings_that_differ_in_something_named_come_before_any_cause(named: 
     if not named:
         assert headline == diagnosis_headline(replace(result, recordings=()))
         return
-    assert headline[0].startswith("The recordings disagree: odd.mcap differs by 12")
-    assert headline[0].endswith("of the torque at joint_2.")
+    assert all(words in headline[0] for words in ("odd.mcap", "12", "joint_2"))
     assert "friction level" in headline[1]
     assert _words(headline) <= 30
     first, second = diagnosis_steps(Report(result, Files("arm6.yaml")))
     assert first.code.startswith("idim-iv diagnose a.mcap b.mcap --config arm6.yaml")
     assert second.code.startswith("idim-iv diagnose odd.mcap --config arm6.yaml")
-
-
-def test_commands_name_the_files_where_they_lie() -> None:
-    files = Files("arm6.yaml", "out/why", ("data/a.mcap", "x/b.mcap", "y/b.mcap"))
-    steps = diagnosis_steps(Report(_arm6("both"), files))
-    assert steps[0].code == "idim-iv export out/why/gap.json --config arm6.yaml --out simulator"
-    assert files.recordings(["a.mcap", "b.mcap"]) == ["data/a.mcap", "b.mcap"]
 
 
 @pytest.mark.parametrize(
@@ -121,35 +117,29 @@ def test_what_changed_ends_in_a_diagnosis(differs: bool, bags: str, out: str) ->
     assert steps[0].code == f"idim-iv diagnose {bags} --config arm2.yaml --out {out}"
 
 
-@pytest.mark.parametrize("case", KINDS)
-def test_an_identification_ends_in_two_or_three_steps(case) -> None:
-    steps = identification_steps(Report(sample_result(6, case), Files("tx40.yaml")))
-    assert 2 <= len(steps) <= 3
-    assert any("--config tx40.yaml" in step.code for step in steps)
-
-
 @pytest.mark.parametrize("case", ["structural", "parametric", "both"])
 def test_causes_go_into_the_simulator_by_one_command(case: Case) -> None:
-    steps = diagnosis_steps(Report(_arm6(case), Files("arm6.yaml")))
-    assert steps[0].code == "idim-iv export gap.json --config arm6.yaml --out simulator"
+    """Commands name the files where they lie."""
+    files = Files("arm6.yaml", "out/why", ("data/a.mcap", "x/b.mcap", "y/b.mcap"))
+    steps = diagnosis_steps(Report(_arm6(case), files))
+    assert steps[0].code == "idim-iv export out/why/gap.json --config arm6.yaml --out simulator"
+    assert files.recordings(["a.mcap", "b.mcap"]) == ["data/a.mcap", "b.mcap"]
     law = replace(_arm6("structural").causes[0], effect="controller_mismatch")
     steps = diagnosis_steps(Report(replace(_arm6(case), causes=(law,)), Files("arm6.yaml")))
     assert "export" not in steps[0].code
-    assert steps[0].words == "Correct the control law in arm6.yaml:"
+    assert "arm6.yaml" in steps[0].words
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_first_screen_lists_what_the_simulator_lacks_and_counts_wrong_numbers(
-    case: Case,
-) -> None:
+def test_the_first_screen_lists_what_the_simulator_lacks_and_counts_wrong_numbers(case) -> None:
     result = _arm6(case)
-    rows = [lacking_row(result, each) for each in result.causes if each.kind == "structural"]
+    rows = [lacking_row(result, cause) for cause in result.causes if cause.kind == "structural"]
     shown = Page(gap_report_html(result)).text
     for effect, sizes, share, probable, _ in rows:
         for text in (effect, sizes, share, probable):
             assert text.replace(THIN, " ") in shown.replace(THIN, " ")
     wrong = wrong_numbers(result)
-    count = sum(each.kind == "parametric" for each in result.causes)
+    count = sum(cause.kind == "parametric" for cause in result.causes)
     assert wrong.startswith(f"{count} error") if count else wrong == ""
     assert wrong.replace(THIN, " ") in shown.replace(THIN, " ")
 
@@ -166,10 +156,10 @@ def test_a_share_beyond_all_is_said_as_all() -> None:
 def test_the_page_draws_the_robot_with_the_share_of_each_joint() -> None:
     result = _arm6()
     page = Page(gap_report_html(result))
-    (robot,) = [each for each in page.figures if each["data"][0]["type"] == "scatter3d"]
+    (robot,) = [figure for figure in page.figures if figure["data"][0]["type"] == "scatter3d"]
     joints = robot["data"][-1]
     assert [text.strip() for text in joints["text"]] == list(result.joints)
-    shares = [100.0 * each.share for each in result.joint_gaps]
+    shares = [100.0 * gap.share for gap in result.joint_gaps]
     assert joints["marker"]["color"] == pytest.approx(shares)
     drawn = [attributes.get("id") for _, attributes in page.elements]
     assert "robot" in drawn
@@ -188,7 +178,9 @@ def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
 def test_the_measured_torque_is_drawn_above_the_models() -> None:
     for text in (gap_report_html(sample_gap(2, "both")), report_html(sample_result(2))):
         figures = [
-            each["data"] for each in Page(text).figures if "measured " in json.dumps(each["data"])
+            figure["data"]
+            for figure in Page(text).figures
+            if "measured " in json.dumps(figure["data"])
         ]
         assert figures
         for data in figures:
@@ -219,10 +211,6 @@ def test_every_colour_of_a_figure_is_one_of_both_schemes() -> None:
         assert used <= light
 
 
-def test_a_page_of_six_joints_stays_below_three_megabytes() -> None:
-    assert len(gap_report_html(_arm6()).encode()) < 3_000_000
-
-
 def _svg(result: GapResult | IdentificationResult) -> str:
     root = ElementTree.fromstring(picture_svg(result))
     return " ".join(text.strip() for text in root.itertext() if text.strip())
@@ -244,7 +232,7 @@ def test_the_picture_holds_verdict_stages_and_robot() -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_joint_named_like_a_script_does_not_break_the_picture(case: Case) -> None:
-    result = with_first_joint_named(sample_gap(2, case), NASTY)
+    result = sample_gap(2, case, first=NASTY)
     ElementTree.fromstring(picture_svg(replace(result, robot=NASTY)))
 
 
@@ -253,6 +241,9 @@ def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
         path = tmp_path / f"gap.{suffix}"
         write_picture(_arm6(), path)
         assert written_by_program(path)
+        whole = (b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82") if suffix == "png" else (b"<svg", b"svg>")
+        content = path.read_bytes().strip()
+        assert content.startswith(whole[0]) and content.endswith(whole[1])
         require_picture(path)
         path.write_bytes(b"somebody else's")
         with pytest.raises(UsageError, match="exists"):
@@ -260,15 +251,7 @@ def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
         require_picture(path, force=True)
 
 
-def test_a_png_is_a_whole_png(tmp_path: Path) -> None:
-    content = write_picture(_arm6(), tmp_path / "gap.png").read_bytes()
-    assert content.startswith(b"\x89PNG\r\n\x1a\n")
-    assert content.endswith(b"IEND\xaeB`\x82")
-
-
-def test_another_suffix_or_a_missing_library_is_refused_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_suffix_or_a_missing_library_is_refused_in_one_line(tmp_path, monkeypatch) -> None:
     with pytest.raises(UsageError, match=r"ends in \.svg or \.png") as refusal:
         require_picture(tmp_path / "gap.pdf")
     assert "\n" not in str(refusal.value)

@@ -1,7 +1,6 @@
 """The page of a fleet."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,9 +26,7 @@ def result() -> FleetResult:
     return fleet_result(bags)
 
 
-def test_the_page_names_robots_that_differ_or_changed_and_bags_that_were_not_used(
-    result: FleetResult,
-) -> None:
+def test_the_page_names_robots_that_differ_or_changed_and_bags_that_were_not_used(result) -> None:
     page = fleet_html(result, {"arm2-001": "robots/arm2-001/report.html"})
     assert headline(result).startswith("1 robot differs from the type (arm2-001); ")
     assert "changed over time (arm2-002" in headline(result)
@@ -39,9 +36,7 @@ def test_the_page_names_robots_that_differ_or_changed_and_bags_that_were_not_use
     assert "<b>6" not in page and "&lt;b&gt;6" in page
 
 
-def test_the_next_command_compares_a_robot_that_differs_with_an_ordinary_one(
-    result: FleetResult,
-) -> None:
+def test_the_next_command_compares_a_robot_that_differs_with_an_ordinary_one(result) -> None:
     files = Files("arm2.yaml", "out", ("bags",))
     (first,) = steps(result, {}, files)
     assert first.code == "idim-iv fleet diagnose bags --config arm2.yaml --out out"
@@ -83,9 +78,7 @@ def test_a_fleet_without_a_usable_bag_has_a_page() -> None:
     assert "No bag of this fleet could be used." in fleet_html(nothing)
 
 
-def test_numbers_and_page_are_written_and_replaced_but_not_files_of_others(
-    result: FleetResult, tmp_path: Path
-) -> None:
+def test_numbers_and_page_are_written_and_replaced_but_not_files_of_others(result, tmp_path):
     numbers, page = write_report(result, tmp_path)
     assert numbers.name == "fleet.json" and page is not None and page.name == "fleet.html"
     assert FleetResult.read(numbers).to_json() == result.to_json()

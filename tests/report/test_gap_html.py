@@ -6,41 +6,12 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import GapResult, NotTestable, Where
 from idim_iv_ros.report import gap_report_html
-from tests.report.sample_gap import CASES, Case, sample_gap, with_first_joint_named
+from tests.report.sample_gap import Case, sample_gap
 from tests.report.test_html import Page
-
-NASTY = """<script>alert(1)</script>&'"<b>"""
 
 
 def _page(result: GapResult) -> Page:
     return Page(gap_report_html(result))
-
-
-@pytest.mark.parametrize("joints", [1, 2, 6, 7])
-@pytest.mark.parametrize("case", CASES)
-def test_every_diagnosis_becomes_a_well_formed_page(joints: int, case: Case) -> None:
-    if joints == 1 and case in ("structural", "both"):
-        pytest.skip("the sample's causes are at joint 2")
-    result = sample_gap(max(joints, 2), case)
-    if joints == 1:
-        result = _only_first(result)
-    page = _page(result)
-    assert page.open == []
-    assert len(page.figures) == 5 * joints
-    assert result.summary in page.text
-    anchors = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
-    assert len(anchors) == len(set(anchors))
-
-
-def _only_first(result: GapResult) -> GapResult:
-    return replace(
-        result,
-        joints=result.joints[:1],
-        joint_types=result.joint_types[:1],
-        where=replace(result.where, joints=result.joint_gaps[:1]),
-        series=result.series[:1],
-        tracking=result.tracking[:1],
-    )
 
 
 @pytest.mark.parametrize("given", [False, True])
@@ -55,29 +26,10 @@ def test_what_is_unknown_is_left_out_or_said(given: bool, floor: bool, tracking:
     assert "nan" not in page.text.split()
 
 
-def test_the_page_loads_nothing_from_anywhere() -> None:
-    text = gap_report_html(sample_gap(2, "both"))
-    for name, attributes in Page(text).elements:
-        assert name not in {"link", "iframe", "img", "base", "object", "embed"}
-        assert "src" not in attributes
-        assert (attributes.get("href") or "#").startswith("#")
-    styles = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
-    assert not any("url(" in style or "@import" in style for style in styles)
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_every_link_of_the_page_has_its_target(case: Case) -> None:
-    elements = _page(sample_gap(2, case, tracking=False)).elements
-    anchors = {attributes.get("id") for _, attributes in elements}
-    targets = [attributes["href"] for name, attributes in elements if name == "a"]
-    assert targets
-    assert all(target is not None and target[1:] in anchors for target in targets)
-
-
 def test_the_verdict_comes_first_then_causes_then_shrinkage() -> None:
     result = sample_gap(2, "both")
     text = _page(result).text
-    places = [text.index(each) for each in (result.summary, "What causes it", "How far the gap")]
+    places = [text.index(words) for words in (result.summary, "What causes it", "How far the gap")]
     assert places == sorted(places)
 
 
@@ -88,7 +40,6 @@ def test_a_cause_shows_its_numbers_and_what_it_is_mistaken_for() -> None:
         *("presliding at joint_2", "weight 30", "18.020±"),
     ):
         assert words in text.replace("\N{NARROW NO-BREAK SPACE}", "").replace(" ±", "±"), words
-    assert "segments creep and reversals of idim-iv excite --for diagnosis" in text
     assert re.search(r"removes 96.% \(90 to 100 %\) of the gap above the noise floor", text)
 
 
@@ -109,34 +60,10 @@ def test_with_many_joints_only_residuals_of_those_with_causes_are_unfolded() -> 
     assert sum("open" in attrs for attrs in folds if attrs.get("class") == "plot") == 2
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_joint_named_like_a_script_is_only_text(case: Case) -> None:
-    plain = _page(sample_gap(2, case))
-    page = _page(with_first_joint_named(sample_gap(2, case), NASTY))
-    names = [name for name, _ in page.elements]
-    assert names.count("script") == [name for name, _ in plain.elements].count("script")
-    assert NASTY in page.text
-    assert page.open == []
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_no_number_is_shown_with_more_digits_than_it_has(case: Case) -> None:
-    for words in _page(sample_gap(6, case)).words:
-        assert not re.search(r"\d\.\d{6,}|\b(nan|inf|None)\b", words)
-
-
-def test_no_name_of_a_field_is_shown() -> None:
-    result = sample_gap(2, "both")
-    text = _page(result).text
-    for field in (*vars(result), *vars(result.causes[0]), *vars(result.regimes[0])):
-        if "_" in field:
-            assert field not in text
-
-
 def test_joints_that_cannot_be_tested_for_the_same_reason_share_a_row() -> None:
     result = sample_gap(6, "none")
-    each = [NotTestable("backlash", joint, "too slow", "creep") for joint in result.joints]
-    text = _page(replace(result, not_testable=tuple(each))).text
+    refused = [NotTestable("backlash", joint, "too slow", "creep") for joint in result.joints]
+    text = _page(replace(result, not_testable=tuple(refused))).text
     assert "joint_1, joint_2, joint_3, joint_4, joint_5, joint_6" in text
     assert text.count("Too slow.") == 1
 
@@ -157,8 +84,8 @@ def test_a_prismatic_joint_has_newtons_and_millimetres() -> None:
 def test_a_map_of_joints_with_two_units_names_the_unit_of_each() -> None:
     result = sample_gap(2, "structural")
     regimes = tuple(
-        replace(each, unit="m") if (each.axis, each.joint) == ("position", "joint_1") else each
-        for each in result.regimes
+        replace(one, unit="m") if (one.axis, one.joint) == ("position", "joint_1") else one
+        for one in result.regimes
     )
     words = set(_page(replace(result, where=replace(result.where, regimes=regimes))).words)
     assert "Position, rad" in _page(result).words

@@ -1,7 +1,6 @@
 """What an engineer reads in the report of a diagnosis."""
 
 import base64
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -64,14 +63,6 @@ def test_a_parameter_without_interval_is_explained() -> None:
     grid = replace(first, parameters={"speed": EffectParameter(0.12, None, "rad/s")})
     assert "Without ±" not in Page(gap_report_html(result)).text
     assert "Without ±" in Page(gap_report_html(replace(result, causes=(grid,)))).text
-
-
-def test_notes_are_sentences_and_name_bags_as_they_are() -> None:
-    notes = ("control law pd as configured", "session.mcap: something was left out")
-    result = replace(sample_gap(2, "none"), notes=notes, bags=("session.mcap",))
-    text = re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
-    assert "Control law pd as configured." in text
-    assert "session.mcap: something was left out." in text
 
 
 @pytest.mark.parametrize(

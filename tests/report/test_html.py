@@ -6,12 +6,16 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import IdentificationResult, JointSeries
-from idim_iv_ros.report import report_html
-from tests.report.sample_result import sample_result, with_joint_name
+from idim_iv_ros.report import gap_report_html, report_html
+from tests.report.sample_gap import CASES as DIAGNOSES
+from tests.report.sample_gap import sample_gap
+from tests.report.sample_result import sample_result
 
 NASTY = """<script>alert(1)</script>&'"<b>"""
 CASES = ("white", "coloured", "rejected", "untested")
+EVERY = (*CASES, *DIAGNOSES)
 
 
 class Page(HTMLParser):
@@ -53,44 +57,49 @@ class Page(HTMLParser):
         return [json.loads(script) for kind, script in pairs if kind == "application/json"]
 
 
+def sample(case: str, joints: int, first: str = "joint_1") -> IdentificationResult | GapResult:
+    if case in CASES:
+        return sample_result(joints, case, first=first)
+    return sample_gap(joints, case, first=first)
+
+
+def page_of(result: IdentificationResult | GapResult) -> str:
+    return (
+        report_html(result) if isinstance(result, IdentificationResult) else gap_report_html(result)
+    )
+
+
 @pytest.mark.parametrize("joints", [1, 2, 6, 7])
-@pytest.mark.parametrize("case", CASES)
-def test_every_result_becomes_a_well_formed_page(joints: int, case: str) -> None:
-    result = sample_result(joints, case)
-    page = Page(report_html(result))
+@pytest.mark.parametrize("case", EVERY)
+def test_every_result_becomes_a_well_formed_page_that_loads_nothing(joints: int, case: str) -> None:
+    result = sample(case, joints)
+    text = page_of(result)
+    page = Page(text)
     assert page.open == []
-    assert len(page.figures) == 3 * joints
-    assert result.verdict.sentence in page.text
-    anchors = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
+    assert len(page.figures) == (3 if case in CASES else 5) * joints
+    answer = result.verdict.sentence if case in CASES else result.summary
+    assert answer in page.text
+    anchors = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(anchors) == len(set(anchors))
-
-
-def test_the_page_loads_nothing_from_anywhere() -> None:
-    text = report_html(sample_result(2))
-    for name, attributes in Page(text).elements:
+    for name, attributes in page.elements:
         assert name not in {"link", "iframe", "img", "base", "object", "embed"}
         assert "src" not in attributes
-        assert (attributes.get("href") or "#").startswith("#")
+        if name == "a":
+            assert attributes["href"][0] == "#" and attributes["href"][1:] in anchors
     styles = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
     assert not any("url(" in style or "@import" in style for style in styles)
-    assert len(text.encode()) < 3_000_000
+    for words in page.words:
+        assert not re.search(r"\d\.\d{6,}|\b(nan|inf|None)\b", words)
+    parts = [result.fit, result.processing] if case in CASES else [*result.causes, *result.regimes]
+    for field in {name for part in (result, *parts) for name in vars(part) if "_" in name}:
+        assert field not in page.text
 
 
-def test_every_link_of_the_page_has_its_target() -> None:
-    elements = Page(report_html(sample_result(1))).elements
-    anchors = {attributes.get("id") for _, attributes in elements}
-    targets = [attributes["href"] for name, attributes in elements if name == "a"]
-    assert targets
-    assert all(target is not None and target[1:] in anchors for target in targets)
-
-
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", EVERY)
 def test_a_joint_named_like_a_script_is_only_text(case: str) -> None:
-    plain = Page(report_html(sample_result(2, case)))
-    page = Page(report_html(with_joint_name(sample_result(2, case), NASTY)))
-    names = [name for name, _ in page.elements]
-    assert names.count("script") == [name for name, _ in plain.elements].count("script")
-    assert "b" in names
+    plain, page = Page(page_of(sample(case, 2))), Page(page_of(sample(case, 2, NASTY)))
+    scripts = [[name for name, _ in one.elements].count("script") for one in (plain, page)]
+    assert scripts[0] == scripts[1]
     assert NASTY in page.text
     assert page.open == []
 
@@ -98,8 +107,11 @@ def test_a_joint_named_like_a_script_is_only_text(case: str) -> None:
 def test_the_verdict_comes_first_and_rejected_joints_carry_a_warning() -> None:
     text = Page(report_html(sample_result(3, "rejected"))).text
     assert text.index("misspecified") < text.index("Relative error")
-    assert "Do not rely on all of these values" in text
+    assert "Do not rely" in text
     assert "Do not rely" not in Page(report_html(sample_result(3, "white"))).text
+    for case in ("untested", "white"):
+        result = sample_result(2, case)
+        assert result.exogeneity.tests[-1].reason in Page(report_html(result)).text
 
 
 def test_estimates_that_whitening_moves_beyond_noise_are_named() -> None:
@@ -107,35 +119,14 @@ def test_estimates_that_whitening_moves_beyond_noise_are_named() -> None:
     assert result.refined is not None
     assert "Whitening moves" not in Page(report_html(result)).text
     result = replace(result, refined=replace(result.refined, moved=("Fv2",)))
-    assert "Fv2: refined and unrefined estimate differ" in Page(report_html(result)).text
-
-
-def test_a_test_that_was_not_run_is_shown_with_its_reason() -> None:
-    text = Page(report_html(sample_result(2, "untested"))).text
-    assert "not tested because IDIM-LS uses no instruments" in text
-    text = Page(report_html(sample_result(2, "white"))).text
-    assert "because the instruments reproduce the regressor, which is exogenous" in text
-
-
-def test_no_number_is_shown_with_more_digits_than_it_has() -> None:
-    for case in CASES:
-        for words in Page(report_html(sample_result(6, case))).words:
-            assert not re.search(r"\d\.\d{6,}|\b(nan|inf|None)\b", words)
-
-
-def test_no_name_of_a_field_is_shown() -> None:
-    result = sample_result(2, "coloured")
-    text = Page(report_html(result)).text
-    for field in (*vars(result), *vars(result.fit), *vars(result.processing)):
-        if "_" in field:
-            assert field not in text
+    assert "Fv2: refined" in Page(report_html(result)).text
 
 
 def _bare(result: IdentificationResult) -> IdentificationResult:
     """Everything that may be missing is missing."""
     parameters = tuple(
         replace(
-            each,
+            parameter,
             value=0.0,
             std=np.nan,
             essential=False,
@@ -144,7 +135,7 @@ def _bare(result: IdentificationResult) -> IdentificationResult:
             given_value=None,
             expression="",
         )
-        for each in result.parameters
+        for parameter in result.parameters
     )
     return replace(
         result,
@@ -165,7 +156,7 @@ def _bare(result: IdentificationResult) -> IdentificationResult:
         exogeneity=replace(result.exogeneity, tests=()),
         specification=replace(result.specification, tests=()),
         residuals=tuple(
-            replace(each, relative_percent=None, white=None) for each in result.residuals
+            replace(joint, relative_percent=None, white=None) for joint in result.residuals
         ),
         fit=replace(
             result.fit,

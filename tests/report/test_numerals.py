@@ -30,9 +30,7 @@ T = "\N{NARROW NO-BREAK SPACE}"
         (float("nan"), 1.0, MISSING, ""),
     ],
 )
-def test_two_digits_of_the_interval_set_the_digits_of_the_value(
-    value: float, std: float | None, text: str, half: str
-) -> None:
+def test_two_digits_of_the_interval_set_the_digits_of_the_value(value, std, text, half) -> None:
     assert measured(value, std) == (text, half)
 
 

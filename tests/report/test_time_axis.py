@@ -73,13 +73,13 @@ def test_a_long_pause_does_not_leave_hairlines_for_recordings() -> None:
     assert 2.0 < time[-1] < 2.1
     assert "pauses shortened" in session.words
     assert "pauses" not in TWO.words
-    assert [each["text"] for each in session.marks()["annotations"]] == ["run1", "run2"]
+    assert [note["text"] for note in session.marks()["annotations"]] == ["run1", "run2"]
 
 
 def test_names_of_recordings_that_would_cover_each_other_are_numbers_with_a_list() -> None:
     names = [f"recording_2026_11_21-12_00_{k:02}" for k in range(5)]
     session = session_axis([SessionPart(name, 10.0 * k, 10.0) for k, name in enumerate(names)])
-    assert [each["text"] for each in session.marks()["annotations"]] == list("12345")
+    assert [note["text"] for note in session.marks()["annotations"]] == list("12345")
     for number, name in enumerate(names):
         assert f"{number + 1} {name}" in session.words
     many = session_axis([SessionPart(f"{k}", 10.0 * k, 10.0) for k in range(40)])

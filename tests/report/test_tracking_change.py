@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 
 import pytest
@@ -7,7 +6,6 @@ from idim_iv_ros.diagnosis.result import Cause, GapResult, Stage
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.sections.causes import tracking_change
 from tests.report.sample_gap import sample_gap
-from tests.report.test_html import Page
 
 _ERRORS = ({"joint_1": 3e-4, "joint_2": 4e-4}, {"joint_1": 6e-5, "joint_2": 8e-5})
 
@@ -23,16 +21,14 @@ def _parametric(joint: str | None, *tracking: dict[str, float] | None, note: str
     return replace(result, causes=(cause,), stages=(given, refit))
 
 
-def _words(result: GapResult) -> str:
-    return re.sub(r"\s+", " ", Page(gap_report_html(result)).text)
-
-
 def test_parameter_errors_have_the_tracking_error_of_given_model_and_refit() -> None:
     result = _parametric("joint_2", *_ERRORS)
-    text = _words(result)
-    assert "no closed loop was" not in text
-    assert "Tracking error, joint_2: 0.400 mrad → 0.0800 mrad" in text
-    assert "removes 80 % of the gap; nominal model → refit, in which all" in text
+    change = tracking_change(result, result.causes[0])
+    assert change.gap is not None
+    assert (change.gap.before, change.gap.after) == (4e-4, 8e-5)
+    assert change.gap.shrinkage == pytest.approx(0.8)
+    assert change.words.startswith("nominal model → refit")
+    assert "0.0800" in gap_report_html(result)
 
 
 def test_parameter_errors_of_no_single_joint_have_that_of_all_joints() -> None:
@@ -45,10 +41,11 @@ def test_parameter_errors_of_no_single_joint_have_that_of_all_joints() -> None:
 
 
 def test_a_stage_that_was_not_simulated_is_named_with_the_reason() -> None:
-    text = _words(_parametric("joint_1", None, _ERRORS[1], note="the simulation diverges"))
-    assert "Tracking error: nominal model not simulated: the simulation diverges." in text
+    result = _parametric("joint_1", None, _ERRORS[1], note="the simulation diverges")
+    change = tracking_change(result, result.causes[0])
+    assert change.gap is None and "the simulation diverges" in change.words
     nothing = _parametric("joint_1", None, None, note="not simulated: no reference")
-    assert "mrad →" not in _words(nothing)
+    assert "mrad →" not in gap_report_html(nothing)
 
 
 def test_gravity_that_the_given_model_lacks_has_its_own_stage() -> None:
@@ -85,12 +82,3 @@ def test_a_cause_of_its_own_stage_says_why_that_was_not_simulated() -> None:
     change = tracking_change(replace(result, stages=stages), cause)
     assert change.gap is None
     assert change.words == "+ stribeck at joint_2 not simulated: it diverges"
-
-
-def test_held_out_blocks_are_listed_only_where_they_were_used() -> None:
-    result = _parametric("joint_2", *_ERRORS)
-    cause = result.causes[0]
-    for blocks in ("", "5 of 6"):
-        evidence = replace(cause.evidence, held_out_gain=None, folds_positive=blocks)
-        words = _words(replace(result, causes=(replace(cause, evidence=evidence),)))
-        assert ("Held-out blocks on which it helps" in words) == bool(blocks)

@@ -11,14 +11,14 @@ from tests.report.sample_gap import sample_gap
 LOAD = np.linspace(-40.0, 40.0, 300)
 
 
-def shown(*found: Transmission) -> str:
+def shown(*measured: Transmission) -> str:
     result = sample_gap(2)
     series = tuple(
-        TransmissionSeries(each.joint, LOAD, LOAD / 2e4, np.sign(np.sin(LOAD)))
-        for each in found
-        if each.time_offset is not None
+        TransmissionSeries(one.joint, LOAD, LOAD / 2e4, np.sign(np.sin(LOAD)))
+        for one in measured
+        if one.time_offset is not None
     )
-    page = gap_report_html(replace(result, transmissions=found, twists=series))
+    page = gap_report_html(replace(result, transmissions=measured, twists=series))
     if 'id="transmissions"' not in page:
         return ""
     return page.split('id="transmissions"')[1].split("</section>")[0]

@@ -15,6 +15,7 @@ from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
 from idim_iv_ros.servo.identify import identify_servos
 from idim_iv_ros.signals.joint_side import joint_side
 from tests.cli.conftest import run  # noqa: F401 - a fixture
+from tests.configurations import changed
 from tests.servo.conftest import write_servo_bag
 
 
@@ -55,11 +56,8 @@ def test_diagnosis_takes_the_torque_of_the_law(servo_folder, tmp_path):
 
 def test_efforts_are_not_ignored(servo_folder):
     configuration = load_configuration(servo_folder / "servo_arm.yaml")
-    other = configuration.signals.model_copy(update={"effort": None})
     with pytest.raises(UsageError, match="idim-iv identify"):
-        identify_servos(
-            servo_folder / "run.mcap", configuration.model_copy(update={"signals": other})
-        )
+        identify_servos(servo_folder / "run.mcap", changed(configuration, "signals", effort=None))
 
 
 def test_identify_without_a_law_names_the_command_that_finds_it(servo_folder, run):  # noqa: F811

@@ -128,14 +128,6 @@ def test_documentation_has_the_parameters_of_what_is_simulated(cause):
         assert re.search(rf"\b{spec.name}\b", cell), spec.name
 
 
-def test_simulation_names_no_effect():
-    """What an effect is stands in its file alone."""
-    folder = Path(__file__).parents[2] / "idim_iv_ros" / "simulation"
-    for path in folder.glob("*.py"):
-        quoted = set(re.findall(r"[\"'](\w+)[\"']", path.read_text()))
-        assert not quoted & {cause.name for cause in CAUSES}
-
-
 @dataclasses.dataclass(frozen=True)
 class Case:
     """Shape and coefficients of one effect; rms of the difference as a share of the effect's."""

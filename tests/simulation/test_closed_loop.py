@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
-from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
 from tests.simulation.laws import commanded, driven, followed, pd, torque
 from tests.simulation.trees import TREES, random_robot
 
@@ -86,8 +86,13 @@ def test_acceleration_belongs_to_the_torque_on_the_joints(arm):
     np.testing.assert_allclose(needed[moving], result.applied_torque[moving], atol=1e-9)
 
 
-def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
-    whole, motion = followed(arm), followed(arm, accelerations=False)
+STRIBECK = SimulatedEffect("stribeck", "joint_1", {"excess": 1.2, "speed": 0.15, "exponent": 1.4})
+
+
+@pytest.mark.parametrize("effects", [(), (STRIBECK,)], ids=["none", "stribeck"])
+def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm, effects):
+    """Joints at rest are judged by the torque that holds them, which a recorded sample changes."""
+    whole, motion = followed(arm, *effects), followed(arm, *effects, accelerations=False)
     assert motion.acceleration.shape == (0, 7)
     for name in ("position", "velocity", "torque", "applied_torque"):
         np.testing.assert_array_equal(getattr(motion, name), getattr(whole, name))

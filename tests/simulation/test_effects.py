@@ -32,15 +32,6 @@ def surplus(arm, result, parameters=None):
     return (result.applied_torque - needed)[moving], moving
 
 
-def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
-    """Joints at rest are judged by the torque that holds them, which a recorded sample changes."""
-    effects = [on(0, "stribeck", excess=1.2, speed=0.15, exponent=1.4)]
-    whole, motion = followed(arm, *effects), followed(arm, *effects, accelerations=False)
-    assert motion.acceleration.shape == (0, 2)
-    np.testing.assert_array_equal(motion.position, whole.position)
-    np.testing.assert_array_equal(motion.torque, whole.torque)
-
-
 FORMULAS = {
     "stribeck": (
         {"excess": 1.2, "speed": 0.15, "exponent": 1.4},
@@ -124,33 +115,24 @@ def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
     assert np.abs(result.position - plain.position).max() > 1e-4
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_coupling_opposes_the_sum_or_difference_of_two_speeds_on_both_joints(arm, direction):
-    coupling = {"direction": direction, "coulomb": 0.9, "viscous": 0.2}
-    result = followed(arm, on(1, "joint_coupling", "joint_1", **coupling))
-    extra, moving = surplus(arm, result)
-    w = result.velocity[moving, 1] + direction * result.velocity[moving, 0]
-    f = 0.9 * np.sign(w) + 0.2 * w
-    slipping = w != 0.0
-    expected = np.column_stack([direction * f, f])
-    np.testing.assert_allclose(extra[slipping], expected[slipping], atol=1e-9)
-    assert slipping.sum() > 2000
-
-
 @pytest.mark.parametrize(
-    ("coulomb", "viscous", "power"),
-    [(0.3, 0.4, 0.5), (0.0, 0.6, 0.7), (0.2, 0.3, 1.6), (-0.2, 0.5, 1.3), (0.6, -0.2, 0.8)],
-)
-def test_coupling_with_a_power_resists_with_the_sum_of_its_parts(arm, coulomb, viscous, power):
-    """A part with the other sign is taken from it: the sum is kept from driving."""
-    parts = {"direction": -1.0, "coulomb": coulomb, "viscous": viscous, "power": power}
+    ("direction", "coulomb", "viscous", "power"),
+    [
+        (1.0, 0.9, 0.2, 1.0), (-1.0, 0.9, 0.2, 1.0), (-1.0, 0.3, 0.4, 0.5), (-1.0, 0.0, 0.6, 0.7),
+        (-1.0, 0.2, 0.3, 1.6), (-1.0, -0.2, 0.5, 1.3), (-1.0, 0.6, -0.2, 0.8),
+    ],
+)  # fmt: skip
+def test_coupling_resists_with_the_sum_of_its_parts(arm, direction, coulomb, viscous, power):
+    """At both joints; a part with the other sign is taken from it: the sum is kept from driving."""
+    parts = {"direction": direction, "coulomb": coulomb, "viscous": viscous, "power": power}
     result = followed(arm, on(0, "joint_coupling", "joint_2", **parts))
     extra, moving = surplus(arm, result)
-    w = result.velocity[moving, 0] - result.velocity[moving, 1]
+    w = result.velocity[moving, 0] + direction * result.velocity[moving, 1]
     f = np.maximum(coulomb + viscous * np.abs(w) ** power, 0.0) * np.sign(w)
     slipping = w != 0.0
     assert slipping.sum() > 2000
-    np.testing.assert_allclose(extra[slipping], np.column_stack([f, -f])[slipping], atol=1e-8)
+    expected = np.column_stack([f, direction * f])
+    np.testing.assert_allclose(extra[slipping], expected[slipping], atol=1e-8)
 
 
 def torque_of_motor(arm, result):
@@ -279,46 +261,33 @@ def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
 
 
 @pytest.mark.parametrize(
-    ("effect", "words"),
+    ("effect", "joint", "other", "parameters", "words"),
     [
-        (SimulatedEffect("warp", "joint_1", {}), ["warp", "stribeck"]),
-        (SimulatedEffect("stribeck", "joint_1", {"speed": 0.1, "sped": 1.0}), ["stribeck", "sped"]),
-        (SimulatedEffect("stribeck", "joint_1", {"excess": 0.1}), ["stribeck", "speed is missing"]),
-        (SimulatedEffect("stribeck", "joint_1", {"speed": 0.0}), ["speed", "positive"]),
-        (SimulatedEffect("stribeck", "joint_1", {"speed": float("nan")}), ["speed", "finite"]),
-        (SimulatedEffect("stribeck", "joint_9", {"speed": 1.0}), ["joint_9", "joint_1"]),
-        (SimulatedEffect("stribeck", None, {"speed": 1.0}), ["joint is missing"]),
-        (SimulatedEffect("presliding", "joint_1", {"span_2": 1.0}), ["level_2 is missing"]),
-        (SimulatedEffect("presliding", "joint_1", {"span": 1.0}), ["unknown parameter span"]),
-        (SimulatedEffect("joint_coupling", "joint_1", {}), ["other_joint"]),
-        (SimulatedEffect("joint_coupling", "joint_1", {}, "joint_1"), ["other_joint"]),
-        (
-            SimulatedEffect("joint_coupling", "joint_1", {"direction": 2.0}, "joint_2"),
-            ["direction", "1 or -1"],
-        ),
-        (SimulatedEffect("spring", "joint_1", {"hardening": 2.0}), ["hardening", "0 or 1"]),
-        (SimulatedEffect("spring", "joint_1", {"width": 0.0}), ["width", "positive"]),
-        (
-            SimulatedEffect("load_dependent_friction", "joint_1", {"motor_torque": 0.5}),
-            ["motor_torque", "0 or 1"],
-        ),
-        (
-            SimulatedEffect(
-                "load_dependent_friction", "joint_1", {"motor_torque": 1.0, "static_torque": 1.0}
-            ),
-            ["motor_torque", "static_torque"],
-        ),
-        (SimulatedEffect("controller_mismatch", "joint_1", {"lag": -1e-3}), ["lag", "negative"]),
-        (SimulatedEffect("time_delay", "joint_1", {"delay": -1.0}), ["delay", "negative"]),
-        (SimulatedEffect("elasticity", "joint_1", {"stiffness": -1.0}), ["stiffness", "positive"]),
-        (
-            SimulatedEffect("spring", "joint_1", {"lowest": 1.0, "highest": 0.0}),
-            ["lowest is not below highest"],
-        ),
+        ("warp", "joint_1", None, {}, ["warp", "stribeck"]),
+        ("stribeck", "joint_1", None, {"speed": 0.1, "sped": 1.0}, ["stribeck", "sped"]),
+        ("stribeck", "joint_1", None, {"excess": 0.1}, ["stribeck", "speed is missing"]),
+        ("stribeck", "joint_1", None, {"speed": 0.0}, ["speed", "positive"]),
+        ("stribeck", "joint_1", None, {"speed": float("nan")}, ["speed", "finite"]),
+        ("stribeck", "joint_9", None, {"speed": 1.0}, ["joint_9", "joint_1"]),
+        ("stribeck", None, None, {"speed": 1.0}, ["joint is missing"]),
+        ("presliding", "joint_1", None, {"span_2": 1.0}, ["level_2 is missing"]),
+        ("presliding", "joint_1", None, {"span": 1.0}, ["unknown parameter span"]),
+        ("joint_coupling", "joint_1", None, {}, ["other_joint"]),
+        ("joint_coupling", "joint_1", "joint_1", {}, ["other_joint"]),
+        ("joint_coupling", "joint_1", "joint_2", {"direction": 2.0}, ["direction", "1 or -1"]),
+        ("spring", "joint_1", None, {"hardening": 2.0}, ["hardening", "0 or 1"]),
+        ("spring", "joint_1", None, {"width": 0.0}, ["width", "positive"]),
+        ("spring", "joint_1", None, {"lowest": 1.0, "highest": 0.0}, ["lowest", "highest"]),
+        ("load_dependent_friction", "joint_1", None, {"motor_torque": 0.5}, ["motor_torque", "0"]),
+        ("load_dependent_friction", "joint_1", None, {"motor_torque": 1.0, "static_torque": 1.0},
+         ["motor_torque", "static_torque"]),
+        ("controller_mismatch", "joint_1", None, {"lag": -1e-3}, ["lag", "negative"]),
+        ("time_delay", "joint_1", None, {"delay": -1.0}, ["delay", "negative"]),
+        ("elasticity", "joint_1", None, {"stiffness": -1.0}, ["stiffness", "positive"]),
     ],
-)
-def test_what_cannot_be_simulated_is_named(arm, effect, words):
+)  # fmt: skip
+def test_what_cannot_be_simulated_is_named(arm, effect, joint, other, parameters, words):
     with pytest.raises(UsageError) as refused:
-        followed(arm, effect)
+        followed(arm, SimulatedEffect(effect, joint, parameters, other))
     for word in words:
         assert word in str(refused.value)

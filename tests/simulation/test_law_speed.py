@@ -42,9 +42,7 @@ EFFECTS = {
 
 @pytest.mark.parametrize("effects", EFFECTS)
 @pytest.mark.parametrize("factor", [1.0, 0.3])
-def test_commands_are_those_of_a_drive_with_that_filter(
-    arm: SimulatedArm, factor: float, effects: str
-) -> None:
+def test_commands_are_those_of_a_drive_with_that_filter(arm, factor, effects) -> None:
     law = dataclasses.replace(arm.law, period=None, speed_factor=factor)
     result = followed(arm, *EFFECTS[effects], law=law, initial_velocity=pushed(arm))
     assert result.diverged is None

@@ -8,10 +8,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 
 from idim_iv_ros import export
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest, read_urdf_file
 from idim_iv_ros.physical import nearest_physical
 from idim_iv_ros.simulator_files import Exported
@@ -42,10 +44,25 @@ class Case:
         case.path.write_text(case.gap.to_json(), encoding="utf-8")
         return case
 
+    def vector(self, *without: str) -> np.ndarray:
+        """Standard parameters of the result, zero for those whose names begin so."""
+        names = self.model.regressor.layout.names
+        return np.array(
+            [0.0 if name.startswith(without) else self.standard[name] for name in names]
+        )
+
     @property
     def standard(self) -> dict[str, float]:
         assert self.gap.physical is not None
         return self.gap.physical.values
+
+
+def refused(arm: Case, out: Path, match: str) -> None:
+    """Refused in one line, and nothing is written."""
+    with pytest.raises(UsageError, match=match) as refusal:
+        arm.export(out)
+    assert "\n" not in str(refusal.value)
+    assert not out.exists()
 
 
 def bare(text: str, changing: Mapping[str, Sequence[str]]) -> str:

@@ -55,9 +55,7 @@ def read(arm: Case, out: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[SimpleN
     return scope["ROBOT_CFG"], scope["__doc__"]
 
 
-def test_actuators_have_the_values_of_the_result(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_actuators_have_the_values_of_the_result(tmp_path, monkeypatch) -> None:
     arm = case(tmp_path, "arm7")
     robot, words = read(arm, tmp_path / "out", monkeypatch)
     (group,) = robot.actuators.values()
@@ -77,23 +75,15 @@ def test_actuators_have_the_values_of_the_result(
     assert "not run there" in words
 
 
-def test_a_delay_is_in_physics_steps_and_one_group_for_each_length(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arm = case(tmp_path, "arm7", [cause("time_delay", "joint_3", delay=0.0042)])
+def test_a_delay_is_in_physics_steps_and_what_has_no_field_is_said(tmp_path, monkeypatch) -> None:
+    """Joints of one delay are a group."""
+    late = cause("time_delay", "joint_3", delay=0.0042)
+    arm = case(tmp_path, "arm7", [late, cause("stribeck", "joint_2", excess=1.25, speed=0.1)])
     robot, words = read(arm, tmp_path / "out", monkeypatch)
     assert arm.configuration.controller.period == 0.001
-    late = robot.actuators["delayed_4"]
-    assert late.joint_names_expr == ["joint_3"]
-    assert late.min_delay == late.max_delay == 4
+    group = robot.actuators["delayed_4"]
+    assert group.joint_names_expr == ["joint_3"]
+    assert group.min_delay == group.max_delay == 4
     assert robot.actuators["delayed_0"].max_delay == 0
-    assert "feedback included" in words
-
-
-def test_what_has_no_field_is_said_with_its_numbers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arm = case(tmp_path, "arm7", [cause("stribeck", "joint_2", excess=1.25, speed=0.1)])
-    _, words = read(arm, tmp_path / "out", monkeypatch)
-    assert "stribeck at joint_2: excess 1.25, speed 0.1; write an actuator class" in words
+    assert "stribeck at joint_2: excess 1.25, speed 0.1" in words
     assert f"joint_1 {arm.standard['off1']:.6g}" in words

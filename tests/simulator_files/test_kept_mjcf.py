@@ -19,7 +19,7 @@ from idim_iv_ros.model import build_inverse_model, read_urdf_file
 from idim_iv_ros.simulator_files.mjcf_kept import with_included
 from tests.model.mjcf_robots import ARMS, GEN3
 from tests.model.test_mjcf import ARM2, simulator
-from tests.simulator_files.cases import CHANGING, Case, bare, case, cause
+from tests.simulator_files.cases import CHANGING, Case, bare, case, cause, refused
 
 # Each with one joint to a body.
 ONE_EACH = ("ur5e", "panda", "iiwa14", "xarm7")
@@ -39,11 +39,6 @@ def two_joints(folder: Path, text: str, causes=()) -> Case:
     return arm_of(folder, text, ("joint_1", "joint_2"), causes)
 
 
-def standard_of(arm: Case, *without: str) -> np.ndarray:
-    names = arm.model.regressor.layout.names
-    return np.array([0.0 if name.startswith(without) else arm.standard[name] for name in names])
-
-
 def assert_same_torques(arm: Case, text: str, start_of: str) -> None:
     """MuJoCo's inverse dynamics against the regressor; dry friction is a constraint there."""
     model, before = simulator(text), simulator(start_of)
@@ -52,7 +47,7 @@ def assert_same_torques(arm: Case, text: str, start_of: str) -> None:
     data, joints = mujoco.MjData(model), arm.model.robot.joints
     place = [model.joint(joint).qposadr[0] for joint in joints]
     dofs = [model.joint(joint).dofadr[0] for joint in joints]
-    random, standard = np.random.default_rng(4), standard_of(arm, "Fc", "off")
+    random, standard = np.random.default_rng(4), arm.vector("Fc", "off")
     for _ in range(20):
         q, dq, ddq = random.uniform(-2.0, 2.0, (3, len(joints)))
         data.qpos[:] = before.key_qpos[0] if before.nkey else before.qpos0
@@ -66,9 +61,7 @@ def assert_same_torques(arm: Case, text: str, start_of: str) -> None:
 
 
 @pytest.mark.parametrize("name", ONE_EACH)
-def test_inverse_dynamics_in_mujoco_are_the_regressor_times_the_parameters(
-    name: str, tmp_path: Path
-) -> None:
+def test_inverse_dynamics_in_mujoco_are_the_regressor_times_the_parameters(name, tmp_path) -> None:
     text, joints, _ = ARMS[name]
     arm = arm_of(tmp_path, text, joints)
     made = arm.export(tmp_path / "out")
@@ -143,7 +136,7 @@ def test_as_nominal_model_it_has_the_base_parameters_of_the_result(tmp_path: Pat
     made = arm.export(tmp_path / "out")
     again = build_inverse_model(configured(made.mjcf, joints), read_urdf_file(made.mjcf), "again")
     offsets = [name.startswith("off") for name in arm.model.base.names]
-    expected = arm.model.base.from_standard(standard_of(arm))
+    expected = arm.model.base.from_standard(arm.vector())
     assert again.base.names == arm.model.base.names
     np.testing.assert_allclose(again.given[~np.array(offsets)], expected[~np.array(offsets)], rtol=1e-6, atol=1e-7)  # fmt: skip
 
@@ -192,13 +185,6 @@ def test_effects_are_all_for_the_callbacks(tmp_path: Path) -> None:
     assert not any(entry["native"] for entry in effects)
     page = made.changes.read_text(encoding="utf-8")
     assert "URDF" not in page.replace("needs a URDF", "") and "torque_offset: [" in page
-
-
-def refused(arm: Case, out: Path, match: str) -> None:
-    with pytest.raises(UsageError, match=match) as refusal:
-        arm.export(out)
-    assert "\n" not in str(refusal.value)
-    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -260,9 +246,7 @@ def test_files_that_cannot_be_included_are_refused(inner: str, tmp_path: Path) -
         ),
     ],
 )
-def test_bodies_and_values_without_a_place_are_refused(
-    changes: dict[str, str], words: str, tmp_path: Path
-) -> None:
+def test_bodies_and_values_without_a_place_are_refused(changes, words, tmp_path) -> None:
     text = ARM2
     for old, new in changes.items():
         assert old in text

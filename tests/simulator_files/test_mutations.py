@@ -24,13 +24,13 @@ CAUSES = (
 READ = ("physical", "causes", "kinematics", "joints", "why_no_physical", "format")
 
 
-def places(content: Any, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     """Keys that lead to every value."""
     keys = content.keys() if isinstance(content, dict) else range(len(content))
     for key in keys:
-        yield (*above, key)
+        yield (*path, key)
         if isinstance(content[key], dict | list):
-            yield from places(content[key], (*above, key))
+            yield from places(content[key], (*path, key))
 
 
 @pytest.mark.parametrize("seed", range(4))

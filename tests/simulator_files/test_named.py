@@ -135,9 +135,7 @@ def test_what_remains_stays_where_a_cause_is_left_out(arm: Case, tmp_path: Path)
 
 
 @pytest.mark.parametrize("covariance", [None, np.eye(2), np.full((2, 2), np.nan)])
-def test_what_remains_needs_the_covariance_of_the_estimate(
-    arm: Case, covariance: np.ndarray | None, tmp_path: Path
-) -> None:
+def test_what_remains_needs_the_covariance_of_the_estimate(arm, covariance, tmp_path) -> None:
     assert arm.gap.physical is not None
     other = arm.with_gap(physical=replace(arm.gap.physical, covariance=covariance))
     with pytest.raises(UsageError, match=r"physical\.covariance is not that of the \d+ base"):
@@ -145,9 +143,7 @@ def test_what_remains_needs_the_covariance_of_the_estimate(
 
 
 @pytest.mark.parametrize("effect", ["torque_gain", "gravity_direction"])
-def test_what_remains_is_not_spread_beside_what_is_no_number_of_a_body(
-    effect: str, tmp_path: Path
-) -> None:
+def test_what_remains_is_not_spread_beside_what_is_no_number_of_a_body(effect, tmp_path) -> None:
     arm = case(tmp_path, "arm2", [parametric(effect, None, 1e-3, gain=1.1)])
     with pytest.raises(UsageError, match=f"beside {effect}.*leave out --remainder"):
         arm.export(tmp_path / "out", refit=False, remainder=True)
@@ -233,9 +229,7 @@ def test_gravity_that_is_turned_is_in_a_model_made_from_a_urdf(tmp_path: Path) -
         ({"remainder": True, "refit": True}, "one dense refit names no causes"),
     ],
 )
-def test_unknown_causes_are_refused_in_one_line(
-    arm: Case, tmp_path: Path, options: dict[str, Any], words: str
-) -> None:
+def test_unknown_causes_are_refused_in_one_line(arm, tmp_path, options, words) -> None:
     with pytest.raises(UsageError, match=words) as refused:
         arm.export(tmp_path / "out", **{"refit": False} | options)
     assert "\n" not in str(refused.value) and not (tmp_path / "out").exists()

@@ -44,9 +44,7 @@ def drawn(
     return model, [sample(model, random) for _ in range(DRAWS)]
 
 
-def test_draws_are_bodies_about_the_exported_ones(
-    arm: Case, drawn: tuple[mujoco.MjModel, list[mujoco.MjModel]]
-) -> None:
+def test_draws_are_bodies_about_the_exported_ones(arm, drawn) -> None:
     model, draws = drawn
     masses = np.array([drawn.body_mass for drawn in draws])
     present = model.body_mass > 0.0
@@ -60,9 +58,7 @@ def test_draws_are_bodies_about_the_exported_ones(
         assert np.all(moments[:, 2] <= moments[:, :2].sum(axis=1) * (1.0 + 1e-9))
 
 
-def test_what_the_recording_shows_hardly_varies(
-    drawn: tuple[mujoco.MjModel, list[mujoco.MjModel]],
-) -> None:
+def test_what_the_recording_shows_hardly_varies(drawn) -> None:
     """Torques stay within 2 %, the covariance's, though parts of them vary by more."""
     _, draws = drawn
     random = np.random.default_rng(1)

@@ -26,9 +26,7 @@ def decorated(tmp_path: Path) -> Case:
     return case(tmp_path, configured(urdf, ["shoulder", "elbow"]))
 
 
-def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(
-    tmp_path: Path,
-) -> None:
+def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(tmp_path) -> None:
     """Seven joints, pinocchio's own reader and RNEA; friction and drives by hand."""
     arm = case(tmp_path, "arm7")
     made = arm.export(tmp_path / "out")
@@ -48,13 +46,6 @@ def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(
     np.testing.assert_allclose(
         np.array(exported) + drives + of_kind["off"], expected, rtol=0.0, atol=1e-5
     )
-
-
-def test_damping_and_friction_are_those_of_the_result(decorated: Case, tmp_path: Path) -> None:
-    text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")
-    model = pin.buildModelFromXML(text)
-    expected = [decorated.standard["Fv1"], decorated.standard["Fv2"]]
-    np.testing.assert_allclose(model.damping, expected, rtol=1e-7)
 
 
 def test_inertials_and_dynamics_change_and_nothing_else(decorated: Case, tmp_path: Path) -> None:
@@ -81,12 +72,14 @@ def test_windows_line_ends_stay(tmp_path: Path) -> None:
     assert content.count(b"\n") == content.count(b"\r\n")
 
 
-def test_what_is_fixed_to_a_link_keeps_its_inertial(decorated: Case, tmp_path: Path) -> None:
+def test_numbers_are_those_of_the_result_and_what_is_fixed_to_a_link_stays(decorated, tmp_path):
     """The camera's mass is taken out of what the shoulder carries, and the sum is the result."""
     text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")
     model = pin.buildModelFromXML(text)
+    standard = decorated.standard
+    np.testing.assert_allclose(model.damping, [standard["Fv1"], standard["Fv2"]], rtol=1e-7)
     masses = [inertia.mass for inertia in model.inertias][1:]
-    np.testing.assert_allclose(masses, [decorated.standard["M1"], decorated.standard["M2"]])
+    np.testing.assert_allclose(masses, [standard["M1"], standard["M2"]])
     assert '<mass value="0.2"/>' in text
 
 
@@ -112,9 +105,7 @@ def test_the_input_is_never_written_over(decorated: Case, tmp_path: Path) -> Non
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(
-    tmp_path: Path,
-) -> None:
+def test_a_load_that_is_heavier_than_the_joint_carries_changes_with_the_link(tmp_path) -> None:
     """The URDF says 0.2 kg of camera; the same result with 5 kg of it in the file is no link."""
     text = DECORATED.read_text(encoding="utf-8")
     heavy = text.replace('<mass value="0.2"/>', '<mass value="5.0"/>')

@@ -72,40 +72,24 @@ def test_the_torque_of_an_effect_is_that_of_its_formula(name: str) -> None:
         assert opposing(model, active, q, dq) == pytest.approx(expected, rel=2e-3, abs=2e-3)
 
 
-def test_friction_that_depends_on_load_sees_the_torque_of_the_links() -> None:
-    effect = on("load_dependent_friction", driving=0.1, driven=0.04)
-    model = pendulum(effect)
-    active = Effects(model, [effect])
-    data = mujoco.MjData(model)
-    for q, dq in ((0.3, 1.0), (0.3, -1.0), (2.9, 1.0)):
-        data.qpos[0], data.qvel[:] = q, 0.0
-        mujoco.mj_forward(model, data)
-        gravity = float(data.qfrc_bias[0])
-        data.qvel[0] = dq
-        # Torque of the links with the acceleration that the step before had: none, but for dq.
-        mujoco.mj_forward(model, data)
-        load = np.empty(2)
-        mujoco.mj_rne(model, data, 1, load)
-        share = 0.1 if load[0] * dq > 0.0 else 0.04
-        assert abs(gravity) > 5.0
-        expected = 0.4 * dq + np.sign(dq) * (1.5 + share * abs(load[0]))
-        assert opposing(model, active, q, dq) == pytest.approx(expected, rel=2e-3)
-
-
-def test_friction_that_depends_on_static_load_sees_no_accelerations() -> None:
-    effect = on("load_dependent_friction", driving=0.1, driven=0.04, static_torque=1.0)
+@pytest.mark.parametrize("static", [False, True])
+def test_friction_that_depends_on_load_sees_the_torque_of_the_links_or_gravity(static) -> None:
+    """Static load has no accelerations; the other has those of the step before."""
+    numbers = {"driving": 0.1, "driven": 0.04} | ({"static_torque": 1.0} if static else {})
+    effect = on("load_dependent_friction", **numbers)
     model = pendulum(effect)
     active = Effects(model, [effect])
     for q, dq in ((0.3, 1.0), (0.3, -1.0), (2.9, 1.0)):
-        still = mujoco.MjData(model)
-        still.qpos[0], still.qvel[0] = q, dq
-        mujoco.mj_forward(model, still)
-        load = np.empty(2)
-        mujoco.mj_rne(model, still, 1, load)
-        static = float(still.qfrc_bias[0])
-        assert abs(load[0] - static) > 1.0
-        share = 0.1 if static * dq > 0.0 else 0.04
-        expected = 0.4 * dq + np.sign(dq) * (1.5 + share * abs(static))
+        data = mujoco.MjData(model)
+        data.qpos[0], data.qvel[0] = q, dq
+        mujoco.mj_forward(model, data)
+        moving = np.empty(2)
+        mujoco.mj_rne(model, data, 1, moving)
+        still = float(data.qfrc_bias[0])
+        assert abs(moving[0] - still) > 1.0
+        load = still if static else float(moving[0])
+        share = 0.1 if load * dq > 0.0 else 0.04
+        expected = 0.4 * dq + np.sign(dq) * (1.5 + share * abs(load))
         assert opposing(model, active, q, dq) == pytest.approx(expected, rel=2e-3)
 
 

@@ -16,12 +16,12 @@ from idim_iv_ros.signals import joint_side
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.simulators.recording import simulate
 from idim_iv_ros.simulators.robot import simulated_robot
+from tests.configurations import changed
 
 
 def configured(name: str, **simulated: object) -> Configuration:
     configuration = load_configuration(CONFIG / f"{name}.yaml")
-    section = configuration.simulated_robot.model_copy(update=simulated)
-    return configuration.model_copy(update={"simulated_robot": section})
+    return changed(configuration, "simulated_robot", **simulated)
 
 
 def robot_of(configuration: Configuration):

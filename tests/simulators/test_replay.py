@@ -1,11 +1,13 @@
 """Recordings of the project's own simulator, replayed in MuJoCo."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from bags import simulated_arms
@@ -118,9 +120,7 @@ def test_the_plant_has_the_torques_of_the_model_with_any_base_parameters(name: s
     assert torques + dry == pytest.approx(by_regressor, abs=1e-8)
 
 
-def test_errors_shrink_from_nominal_over_corrected_to_the_noise(
-    bag: Path, truth: Path, configuration: Configuration
-) -> None:
+def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, configuration) -> None:
     result = replay_bags(bag, configuration, effects=truth)
     assert [stage.name for stage in result.stages] == ["nominal", "corrected", "with effects"]
     nominal, corrected, affected = (stage.tracking for stage in result.stages)
@@ -139,12 +139,10 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(
     assert ReplayResult.from_json(text, "replay.json").to_json() == text
 
 
-def test_an_mjcf_is_the_corrected_model(
-    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_an_mjcf_is_the_corrected_model(bag, truth, configuration, tmp_path) -> None:
     """The true arm in a file with actuators of its own, which the law takes the place of."""
     arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
+    text = mjcf(arm.truth)
     path = tmp_path / "arm2.xml"
     path.write_text(text, encoding="utf-8")
     result = replay_bags(bag, configuration, model=path, effects=truth)
@@ -155,12 +153,10 @@ def test_an_mjcf_is_the_corrected_model(
     assert tracking["joint_1"].over_noise < 1.0 and tracking["joint_2"].over_noise < 5.0
 
 
-def test_the_nominal_model_is_the_users_own_mjcf(
-    bag: Path, truth: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_path) -> None:
     """Actuators of the replay are motors, whatever the defaults of the file."""
     arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth.inertial, inverse_model(configuration), arm.truth)
+    text = mjcf(arm.truth)
     default = '<default><general ctrlrange="-1 1" biastype="affine" biasprm="0 -9"/></default>'
     path, effects = tmp_path / "arm2.xml", tmp_path / "stribeck.json"
     path.write_text(text.replace("<mujoco>", f"<mujoco>{default}"), encoding="utf-8")
@@ -198,9 +194,7 @@ def test_recordings_of_the_fit_are_left_out_where_there_are_others(
     assert low < after["length"] < low + interval["length"] < 20.0
 
 
-def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(
-    truth: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(truth, configuration, tmp_path):
     bag = recorded_arm(tmp_path / "forward.mcap", feedforward=40.0)
     result = replay_bags(bag, configuration, effects=truth)
     assert any("commands more than its gains" in note for note in result.notes)
@@ -209,35 +203,27 @@ def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(
     assert nominal["joint_1"].over_noise > 20.0 and best["joint_1"].over_noise < 5.0
 
 
-def mjcf(inertial: np.ndarray, model: InverseModel, parameters: DynamicParameters) -> str:
-    """Text of an MJCF with inertias about the centres of mass."""
-    values = nearest_parameters(
-        model, model.base.from_standard(model.regressor.layout.vector(parameters))
-    )
-    bodies, ends = "", ""
-    for k, (pos, with_mjcf) in enumerate(
-        (("0 0 0.6", inertial[0]), ("0.42 0 0", inertial[1])), start=1
-    ):
-        mass, centre = with_mjcf[0], with_mjcf[1:4] / with_mjcf[0]
-        xx, xy, yy, xz, yz, zz = with_mjcf[4:]
-        origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+def mjcf(truth: DynamicParameters) -> str:
+    """Text of an MJCF of the arm with inertias about the centres of mass."""
+    bodies = ""
+    for k, place in enumerate(("0 0 0.6", "0.42 0 0")):
+        link = pin.Inertia.FromDynamicParameters(truth.inertial[k])
         # Of a planar arm only the moment about the axis counts; the others need only be possible.
-        moment = about[1, 1]
+        moment = 3 * [link.inertia[1, 1]]
         bodies += (
-            f'<body name="l{k}" pos="{pos}"><inertial mass="{mass:.15g}" '
-            f'pos="{" ".join(f"{c:.15g}" for c in centre)}" '
-            f'diaginertia="{moment:.15g} {moment:.15g} {moment:.15g}"/>'
-            f'<joint name="joint_{k}" axis="0 1 0" '
-            f'armature="{parameters.drive_inertia[k - 1]:.15g}" '
-            f'damping="{values.viscous[k - 1]:.15g}" '
-            f'frictionloss="{values.coulomb[k - 1]:.15g}"/>'
+            f'<body name="l{k}" pos="{place}"><inertial mass="{link.mass:.15g}" '
+            f'pos="{written(link.lever)}" diaginertia="{written(moment)}"/>'
+            f'<joint name="joint_{k + 1}" axis="0 1 0" armature="{truth.drive_inertia[k]:.15g}" '
+            f'damping="{truth.viscous[k]:.15g}" frictionloss="{truth.coulomb[k]:.15g}"/>'
         )
-        ends += "</body>"
     return (
-        f'<mujoco><worldbody>{bodies}{ends}</worldbody><actuator><position joint="joint_1" '
+        f'<mujoco><worldbody>{bodies}</body></body></worldbody><actuator><position joint="joint_1" '
         'kp="7"/></actuator><keyframe><key name="home" qpos="0 0" ctrl="0"/></keyframe></mujoco>'
     )
+
+
+def written(numbers: Iterable[float]) -> str:
+    return " ".join(f"{number:.15g}" for number in numbers)
 
 
 OTHER = '<mujoco><worldbody><body><joint name="elbow"/><geom size="1"/></body></worldbody></mujoco>'
@@ -255,9 +241,7 @@ MORE = OTHER.replace("elbow", "joint_1").replace(
         (None, "cannot read the MJCF: No such file"),
     ],
 )
-def test_a_model_of_another_robot_is_refused(
-    text: str | None, words: str, bag: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_a_model_of_another_robot_is_refused(text, words, bag, configuration, tmp_path) -> None:
     path = tmp_path / "other.xml"
     if text is not None:
         path.write_text(text, encoding="utf-8")
@@ -266,9 +250,7 @@ def test_a_model_of_another_robot_is_refused(
     assert "\n" not in str(refused.value)
 
 
-def test_unknown_effects_and_parameters_are_refused(
-    bag: Path, configuration: Configuration, tmp_path: Path
-) -> None:
+def test_unknown_effects_and_parameters_are_refused(bag, configuration, tmp_path) -> None:
     for content, words in (
         ({"effects": [{"effect": "warp", "joint": "joint_1"}]}, "warp is not an effect"),
         ({"base_parameters": {"ZZ9": 1.0}}, "ZZ9 is not a base parameter"),

@@ -81,9 +81,7 @@ def test_native_effects_are_simulated_once(
     assert rms(native - at_each_step) < 0.02 * rms(without - at_each_step)
 
 
-def test_the_exported_mjcf_is_the_same_nominal_model_as_the_exported_urdf(
-    arm: Case, made: Exported, tmp_path: Path
-) -> None:
+def test_the_exported_mjcf_is_the_same_nominal_model_as_the_exported_urdf(arm, made, tmp_path):
     """Native effects are none of it, and a note says so."""
     given = []
     for key, path in (("urdf", made.urdf), ("mjcf", made.mjcf)):

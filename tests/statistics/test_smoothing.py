@@ -18,9 +18,7 @@ def test_a_smoothed_curve_follows_the_mean() -> None:
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
-def test_the_band_holds_the_mean_in_about_95_percent_though_samples_are_correlated(
-    memory: float,
-) -> None:
+def test_the_band_holds_the_mean_in_about_95_percent_though_samples_are_correlated(memory) -> None:
     random = np.random.default_rng(2)
     time = np.arange(4000) / 50.0
     inside = []

@@ -65,9 +65,7 @@ def test_a_robot_with_another_size_stands_apart_from_its_type() -> None:
         ((0.1, 0.1, 0.6), [2, 1]),
     ],
 )
-def test_robots_have_a_cause_in_common_where_sign_and_size_agree(
-    sizes: tuple[float, ...], groups: list[int]
-) -> None:
+def test_robots_have_a_cause_in_common_where_sign_and_size_agree(sizes, groups) -> None:
     diagnosed = {name: [level(size)] for name, size in zip(ORDINARY, sizes, strict=True)}
     causes = common_causes(diagnosed, ORDINARY)
     assert [len(cause.robots) for cause in causes] == groups
