@@ -21,17 +21,16 @@ from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
 from idim_iv_ros.report.gap_words import (
     effect_at,
-    effect_words,
     small_unit,
     stage_words,
     torque_unit,
 )
 from idim_iv_ros.report.numerals import (
     is_number,
-    measured,
     number,
     percent,
     sentence,
+    with_interval,
     with_unit,
 )
 from idim_iv_ros.report.section import Report, Section
@@ -141,17 +140,8 @@ def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
     """Effect and place, its numbers, in how many folds it was chosen, and why it is a hint."""
     title = effect_at(hint.effect, hint.joint, hint.other_joint)
     numbers = ", ".join(
-        " ".join(
-            filter(
-                None,
-                (
-                    parameter_words(hint.effect, name),
-                    *measured(parameter.value, parameter.std),
-                    parameter.unit,
-                ),
-            )
-        )
-        for name, parameter in surest(hint.parameters, _MOST_NUMBERS).items()
+        f"{parameter_words(hint.effect, name)} {with_interval(by.value, by.std, by.unit)}"
+        for name, by in surest(hint.parameters, _MOST_NUMBERS).items()
     )
     reason = sentence(hint.reason, result.joints)
     return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds or "–", reason
@@ -232,19 +222,9 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     result = report.result
     rest = result.unexplained
     return {
-        "without": ", ".join(effect_words(effect) for effect in result.without),
         "causes": [_card(result, cause) for cause in result.causes],
         "hints": [hint_row(result, hint) for hint in result.hints],
-        "unexplained": rest,
         "family": "" if rest is None else FAMILIES[rest.family],
-        "errors": [
-            (
-                parameter_error.joint,
-                with_unit(parameter_error.remaining, torque_unit(result, parameter_error.joint)),
-                percent(100.0 * parameter_error.share_of_torque),
-            )
-            for parameter_error in result.parameter_errors
-        ],
     }
 
 
@@ -310,14 +290,9 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
     return {
         "badge": contrast_badge(contrast),
         "headline": contrast_headline(result, contrast),
-        "answer": contrast.sentence,
         "steps": contrast_steps(contrast, report.files),
-        "reference": ", ".join(contrast.reference),
-        "against": ", ".join(contrast.against),
         "cards": [_change_card(result, cause) for cause in contrast.causes],
         "joints": contrast_rows(result, contrast),
-        "common": contrast.common,
-        "notes": contrast.notes,
     }
 
 

@@ -179,7 +179,6 @@ TORQUE: Section[Any] = Section("Torque", "torque", "torque.html.j2", _context)
 
 _TRACKING_HEIGHT = 320
 _BUCKETS = 220
-_FEW = 3
 
 
 def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
@@ -205,7 +204,6 @@ def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
             Mark("line", BLUE, f"simulated, after{_stage(result, -1)}"),
         ],
         "plots": plots,
-        "columns": "one" if len(plots) <= _FEW else "two",
     }
 
 

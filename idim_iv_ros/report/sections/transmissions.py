@@ -22,12 +22,11 @@ from idim_iv_ros.report.figures import (
     typed,
 )
 from idim_iv_ros.report.gap_words import small_unit, torque_unit
-from idim_iv_ros.report.numerals import MISSING, THIN, measured, number
+from idim_iv_ros.report.numerals import MISSING, THIN, number, with_interval
 from idim_iv_ros.report.section import Report, Section
 
 _HEIGHT = 280
 _DOTS = 400  # of one direction
-_FEW = 2
 
 
 def _context(report: Report[GapResult]) -> dict[str, Any] | None:
@@ -36,7 +35,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         return None
     by_joint = {transmission.joint: transmission for transmission in result.transmissions}
     plots = [
-        (series.joint, twist_figure(result, series, by_joint[series.joint], index))
+        (series.joint, "", twist_figure(result, series, by_joint[series.joint], index))
         for index, series in enumerate(result.twists)
     ]
     return {
@@ -47,7 +46,6 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
             Mark("line", INK, "load over stiffness, with play"),
         ],
         "plots": plots,
-        "columns": "one" if len(plots) <= _FEW else "two",
     }
 
 
@@ -80,8 +78,7 @@ def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "
     if parameter is None:
         return MISSING
     std = None if parameter.std is None else scale * parameter.std
-    value, half = measured(scale * parameter.value, std)
-    return " ".join(part for part in (value, half, unit or parameter.unit) if part)
+    return with_interval(scale * parameter.value, std, unit or parameter.unit)
 
 
 def twist_figure(
