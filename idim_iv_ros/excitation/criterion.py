@@ -55,9 +55,7 @@ def condition_numbers(
 ) -> ConditionNumbers:
     """Condition numbers of the base regressor over all samples of a motion.
 
-    Parameters
-    ----------
-    torque_limit : (n_joints,) N m (N)
+    - `torque_limit`: (n_joints,) N m (N)
     """
     weighted = weighted_r_factor(model, motion, 1.0 / torque_limit)
     norms = np.linalg.norm(weighted, axis=0)
@@ -108,10 +106,8 @@ def predict_parameters(
     Least squares under white torque noise of standard deviation `torque_noise` · limit at every
     sample: cov = (XᵀΩX)⁻¹ / repeats, Ω = diag(1 / σ_j²). Real errors of the model are larger.
 
-    Parameters
-    ----------
-    torque_limit : (n_joints,) N m (N)
-    torque_noise : share of the torque limit
+    - `torque_limit`: (n_joints,) N m (N)
+    - `torque_noise`: share of the torque limit
 
     Raises
     ------

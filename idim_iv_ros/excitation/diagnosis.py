@@ -59,13 +59,9 @@ def design_diagnosis(
 ) -> Diagnosis:
     """Compose a motion of labelled segments, at rest between them, within all limits.
 
-    Parameters
-    ----------
-    duration
-        Budget, s; at least 90.
-    start
-        (n_joints,) posture about which it moves; None: the middle of the ranges, or where that
-        is below the floor the one of 2,000 postures that is highest above it.
+    - `duration`: budget, s; at least 90
+    - `start`: (n_joints,) posture about which it moves; None: the middle of the ranges, or where
+      that is below the floor the one of 2,000 postures that is highest above it
 
     Raises
     ------

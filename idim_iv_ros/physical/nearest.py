@@ -66,19 +66,12 @@ def nearest_physical(
 ) -> PhysicalParameters:
     """Find the physically consistent parameters nearest to an estimate.
 
-    Parameters
-    ----------
-    robot
-        Its given parameters are the nominal model.
-    values : (b,)
-        β̂.
-    covariance : (b, b)
-        Rows of zeros: not shown by the recording.
-    judge
-        What judges the torque of both; None: not judged.
-    shared
-        Friction parameters that are not bounded, because an effect shares them: only the sum takes
-        energy.
+    - `robot`: its given parameters are the nominal model
+    - `values`: (b,), β̂
+    - `covariance`: (b, b), rows of zeros: not shown by the recording
+    - `judge`: what judges the torque of both; None: not judged
+    - `shared`: friction parameters that are not bounded, because an effect shares them: only the
+      sum takes energy
 
     Raises
     ------
@@ -200,13 +193,9 @@ def nearest_body(
 ) -> FloatArray:
     """Return XX … M (10,) of the body nearest to some of its numbers.
 
-    Parameters
-    ----------
-    link
-        The body that decides what these numbers leave open.
-    places : (k,)
-        Which of XX … M are known.
-    values, std : (k,)
+    - `link`: the body that decides what these numbers leave open
+    - `places`: (k,), which of XX … M are known
+    - `values`, `std`: (k,)
 
     Raises
     ------

@@ -76,12 +76,8 @@ class ReferenceLink:
     def of(cls, given: FloatArray, mass: float, length: float) -> "ReferenceLink":
         """Take the nominal link, with what it lacks of a body.
 
-        Parameters
-        ----------
-        given : (10,)
-            XX … M of the nominal model; zero where it gives none.
-        mass, length
-            Of a link of this robot, kg and m, where the link itself does not say.
+        - `given`: (10,), XX … M of the nominal model; zero where it gives none
+        - `mass`, `length`: of a link of this robot, kg and m, where the link itself does not say
         """
         matrix = pseudo_inertia(given)
         own_mass = matrix[3, 3] if matrix[3, 3] > 0.0 else mass

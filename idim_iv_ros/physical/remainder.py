@@ -87,18 +87,11 @@ def spread_remainder(
 ) -> Remainder:
     """Find the model with the causes that the estimate asks for.
 
-    Parameters
-    ----------
-    estimate, covariance : (b,), (b, b)
-        Base parameters; rows of zeros are not shown.
-    standard : (p,)
-        Of the nominal model with the causes, but for loads.
-    loads
-        The place of the joint that carries each, and XX … M (10,) of it.
-    named
-        Standard parameters that a cause names.
-    unbounded
-        Friction parameters that may be below zero, because an effect shares them.
+    - `estimate`, `covariance`: (b,), (b, b), base parameters; rows of zeros are not shown
+    - `standard`: (p,), of the nominal model with the causes, but for loads
+    - `loads`: the place of the joint that carries each, and XX … M (10,) of it
+    - `named`: standard parameters that a cause names
+    - `unbounded`: friction parameters that may be below zero, because an effect shares them
 
     Raises
     ------

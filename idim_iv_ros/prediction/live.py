@@ -34,18 +34,10 @@ class Prediction:
     """One sample of the curves and the newest shares; see the message of that name.
 
     Arrays are (n_joints,), in N m (N); NaN where there is no number.
-
-    Attributes
-    ----------
-    stamp : int
-        Of the sample, ns; of the newest sample where nothing is predicted, 0 without any.
-    reason : str
-        Why nothing is predicted; empty where something is.
-    measured, predicted, residual, noise_share
     """
 
-    stamp: int
-    reason: str
+    stamp: int  # Of the sample, ns; of the newest sample where nothing is predicted, 0 without any
+    reason: str  # Why nothing is predicted; empty where something is
     measured: FloatArray
     predicted: FloatArray
     residual: FloatArray
@@ -100,12 +92,8 @@ class LivePrediction:
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
         """Take samples in the order of their arrival, as they are recorded.
 
-        Parameters
-        ----------
-        positions, efforts
-            As the topics hold them.
-        now
-            When they arrived, ns.
+        - `positions`, `efforts`: as the topics hold them
+        - `now`: when they arrived, ns
         """
         for (name, stream), new in zip(self._streams.items(), (positions, efforts), strict=True):
             before = stream.reached
@@ -127,10 +115,7 @@ class LivePrediction:
     def newest(self, now: int) -> Prediction:
         """Predict the newest sample that the filters reach.
 
-        Parameters
-        ----------
-        now
-            ns, of the same clock as that of `add`.
+        - `now`: ns, of the same clock as that of `add`
         """
         reason = self._not_usable(now)
         if not reason and self._window is None:

@@ -21,21 +21,12 @@ _RECENT, _OTHER_RATE = 60, 1.3
 
 @dataclass(frozen=True)
 class JointSamples:
-    """Stamped numbers of all joints.
+    """Stamped numbers of all joints."""
 
-    Attributes
-    ----------
-    time : (n,) int
-        ns.
-    values : (n, n_joints)
-        NaN where a joint has none.
-    named : (n, n_joints) bool or None
-        Joints that each sample is about, where parts of the robot have messages of their own; None
-        where every sample is about all of them.
-    """
-
-    time: IntArray
-    values: FloatArray
+    time: IntArray  # (n,) int: ns
+    values: FloatArray  # (n, n_joints): NaN where a joint has none
+    # (n, n_joints) bool or None: Joints that each sample is about, where parts of the robot
+    # have messages of their own; None where every sample is about all of them
     named: BoolArray | None = None
 
     def __len__(self) -> int:

@@ -28,21 +28,13 @@ _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that ch
 
 @dataclass(frozen=True)
 class Sampled:
-    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints).
+    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints)."""
 
-    Attributes
-    ----------
-    rate : float
-        Hz.
-    command, position : (n_samples, …) rad
-    valid : (n_samples, …) bool
-        Whether the position was measured.
-    """
-
-    rate: float
+    rate: float  # Hz
+    # command, position: (n_samples, …) rad
     command: FloatArray
     position: FloatArray
-    valid: BoolArray
+    valid: BoolArray  # (n_samples, …) bool: Whether the position was measured
 
     @property
     def used(self) -> BoolArray:
@@ -54,18 +46,10 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Run(Sampled):
-    """One joint in one recording.
+    """One joint in one recording."""
 
-    Attributes
-    ----------
-    load : Load
-        What the rigid body asks along the motion, (n_samples · finer,) each.
-    gain : float
-        Of the loop, in parts of that for which K is asked.
-    """
-
-    load: Load
-    gain: float = 1.0
+    load: Load  # What the rigid body asks along the motion, (n_samples · finer,) each
+    gain: float = 1.0  # Of the loop, in parts of that for which K is asked
 
     @property
     def finer(self) -> int:
@@ -96,12 +80,9 @@ def followed(
 ) -> FloatArray:
     """Position and speed (2, n_samples, n_joints) of joints that follow commands from rest.
 
-    Parameters
-    ----------
-    drives, load, command, rate, gain
-        Of `simulate_joints`; `load` is its mass, torque, slope and along.
-    start
-        Positions (n_joints,) at the first sample, rad.
+    - `drives`, `load`, `command`, `rate`, `gain`: of `simulate_joints`; `load` is its mass, torque,
+      slope and along
+    - `start`: positions (n_joints,) at the first sample, rad
     """
     steps = int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
     motion = np.empty((2, *command.shape))
@@ -122,23 +103,12 @@ def followed(
 
 @dataclass(frozen=True)
 class DriveEstimate:
-    """Parameters of one servo, divided by its stiffness, with their covariance.
-
-    Attributes
-    ----------
-    drive : Drive
-    covariance : (8, 8)
-        In the order of `PARAMETERS`; zero where a parameter was given.
-    residual : float
-        Root mean square of measured less simulated position, rad.
-    blocks : int
-        That the covariance rests on.
-    """
+    """Parameters of one servo, divided by its stiffness, with their covariance."""
 
     drive: Drive
-    covariance: FloatArray
-    residual: float
-    blocks: int
+    covariance: FloatArray  # (8, 8): In the order of `PARAMETERS`; zero where a parameter was given
+    residual: float  # Root mean square of measured less simulated position, rad
+    blocks: int  # That the covariance rests on
 
     @property
     def free(self) -> list[str]:
@@ -165,18 +135,11 @@ def fit_drive(
 ) -> DriveEstimate:
     """Fit the free parameters to all runs at once.
 
-    Parameters
-    ----------
-    start
-        Where the search begins, and the value of what is not free.
-    free
-        Of `PARAMETERS`.
-    scale
-        (8,) what is large for a parameter, in its unit.
-    iterations
-        At most.
-    tolerance
-        Share by which the cost must fall for another iteration.
+    - `start`: where the search begins, and the value of what is not free
+    - `free`: of `PARAMETERS`
+    - `scale`: (8,) what is large for a parameter, in its unit
+    - `iterations`: at most
+    - `tolerance`: share by which the cost must fall for another iteration
     """
     places = [PARAMETERS.index(name) for name in free]
     first = np.array(start, dtype=float)
@@ -268,10 +231,7 @@ def block_covariance(
 def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
     """Factor of the gain or of the load of one run that suits a drive found on others.
 
-    Parameters
-    ----------
-    what
-        ``gain`` or ``load``.
+    - `what`: ``gain`` or ``load``
 
     Returns
     -------

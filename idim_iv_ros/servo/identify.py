@@ -113,10 +113,7 @@ def fit_joint(
 
     They are there if the evidence of the blocks says so (BIC, with a block for a sample).
 
-    Parameters
-    ----------
-    start
-        Of an earlier fit to the same recordings, which decided what is there; None: decide.
+    - `start`: of an earlier fit to the same recordings, which decided what is there; None: decide
     """
     scale = scales(runs)
     if start is not None:

@@ -29,20 +29,11 @@ Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 @dataclass(frozen=True)
 class Motion(Sampled):
-    """One recording of all joints.
-
-    Attributes
-    ----------
-    name : str
-    gain : float
-        Of the loops, in parts of that for which K is asked.
-    robot : RobotModel or None
-        What carried the load; None: the robot of the configuration.
-    """
+    """One recording of all joints."""
 
     name: str
-    gain: float = 1.0
-    robot: RobotModel | None = None
+    gain: float = 1.0  # Of the loops, in parts of that for which K is asked
+    robot: RobotModel | None = None  # What carried the load; None: the robot of the configuration
 
     @property
     def finer(self) -> int:
@@ -52,20 +43,14 @@ class Motion(Sampled):
 
 @dataclass(frozen=True)
 class RigidLoad:
-    """What the rigid bodies ask of all joints along a motion.
+    """What the rigid bodies ask of all joints along a motion."""
 
-    Attributes
-    ----------
-    mass : (n_samples, n_joints, n_joints) kg m²
-    bias, slope : (n_samples, n_joints)
-        Torque without any acceleration, N m, and its slope with the joint's position, N m/rad.
-    trajectory : (3, n_samples, n_joints)
-        The motion along which they hold, rad, rad/s, rad/s².
-    """
-
-    mass: FloatArray
+    mass: FloatArray  # (n_samples, n_joints, n_joints) kg m²
+    # bias, slope: (n_samples, n_joints): Torque without any acceleration, N m, and its slope
+    # with the joint's position, N m/rad
     bias: FloatArray
     slope: FloatArray
+    # (3, n_samples, n_joints): The motion along which they hold, rad, rad/s, rad/s²
     trajectory: Trajectory
 
     @classmethod
@@ -98,10 +83,7 @@ class RigidLoad:
     def simulated(self, drives: FloatArray, motion: Motion) -> Trajectory:
         """Motion (3, n_samples · finer, n_joints) of all joints with their servos.
 
-        Parameters
-        ----------
-        drives
-            (n_joints, 8), as `Drive`.
+        - `drives`: (n_joints, 8), as `Drive`
         """
         rate = motion.rate * motion.finer
         load = (self.mass, self.bias, self.slope, self.trajectory[0])

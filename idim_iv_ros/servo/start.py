@@ -30,10 +30,7 @@ def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -
     Measured speeds and accelerations stand on the right and hold noise: the estimates are biased
     (see `fit`), and serve as a start.
 
-    Parameters
-    ----------
-    delay
-        s; None: that of a grid of half samples which leaves the smallest residual.
+    - `delay`: s; None: that of a grid of half samples which leaves the smallest residual
     """
     most = _LONGEST_DELAY if delay is None else 0.0
     halves = np.arange(0.0, most + 1e-9, 0.5 / runs[0].rate) if delay is None else [delay]

@@ -263,12 +263,8 @@ def replay(
 ) -> ClosedLoopResult:
     """Simulate a recording's whole reference from the state in which the recording began.
 
-    Parameters
-    ----------
-    motion
-        With a reference; the start is its filtered position and speed.
-    effects, start_time, accelerations
-        See `simulate_closed_loop`.
+    - `motion`: with a reference; the start is its filtered position and speed
+    - `effects`, `start_time`, `accelerations`: see `simulate_closed_loop`
 
     Raises
     ------
