@@ -71,9 +71,7 @@ def plan_passes(
     model = load_model(configuration)
     whole = motion_limits(model, configuration, floor=floor)
     limits = replace(
-        whole,
-        velocity=speed_scale * whole.velocity,
-        acceleration=speed_scale * whole.acceleration,
+        whole, velocity=speed_scale * whole.velocity, acceleration=speed_scale * whole.acceleration
     )
     if kind == "random":
         duration = round(duration * _RATE) / _RATE

@@ -176,9 +176,7 @@ def nearest_physical(
 def _solved(problem: ConicProblem, tie_breaker: float) -> FloatArray:
     """Solve a problem of weight one with λ; a larger one where λ is below the solver's digits."""
     weighted = replace(
-        problem,
-        scale=problem.scale / np.sqrt(tie_breaker),
-        weights=tie_breaker * problem.weights,
+        problem, scale=problem.scale / np.sqrt(tie_breaker), weights=tie_breaker * problem.weights
     )
     try:
         return weighted.solve()

@@ -18,13 +18,7 @@ from idim_iv_ros.validation import first_problem
 
 # What must be as it was when the result was made: its numbers mean something else otherwise.
 _SAME = {
-    "robot": (
-        "gravity",
-        "position_offset",
-        "motor_to_joint",
-        "motor_to_joint_torque",
-        "couplings",
-    ),
+    "robot": ("gravity", "position_offset", "motor_to_joint", "motor_to_joint_torque", "couplings"),
     "signals": ("effort_scale", "effort_unit"),
     "identification": ("friction", "drive_inertia", "exclude"),
 }

@@ -83,11 +83,7 @@ class Effects:
     """
 
     def __init__(
-        self,
-        model: Any,
-        effects: FilePath | Sequence[SimulatedEffect],
-        *,
-        start_time: float = 0.0,
+        self, model: Any, effects: FilePath | Sequence[SimulatedEffect], *, start_time: float = 0.0
     ) -> None:
         self._mujoco = load_mujoco("Effects")
         self._start_time = start_time

@@ -80,10 +80,7 @@ class SimulatedRobot:
 
 
 def simulated_robot(
-    configuration: Configuration,
-    urdf: str,
-    source: str,
-    extended: Path | None = None,
+    configuration: Configuration, urdf: str, source: str, extended: Path | None = None
 ) -> SimulatedRobot:
     """Build the robot that a configuration describes under `simulated_robot`.
 
@@ -99,11 +96,7 @@ def simulated_robot(
     if configuration.signals.effort_unit != "N m":
         raise UsageError("signals.effort_unit: only a robot in N m can be simulated")
     identification = configuration.identification.model_copy(
-        update={
-            "friction": ["viscous", "coulomb", "offset"],
-            "drive_inertia": True,
-            "exclude": [],
-        }
+        update={"friction": ["viscous", "coulomb", "offset"], "drive_inertia": True, "exclude": []}
     )
     whole = configuration.model_copy(update={"identification": identification})
     model = build_inverse_model(whole, urdf, source)

@@ -19,12 +19,7 @@ from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
-from idim_iv_ros.report.gap_words import (
-    effect_at,
-    small_unit,
-    stage_words,
-    torque_unit,
-)
+from idim_iv_ros.report.gap_words import effect_at, small_unit, stage_words, torque_unit
 from idim_iv_ros.report.numerals import (
     is_number,
     number,

@@ -5,17 +5,7 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.diagnosis.result import GapResult, GapSeries
-from idim_iv_ros.report.figures import (
-    BLUE,
-    GREY,
-    INK,
-    Figure,
-    Mark,
-    axis,
-    dots,
-    layout,
-    line,
-)
+from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, axis, dots, layout, line
 from idim_iv_ros.report.gap_words import drawable, torque_unit, unit_in, worth_seeing
 from idim_iv_ros.report.section import Report, Section
 from idim_iv_ros.types import FloatArray

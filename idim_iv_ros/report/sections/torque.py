@@ -134,16 +134,9 @@ def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis, left: str)
     )
     hover = f"%{{y:.4g}} {unit} at %{{x:.3f}} s"
     count = len(rows.models)
-    above, below, measured = (
-        thinned.values[:count],
-        thinned.values[count:-1],
-        thinned.values[-1],
-    )
+    above, below, measured = (thinned.values[:count], thinned.values[count:-1], thinned.values[-1])
     # The measured torque is drawn last: thin, above the wider models.
-    data = [
-        *_shaded(thinned, "y", [*above, measured]),
-        *_shaded(thinned, "y2", list(below)),
-    ]
+    data = [*_shaded(thinned, "y", [*above, measured]), *_shaded(thinned, "y2", list(below))]
     first = len(data)
     for place, (model, torque, residual) in enumerate(zip(rows.models, above, below, strict=True)):
         same = {"same": first} if place else thinned.time
@@ -217,10 +210,7 @@ def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure
     """Return the errors above, and what of them is not the robot's below."""
     simulated: list[tuple[str, FloatArray, str]] = [
         (name, values, colour)
-        for name, values, colour in (
-            ("before", series.before, GREY),
-            ("after", series.after, BLUE),
-        )
+        for name, values, colour in (("before", series.before, GREY), ("after", series.after, BLUE))
         if values is not None
     ]
     # Both errors have the same reference: their difference is that of the positions.

@@ -12,12 +12,7 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import (
-    VERDICTS,
-    duration,
-    lacking_row,
-    wrong_numbers,
-)
+from idim_iv_ros.report.gap_words import VERDICTS, duration, lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import count, exact, number, percent, plural, with_unit
 from idim_iv_ros.report.robot_drawing import ShadedRobot, robot_figure
 from idim_iv_ros.report.section import R, Report, Section
