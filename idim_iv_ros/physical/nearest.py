@@ -22,9 +22,9 @@ from scipy.special import chdtrc
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import ConicProblem
 from idim_iv_ros.physical.pseudo_inertia import (
     TRIANGLE,
+    ConicProblem,
     Coordinates,
     ReferenceLink,
     root_of_information,

@@ -19,9 +19,13 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import ConicProblem
 from idim_iv_ros.physical.nearest import AT_ZERO, LEAST_OF_NOMINAL, smallest_std
-from idim_iv_ros.physical.pseudo_inertia import TRIANGLE, Coordinates, root_of_information
+from idim_iv_ros.physical.pseudo_inertia import (
+    TRIANGLE,
+    ConicProblem,
+    Coordinates,
+    root_of_information,
+)
 from idim_iv_ros.types import FloatArray, IntArray
 
 # What the numbers of a nominal link are usually off by, and the most that evidence may ask for.

@@ -20,8 +20,7 @@ from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
 from idim_iv_ros.report.sections.friction import FRICTION
-from idim_iv_ros.report.sections.parameters import PARAMETERS
-from idim_iv_ros.report.sections.physical import PHYSICAL
+from idim_iv_ros.report.sections.parameters import PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
 from idim_iv_ros.report.sections.residual_curves import ORDERS, RESIDUAL_CURVES
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES

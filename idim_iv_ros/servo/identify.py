@@ -15,12 +15,21 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, fit_factor, residuals
+from idim_iv_ros.servo.fit import (
+    PARAMETERS,
+    DriveEstimate,
+    Run,
+    fit_drive,
+    fit_factor,
+    ordinary_least_squares,
+    residuals,
+    scales,
+    smooth_motion,
+)
 from idim_iv_ros.servo.loop_kernel import Drive
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
 from idim_iv_ros.servo.robot_fit import Motion, RigidLoad, Trajectory, finer_motion, fit_robot
-from idim_iv_ros.servo.start import ordinary_least_squares, scales, smooth_motion
 from idim_iv_ros.signals.joint_side import joint_transform
 from idim_iv_ros.types import FloatArray
 

@@ -1,4 +1,4 @@
-"""The parameters: value, interval, and what least squares and the nominal model say."""
+"""The parameters: estimate, least squares and nominal model, and the nearest physical set."""
 
 import re
 from typing import Any, NamedTuple
@@ -98,3 +98,31 @@ def _typeset(expression: str) -> str:
 
 
 PARAMETERS = Section("Parameters", "parameters", "parameters.html.j2", _context)
+
+
+_LARGE = 0.1  # σ from which the change of a base parameter is listed
+
+
+def _physical(report: Report[Any]) -> dict[str, Any] | None:
+    physical = report.result.physical
+    if physical is None and not report.result.why_no_physical:
+        return None
+    moved = [
+        parameter
+        for parameter in (physical.base if physical is not None else ())
+        if is_number(parameter.deviations) and abs(parameter.deviations) >= _LARGE
+    ]
+    return {
+        "physical": physical,
+        "moved": sorted(moved, key=lambda parameter: -abs(parameter.deviations)),
+        "numbers": report.files.here(report.numbers),
+    }
+
+
+PHYSICAL: Section[Any] = Section(
+    "Physical",
+    "physical",
+    "physical.html.j2",
+    _physical,
+    "masses, centres and inertias that a simulator can hold",
+)
