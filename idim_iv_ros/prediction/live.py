@@ -233,18 +233,10 @@ class Prediction:
 class LivePrediction:
     """Takes samples as they come and predicts the newest that its filters reach.
 
-    Parameters
-    ----------
-    identified : IdentifiedModel
-    one_topic : bool
-        Whether positions and efforts come in the same messages.
+    - `one_topic`: whether positions and efforts come in the same messages
 
-    Attributes
-    ----------
-    rows : ResidualRows
-        Residual at the rows, for everything that is said of its size.
-    rate : float or None
-        Of the samples, Hz; None while it is measured.
+    - `rows`: residual at the rows, for everything that is said of its size
+    - `rate`: of the samples, Hz; None while it is measured
     """
 
     def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:

@@ -18,15 +18,12 @@ _DAY = 86_400.0  # s
 class ResidualRows:
     """The newest rows.
 
-    Attributes
-    ----------
-    places : (r,) int
-        Numbers of their samples on the grid.
-    residual : (r, n_joints) N m (N)
-    counts : (r, n_joints) bool
-        Whether the identification would use the row: measured, and not near a reversal.
-    variance : (r, n_joints) (N m)² (N²)
-        That the uncertainty of the parameters gives the prediction.
+    - `places`: (r,) int, numbers of their samples on the grid
+    - `residual`: (r, n_joints) N m (N)
+    - `counts`: (r, n_joints) bool, whether the identification would use the row: measured, and not
+      near a reversal
+    - `variance`: (r, n_joints) (N m)² (N²), that the uncertainty of the parameters gives the
+      prediction
     """
 
     def __init__(self, joints: int, rate: float) -> None:

@@ -70,20 +70,13 @@ class JointSamples:
 class SampleStream:
     """The newest samples of one topic.
 
-    Parameters
-    ----------
-    turning : (n_joints,)
-        Whose values are positions that may wrap after one turn.
-    longest_pause : float
-        s; after a longer one, or a clock that was set, everything begins anew.
+    - `turning`: (n_joints,), whose values are positions that may wrap after one turn
+    - `longest_pause`: s; after a longer one, or a clock that was set, everything begins anew
 
-    Attributes
-    ----------
-    samples : JointSamples
-    restarted : str
-        Why everything older was given up with the last samples that were added; else empty.
-    late : int
-        Samples that were left out since their stamp is not after the one before of their joints.
+    - `restarted`: why everything older was given up with the last samples that were added; else
+      empty
+    - `late`: samples that were left out since their stamp is not after the one before of their
+      joints
     """
 
     def __init__(self, turning: tuple[bool, ...], longest_pause: float) -> None:

@@ -61,18 +61,12 @@ def simulate(
     Topics: the joint states and the reference of the configuration (``/joint_reference`` where
     it names none), and ``/robot_description`` with the URDF of the nominal model.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        With a URDF and a control law; `simulated_robot` says how the robot differs from both.
-    out : str or Path
-        The bag; with several seeds ``-SEED`` is put before its suffix.
-    trajectory : Trajectory
-        References; the robot starts on its first sample.
-    effects : str, Path or None
-        A diagnosis (`gap.json`): the robot is its extended model, with its causes.
-    force : bool
-        Replace files that this program did not write.
+    - `configuration`: with a URDF and a control law; `simulated_robot` says how the
+      robot differs from both
+    - `out`: the bag; with several seeds ``-SEED`` is put before its suffix
+    - `trajectory`: references; the robot starts on its first sample
+    - `effects`: a diagnosis (`gap.json`): the robot is its extended model, with its causes
+    - `force`: replace files that this program did not write
 
     Returns
     -------
