@@ -105,7 +105,7 @@ def environment() -> Environment:
                  "percent", "p_value", "with_unit", "sentence", "plural", "with_interval",
                  "share"):  # fmt: skip
         templates.filters[name] = getattr(numerals, name)
-    for name in ("torque_unit", "unit_in", "effect_at", "effect_words"):
+    for name in ("torque_unit", "unit_in", "effect_at", "parameter_words"):
         templates.globals[name] = getattr(gap_words, name)
     templates.tests["finite"] = numerals.is_number
     return templates
