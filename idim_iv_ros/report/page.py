@@ -19,13 +19,12 @@ from idim_iv_ros.report.changes import CHANGES
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
-from idim_iv_ros.report.sections.friction import FRICTION
+from idim_iv_ros.report.sections.drives import FRICTION, TRANSMISSIONS
 from idim_iv_ros.report.sections.parameters import PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
 from idim_iv_ros.report.sections.residual_curves import ORDERS, RESIDUAL_CURVES
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES
 from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
-from idim_iv_ros.report.sections.transmissions import TRANSMISSIONS
 from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
 from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
 
