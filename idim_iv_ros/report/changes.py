@@ -72,7 +72,7 @@ def changed_values(
     """Return all values, those with an element or a key first, in the order of the joints."""
     values = [_at_element(result.joints, row, nominal) for row in _base_parameters(result, nominal)]
     causes = result.causes if isinstance(result, GapResult) else ()
-    attributed = [row for cause in causes for row in _of_cause(result, cause, nominal)]
+    attributed = [row for cause in causes for row in _of_cause(result.joints, cause, nominal)]
     keys = {part.key for part in attributed if part.key}
     rows = [*attributed, *(value for value in values if not value.key or value.key not in keys)]
     return sorted(rows, key=lambda row: row.source == SUM)
@@ -136,16 +136,16 @@ def _link(joint: int, nominal: Nominal) -> str:
     return nominal.skeleton.links[joint] if nominal.skeleton else f"link {joint + 1}"
 
 
-def _of_cause(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
+def _of_cause(joints: tuple[str, ...], cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
     """Values that a cause attributes to an element or a key."""
-    joint = None if cause.joint is None else result.joints.index(cause.joint)
+    joint = None if cause.joint is None else joints.index(cause.joint)
     if part_of(cause.effect) == "load" and joint is not None:
         rows = _payload(cause.parameters, joint, nominal)
     else:
         rows = (
             row
             for name, parameter in cause.parameters.items()
-            for row in _of_number(result.joints, cause, name, parameter, nominal)
+            for row in _of_number(joints, cause, name, parameter, nominal)
         )
     source = f"cause: {effect_at(cause.effect, cause.joint)}"
     return (replace(row, source=source) for row in rows)
