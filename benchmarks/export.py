@@ -23,8 +23,8 @@ from idim_iv_ros import diagnose, export, identify, load_configuration
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import build_inverse_model, read_urdf_text
+from idim_iv_ros.simulator_files.kept_files import with_values
 from idim_iv_ros.simulator_files.links import LinkBody
-from idim_iv_ros.simulator_files.urdf_text import with_values
 from idim_iv_ros.simulators.recording import simulate
 from tests.real.recordings import TX40, double_pendulum_bag, emps_bag, tx40_bag
 

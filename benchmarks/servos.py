@@ -21,12 +21,10 @@ from numpy.typing import NDArray
 
 from benchmarks.measurement import write_page
 from idim_iv_ros.model.robot import load_robot
-from idim_iv_ros.servo.fit import Drive, DriveEstimate, Run, fit_factor
-from idim_iv_ros.servo.identify import fit_joint, fit_servos
+from idim_iv_ros.servo.fit import Drive, DriveEstimate, Run, fit_factor, ordinary_least_squares
 from idim_iv_ros.servo.loop_kernel import Load
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, ratio_numbers
-from idim_iv_ros.servo.robot_fit import Motion
-from idim_iv_ros.servo.start import ordinary_least_squares
+from idim_iv_ros.servo.robot_fit import Motion, fit_joint, fit_servos
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.81

@@ -21,7 +21,7 @@ def simulate():
     from idim_iv_ros import load_configuration
     from idim_iv_ros.excitation import random_motion
     from idim_iv_ros.simulation import simulate_closed_loop
-    from idim_iv_ros.simulators.robot import simulated_robot
+    from idim_iv_ros.simulators.recording import simulated_robot
 
     configuration = load_configuration(Path(__file__).parent.parent / "config" / "tx40.yaml")
     urdf = configuration.robot.urdf

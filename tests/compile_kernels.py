@@ -16,7 +16,7 @@ from idim_iv_ros.simulation import (
     mass_matrix,
     simulate_closed_loop,
 )
-from idim_iv_ros.simulators.robot import simulated_robot
+from idim_iv_ros.simulators.recording import simulated_robot
 
 CONFIGURATION = Path(__file__).resolve().parent.parent / "config" / "arm2.yaml"
 

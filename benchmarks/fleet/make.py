@@ -14,8 +14,7 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.excitation import Trajectory, random_motion
 from idim_iv_ros.recording import write_bag
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulators.recording import recorded_topics
-from idim_iv_ros.simulators.robot import simulated_robot
+from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 
 CONFIG = Path(__file__).parents[2] / "config"
 RATE = 500.0  # Hz

@@ -1,9 +1,6 @@
 """Design of motions that identify a robot or separate the causes of a gap."""
 
-from idim_iv_ros.excitation.criterion import (
-    condition_numbers,
-    predict_parameters,
-)
+from idim_iv_ros.excitation.criterion import condition_numbers, predict_parameters
 from idim_iv_ros.excitation.design import DesignSettings, design_excitation
 from idim_iv_ros.excitation.diagnosis import Diagnosis, design_diagnosis
 from idim_iv_ros.excitation.excite import (

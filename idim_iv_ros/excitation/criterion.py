@@ -1,15 +1,177 @@
-"""How well a motion excites the base parameters: condition numbers and standard deviations."""
+"""How well a motion shows the base parameters: figures of a motion, and what a design minimises."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.qr import streamed_r_factor
+from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.excitation.limits import MotionLimits, MovingFrames
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.types import FloatArray
+
+Criterion = Literal["condition", "precision"]
+
+_STEP = 1e-6
+# Speed, as a share of its limit, below which the sign of the Coulomb columns is smoothed.
+_SMOOTH = 0.01
+
+
+@dataclass(frozen=True)
+class ExcitationCost:
+    """Criterion on the weighted base regressor plus penalties for limits, on a coarse grid.
+
+    κ_p = ‖σ‖_2p ‖1/σ‖_2p of the singular values σ tends to the condition number as p grows and,
+    unlike it, is smooth where singular values coincide, which is where an optimum lies. A limit
+    that is passed by a share e costs `weight` · e² at each point of the grid.
+    """
+
+    model: InverseModel
+    limits: MotionLimits
+    frames: MovingFrames
+    basis: FourierBasis
+    shapes: FloatArray  # (3, n_samples, size): of the basis on the grid
+    row_weights: FloatArray  # (n_joints,)
+    start: FloatArray | None  # (n_joints,) or None: posture at rest; None: it is chosen too
+    power: float  # p
+    weight: float
+    # What is minimised: log κ_p, or the mean of log 1/σ, of which the determinant of the covariance
+    # is a function (D-optimality)
+    criterion: Criterion = "condition"
+
+    def unpack(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Start posture (n_joints,) and coefficients (size, n_joints) of a design vector."""
+        joints, scale = len(self.limits.lower), self.limits.half_range
+        coefficients = x[joints:].reshape(-1, joints) * scale
+        if self.start is not None:
+            return self.start, coefficients
+        return self.limits.middle + x[:joints] * scale, coefficients
+
+    def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """Cost and gradient of a design vector (n_joints · (1 + size),).
+
+        Raises
+        ------
+        DataError
+            They are no finite numbers.
+        """
+        start, coefficients = self.unpack(x)
+        states = self.shapes @ coefficients
+        states[0] += start
+        q = states[0]
+        regressor, slopes = self._regressors(states)
+        value, by_entry = self._criterion(regressor)
+        cost, by_torque = self._torque_penalty(regressor)
+        value += cost
+        if by_torque is not None:
+            by_entry += by_torque[:, :, None] * self.model.given
+        by_state = np.einsum("sjc,ksjc->ks", by_entry, slopes, optimize=True)
+        by_state = by_state.reshape(3, len(start), len(q)).transpose(0, 2, 1)
+        cost, by_box = self._box_penalty(states)
+        value += cost
+        by_state = by_state + by_box
+        cost, by_height = self._floor_penalty(q)
+        value += cost
+        by_state[0] += by_height
+        scale = self.limits.half_range
+        gradient = sum(s.T @ g for s, g in zip(self.shapes, by_state, strict=True)) * scale
+        by_start = np.zeros(len(start)) if self.start is not None else by_state[0].sum(0) * scale
+        slope = np.concatenate([by_start, np.ravel(gradient)])
+        if not (np.isfinite(value) and np.all(np.isfinite(slope))):
+            raise DataError(
+                "the torques of the nominal model are beyond every number: look at the inertials, "
+                "axes and limits of the URDF"
+            )
+        return value, slope
+
+    def _regressors(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Base regressor (n_samples, n_joints, b), and its differences by each state."""
+        _, samples, joints = states.shape
+        states = np.tile(states, (1, 1 + 3 * joints, 1))
+        states = states.reshape(3, 1 + 3 * joints, samples, joints)
+        # The regressor is linear in the acceleration: a large step is exact.
+        steps = (_STEP, _STEP, 1.0)
+        for signal in range(3):
+            for joint in range(joints):
+                states[signal, 1 + signal * joints + joint, :, joint] += steps[signal]
+        flat = states.reshape(3, -1, joints)
+        matrices = self.model.matrix(*flat)
+        self._smooth_signs(matrices, flat[1])
+        matrices = matrices.reshape(1 + 3 * joints, samples, joints, -1)
+        slopes = matrices[1:] - matrices[0]
+        slopes /= np.repeat(steps, joints)[:, None, None, None]
+        return matrices[0], slopes
+
+    def _smooth_signs(self, matrices: FloatArray, dq: FloatArray) -> None:
+        layout = self.model.regressor.layout
+        pairs = {second: first for first, second in layout.coupling_joints}
+        width = _SMOOTH * self.limits.velocity
+        for column, standard in enumerate(self.model.base.columns):
+            parameter = layout.parameters[standard]
+            joint = parameter.joint
+            if parameter.kind == "Fc":
+                matrices[:, joint, column] = np.tanh(dq[:, joint] / width[joint])
+            elif parameter.kind == "Fcm":
+                other = pairs[joint]
+                coupled = np.tanh((dq[:, joint] + dq[:, other]) / width[joint])
+                matrices[:, joint, column] = matrices[:, other, column] = coupled
+
+    def _criterion(self, regressor: FloatArray) -> tuple[float, FloatArray]:
+        """Log κ_p or mean log 1/σ, and its derivative by each entry of the unweighted regressor."""
+        rows = regressor * self.row_weights[:, None]
+        stacked = rows.reshape(-1, rows.shape[2])
+        _, sigma, right = np.linalg.svd(np.linalg.qr(stacked, mode="r"))
+        sigma = np.maximum(sigma, 1e-12 * sigma[0])
+        if self.criterion == "precision":
+            value = 0.5 * np.log(len(regressor)) - float(np.mean(np.log(sigma)))
+            by_sigma = -1.0 / (len(sigma) * sigma)
+        else:
+            large = (sigma / sigma[0]) ** (2 * self.power)
+            small = (sigma[-1] / sigma) ** (2 * self.power)
+            value = np.log(sigma[0] / sigma[-1])
+            value += (np.log(large.sum()) + np.log(small.sum())) / (2 * self.power)
+            by_sigma = (large / large.sum() - small / small.sum()) / sigma
+        # U = W V / σ
+        left = stacked @ right.T / sigma
+        by_entry = ((left * by_sigma) @ right).reshape(rows.shape)
+        return float(value), by_entry * self.row_weights[:, None]
+
+    def _torque_penalty(self, regressor: FloatArray) -> tuple[float, FloatArray | None]:
+        if not self.limits.torque_known:
+            return 0.0, None
+        allowed = self.limits.margin * self.limits.torque
+        torque = regressor @ self.model.given
+        excess = np.maximum(np.abs(torque) / allowed - 1.0, 0.0)
+        slope = 2.0 * self.weight * excess * np.sign(torque) / allowed
+        return float(self.weight * np.sum(excess**2)), slope
+
+    def _box_penalty(self, states: FloatArray) -> tuple[float, FloatArray]:
+        limits = self.limits
+        allowed = limits.margin * np.stack(
+            [limits.half_range, limits.velocity, limits.acceleration]
+        )
+        values = states.copy()
+        values[0] -= limits.middle
+        excess = np.maximum(np.abs(values) / allowed[:, None] - 1.0, 0.0)
+        slope = 2.0 * self.weight * excess * np.sign(values) / allowed[:, None]
+        return float(self.weight * np.sum(excess**2)), slope
+
+    def _floor_penalty(self, q: FloatArray) -> tuple[float, FloatArray]:
+        """Each 0.1 m below the floor counts as a limit passed by a share of 1."""
+        if self.limits.floor is None:
+            return 0.0, np.zeros_like(q)
+        height, slope = self.frames.heights_and_slopes(q)
+        excess = np.maximum(self.limits.floor - height, 0.0) / 0.1
+        by_height = -2.0 * self.weight * excess / 0.1
+        return (
+            float(self.weight * np.sum(excess**2)),
+            np.asarray(np.einsum("sf,sfj->sj", by_height, slope)),
+        )
+
 
 _BLOCK = 2000
 
@@ -55,9 +217,7 @@ def condition_numbers(
 ) -> ConditionNumbers:
     """Condition numbers of the base regressor over all samples of a motion.
 
-    Parameters
-    ----------
-    torque_limit : (n_joints,) N m (N)
+    - `torque_limit`: (n_joints,) N m (N)
     """
     weighted = weighted_r_factor(model, motion, 1.0 / torque_limit)
     norms = np.linalg.norm(weighted, axis=0)
@@ -108,10 +268,8 @@ def predict_parameters(
     Least squares under white torque noise of standard deviation `torque_noise` · limit at every
     sample: cov = (XᵀΩX)⁻¹ / repeats, Ω = diag(1 / σ_j²). Real errors of the model are larger.
 
-    Parameters
-    ----------
-    torque_limit : (n_joints,) N m (N)
-    torque_noise : share of the torque limit
+    - `torque_limit`: (n_joints,) N m (N)
+    - `torque_noise`: share of the torque limit
 
     Raises
     ------

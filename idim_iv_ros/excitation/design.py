@@ -9,8 +9,12 @@ import scipy
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation.cost import Criterion, ExcitationCost
-from idim_iv_ros.excitation.criterion import ConditionNumbers, condition_numbers
+from idim_iv_ros.excitation.criterion import (
+    ConditionNumbers,
+    Criterion,
+    ExcitationCost,
+    condition_numbers,
+)
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import (
     LimitUse,

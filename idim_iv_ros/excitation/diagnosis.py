@@ -1,26 +1,208 @@
-"""A motion whose labelled segments separate the causes of a gap."""
+"""A motion whose labelled segments separate the causes of a gap: which, where, how fast."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation.diagnosis_plan import DiagnosisPlanner
 from idim_iv_ros.excitation.limits import (
     LimitUse,
     MotionLimits,
+    limit_use,
     moving_frames,
     require_inside,
     require_reachable,
     use_within,
 )
-from idim_iv_ros.excitation.segments import Segment, rest_to_rest
-from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling, shortest_quintic
+from idim_iv_ros.excitation.segments import (
+    Segment,
+    multisine,
+    rest_to_rest,
+    reversals,
+    there_and_back,
+)
+from idim_iv_ros.excitation.trajectory import (
+    QUINTIC_SPEED,
+    Trajectory,
+    require_sampling,
+    shortest_quintic,
+)
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.types import FloatArray
+
+CREEP_SHARES = (0.005, 0.02)  # of the velocity limit
+PLATEAU_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)  # of the fastest plateau that has room
+REVERSALS = ((0.0005, 1.0), (0.0005, 4.0), (0.002, 1.0), (0.002, 4.0), (0.01, 1.0), (0.01, 4.0))
+MULTISINE_AMPLITUDE = 0.005  # rad (m), largest deviation
+BANDWIDTHS = 2.5  # of the position loop, at the upper end of the multisine
+# Share of the time that the segments of a kind take together.
+_SHARES = {
+    "repeat": 0.12,
+    "range_sweep": 0.34,
+    "creep": 0.14,
+    "plateau": 0.18,
+    "reversals": 0.12,
+    "multisine": 0.10,
+}
+_SHORTEST_RAMP = 0.15  # s
+_SHORTEST_PLATEAU = 0.25  # s
+_SAMPLES_PER_PERIOD = 40
+
+
+@dataclass(frozen=True)
+class DiagnosisPlanner:
+    """Makes segments that keep all limits around a base posture."""
+
+    model: InverseModel
+    limits: MotionLimits
+    posture: FloatArray  # (n_joints,) rad (m)
+    bandwidth: FloatArray  # (n_joints,) Hz
+    rate: float  # samples per second
+    seed: int  # of the phases of the multisine
+
+    def plans(self, seconds: float) -> list[Segment]:
+        """All segments in order; together about `seconds` long, without the moves between."""
+        time = {kind: share * seconds for kind, share in _SHARES.items()}
+        repeat = self._repeat(time["repeat"] / 3.0)
+        first = [*self._sweeps(time["range_sweep"] / 2.0), *self._creeps(time["creep"])]
+        second = [
+            *self._plateaus(time["plateau"]),
+            *self._reversals(time["reversals"]),
+            self._multisine(time["multisine"]),
+        ]
+        named = [replace(repeat, name=f"repeat_{k}") for k in (1, 2, 3)]
+        return [named[0], *first, named[1], *second, named[2]]
+
+    def keeps(self, offset: FloatArray, shape: FloatArray, highest: float = 5.0) -> bool:
+        """Whether a stretch keeps all limits, a little inside.
+
+        Looked at with 40 samples for each period of its highest frequency (Hz): nothing between
+        them rises above what is seen by more than 0.4 %.
+        """
+        step = max(1, int(self.rate / (_SAMPLES_PER_PERIOD * highest)))
+        position, velocity, acceleration = shape[:, ::step]
+        position = self.posture + offset + position
+        joints = self.model.robot.joints
+        motion = Trajectory(joints, self.rate, position, velocity, acceleration)
+        return limit_use(self.model.robot, self.limits, motion).within(self.limits)
+
+    def _fit(self, make: Callable[[float], Segment]) -> Segment:
+        """Largest size from 1 downwards at which a segment keeps all limits."""
+        size = 1.0
+        for _ in range(40):
+            plan = make(size)
+            if self.keeps(plan.offset, plan.shape, *(plan.frequency or ())[1:]):
+                return plan
+            size *= 0.9
+        raise DataError(f"{make(size).name}: no size of this segment keeps the limits")
+
+    def _ramp(self, speed: FloatArray) -> float:
+        allowed = 0.5 * self.limits.margin * self.limits.acceleration
+        return max(_SHORTEST_RAMP, float(np.max(1.5 * np.abs(speed) / allowed)))
+
+    def _pattern(self, alternate: bool) -> FloatArray:
+        joints = len(self.posture)
+        return np.where(np.arange(joints) % 2 == 1, -1.0, 1.0) if alternate else np.ones(joints)
+
+    def _repeat(self, seconds: float) -> Segment:
+        def make(size: float) -> Segment:
+            # Half of the room, and no faster than half of the velocity limit.
+            half = seconds / 2.0
+            slow = 0.5 * self.limits.margin * self.limits.velocity * half / QUINTIC_SPEED
+            way = size * np.minimum(0.5 * self.limits.room(self.posture), slow)
+            there = rest_to_rest(way, half, self.rate)
+            back = -there
+            back[0] += way
+            shape = np.concatenate([there, back], axis=1)
+            return Segment("repeat", "repeat", np.zeros_like(way), shape, amplitude=way)
+
+        return self._fit(make)
+
+    def _sweeps(self, seconds: float) -> Iterator[Segment]:
+        """The whole range, all joints in the same direction and in opposite ones."""
+        ramp = self._ramp(self.limits.velocity)
+        plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
+        for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
+            if alternate and len(self.posture) == 1:
+                return
+            reach = self._pattern(alternate) * self.limits.reach
+
+            def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
+                speed = 2.0 * size * reach / (plateau + ramp)
+                low = size * (self.limits.middle - self.posture - reach)
+                shape = there_and_back(speed, plateau, ramp, self.rate)
+                return Segment(f"range_sweep_{name}", "range_sweep", low, shape, speed=speed)
+
+            yield self._fit(make)
+
+    def _creeps(self, seconds: float) -> Iterator[Segment]:
+        slot = seconds / len(CREEP_SHARES) / 2.0
+        room = self.limits.room(self.posture)
+        for number, share in enumerate(CREEP_SHARES, start=1):
+            speed = share * self.limits.velocity
+            yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
+
+    def _plateaus(self, seconds: float) -> Iterator[Segment]:
+        """At each posture the fastest first: the slower ones stay on its way."""
+        slot = seconds / len(PLATEAU_SHARES) / 4.0
+        shift = 0.4 * self.limits.room(self.posture) * self._pattern(True)
+        fastest = self.limits.margin * self.limits.velocity
+        shortest = _SHORTEST_PLATEAU + self._ramp(fastest)
+        for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
+            centre = self.posture + (place - 1) * shift
+            room = self.limits.room(centre)
+            # Where the range is too short for a plateau at full speed, slower.
+            speed = pattern * np.minimum(fastest, 2.0 * room / shortest)
+            for number, share in enumerate(PLATEAU_SHARES, start=1):
+                name = f"plateau_{number}_posture_{place}"
+                plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
+                if plan.speed is not None and number == 1:
+                    speed, room = plan.speed, 0.5 * np.abs(plan.shape[0]).max(axis=0)
+                yield plan
+
+    def _plateau(
+        self,
+        name: str,
+        kind: str,
+        centre: FloatArray,
+        room: FloatArray,
+        fastest: FloatArray,
+        slot: float,
+    ) -> Segment:
+        def make(size: float) -> Segment:
+            speed = size * fastest
+            ramp = self._ramp(speed)
+            # The joint with the least room sets how long all of them keep their speed.
+            longest = float(np.min(2.0 * room / np.abs(speed))) - ramp
+            plateau = max(min(slot - 2.0 * ramp, longest), _SHORTEST_PLATEAU)
+            offset = centre - self.posture - 0.5 * speed * (plateau + ramp)
+            shape = there_and_back(speed, plateau, ramp, self.rate)
+            return Segment(name, kind, offset, shape, speed=speed)
+
+        return self._fit(make)
+
+    def _reversals(self, seconds: float) -> Iterator[Segment]:
+        for amplitude, frequency in REVERSALS:
+            slot = max(seconds / len(REVERSALS), 4.0 / frequency)
+            yield self._sized(reversals(len(self.posture), amplitude, frequency, slot, self.rate))
+
+    def _multisine(self, seconds: float) -> Segment:
+        highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
+        return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
+
+    def _sized(self, plan: Segment) -> Segment:
+        """A segment about the posture, as large as the limits let it be, at most as it is."""
+
+        def make(size: float) -> Segment:
+            assert plan.amplitude is not None
+            return replace(plan, shape=size * plan.shape, amplitude=size * plan.amplitude)
+
+        return self._fit(make)
+
 
 SHORTEST, LONGEST = 90.0, 3600.0  # s
 _TRIALS = 6
@@ -59,13 +241,9 @@ def design_diagnosis(
 ) -> Diagnosis:
     """Compose a motion of labelled segments, at rest between them, within all limits.
 
-    Parameters
-    ----------
-    duration
-        Budget, s; at least 90.
-    start
-        (n_joints,) posture about which it moves; None: the middle of the ranges, or where that
-        is below the floor the one of 2,000 postures that is highest above it.
+    - `duration`: budget, s; at least 90
+    - `start`: (n_joints,) posture about which it moves; None: the middle of the ranges, or where
+      that is below the floor the one of 2,000 postures that is highest above it
 
     Raises
     ------

@@ -118,16 +118,10 @@ def random_motion(
     Fast, unlike a motion designed for its condition number, which is the same at any speed; but
     nothing is optimised. `design_excitation` does that.
 
-    Parameters
-    ----------
-    duration
-        s.
-    rate
-        Samples per second.
-    seed
-        Of the coefficients.
-    limits
-        What it may use; else those of `motion_limits`.
+    - `duration`: s
+    - `rate`: samples per second
+    - `seed`: of the coefficients
+    - `limits`: what it may use; else those of `motion_limits`
 
     Raises
     ------

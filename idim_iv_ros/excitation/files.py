@@ -37,14 +37,9 @@ FORMAT = "idim_iv_ros/excitation/1"
 def require_place(out: FilePath, endings: Iterable[str] = ENDINGS, *, force: bool = False) -> None:
     """Make sure, before long work, that the files of a motion can be written afterwards.
 
-    Parameters
-    ----------
-    out
-        Stem, or one of the files.
-    endings
-        Of the files that will be written.
-    force
-        Replace files that this program did not write.
+    - `out`: stem, or one of the files
+    - `endings`: of the files that will be written
+    - `force`: replace files that this program did not write
 
     Raises
     ------
@@ -67,18 +62,11 @@ def write_motion(
 ) -> tuple[Path, ...]:
     """Write ``STEM.csv``, ``STEM.yaml``, ``STEM.json`` and further tables ``STEM.<key>``.
 
-    Parameters
-    ----------
-    out
-        Stem, or one of the files.
-    document
-        Figures, for JSON.
-    message_rate
-        Points per second of the JointTrajectory.
-    tables
-        Text of further files by their ending, e.g. ``segments.csv``.
-    force
-        Replace files that this program did not write.
+    - `out`: stem, or one of the files
+    - `document`: figures, for JSON
+    - `message_rate`: points per second of the JointTrajectory
+    - `tables`: text of further files by their ending, e.g. ``segments.csv``.
+    - `force`: replace files that this program did not write
 
     Returns
     -------
@@ -113,10 +101,7 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
     ``"$(cat FILE)"`` accept the text. A joint_trajectory_controller interpolates between the
     points (quintic splines where points have accelerations, as here).
 
-    Parameters
-    ----------
-    rate
-        Points per second; the nearest that divides the trajectory's rate is used.
+    - `rate`: points per second; the nearest that divides the trajectory's rate is used
 
     Raises
     ------

@@ -135,14 +135,9 @@ def motion_limits(
     half of its torque limit over the mean of its diagonal element of the mass matrix (nominal
     model, 200 postures), and at most what reaches its full speed in 0.1 s.
 
-    Parameters
-    ----------
-    margin
-        Share of each limit that may be used, above 0 and up to 1.
-    acceleration
-        One value for all joints or one for each, rad/s² (m/s²).
-    floor
-        Height in the base frame, m.
+    - `margin`: share of each limit that may be used, above 0 and up to 1
+    - `acceleration`: one value for all joints or one for each, rad/s² (m/s²)
+    - `floor`: height in the base frame, m
 
     Raises
     ------

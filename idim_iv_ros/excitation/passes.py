@@ -47,19 +47,12 @@ def plan_passes(
 ) -> tuple[InverseModel, MotionLimits, Trajectory]:
     """Find a motion that shows the robot's parameters, at rest where it begins and ends.
 
-    Parameters
-    ----------
-    kind
-        ``designed`` (see `design_excitation`: for the condition number) or ``random`` (see
-        `random_motion`: at once).
-    duration
-        s at full speed.
-    speed_scale
-        Share of the limits of speed and acceleration, above 0 to 1.
-    seed
-        One seed gives one motion.
-    floor
-        Height that every moving frame stays above, m in the base frame.
+    - `kind`: ``designed`` (see `design_excitation`: for the condition number) or ``random`` (see
+      `random_motion`: at once)
+    - `duration`: s at full speed
+    - `speed_scale`: share of the limits of speed and acceleration, above 0 to 1
+    - `seed`: one seed gives one motion
+    - `floor`: height that every moving frame stays above, m in the base frame
 
     Returns
     -------
@@ -78,9 +71,7 @@ def plan_passes(
     model = load_model(configuration)
     whole = motion_limits(model, configuration, floor=floor)
     limits = replace(
-        whole,
-        velocity=speed_scale * whole.velocity,
-        acceleration=speed_scale * whole.acceleration,
+        whole, velocity=speed_scale * whole.velocity, acceleration=speed_scale * whole.acceleration
     )
     if kind == "random":
         duration = round(duration * _RATE) / _RATE
@@ -107,16 +98,10 @@ def passes_of(
 ) -> Passes:
     """Lead a robot that rests at `start` into a motion.
 
-    Parameters
-    ----------
-    model, limits, motion
-        From `plan_passes`.
-    start
-        (n_joints,) rad (m), in the order of the motion.
-    approach_speed
-        Share of the limits of speed on the way to the motion's start.
-    slow_speed
-        Speed of the slow pass, share of full speed.
+    - `model`, `limits`, `motion`: from `plan_passes`
+    - `start`: (n_joints,) rad (m), in the order of the motion
+    - `approach_speed`: share of the limits of speed on the way to the motion's start
+    - `slow_speed`: speed of the slow pass, share of full speed
 
     Raises
     ------
@@ -158,13 +143,9 @@ def stop(
 ) -> Trajectory:
     """Come to rest from a moving state, all joints at once, within the limits of acceleration.
 
-    Parameters
-    ----------
-    position, velocity
-        (n_joints,) rad, rad/s (m, m/s) at the beginning.
-    limits
-        In the order of the joints; where the range of a joint ends before the robot could come to
-        rest, it is asked for the end of the range.
+    - `position`, `velocity`: (n_joints,) rad, rad/s (m, m/s) at the beginning
+    - `limits`: in the order of the joints; where the range of a joint ends before the robot could
+      come to rest, it is asked for the end of the range
     """
     whole = float(np.max(np.abs(velocity) / limits.acceleration))
     count = 20

@@ -172,10 +172,8 @@ def multisine(
     Every joint has lines of its own, k/T with k ≡ joint modulo the number of joints, so that what
     one joint does to another is separate from its own response. All lines have the same velocity.
 
-    Parameters
-    ----------
-    highest : (n_joints,) Hz
-    amplitude : largest deviation, rad (m)
+    - `highest`: (n_joints,) Hz
+    - `amplitude`: largest deviation, rad (m)
     """
     joints = len(highest)
     flat = max(seconds - 2.0 * _FADE, 2.0 / LOWEST_LINE)

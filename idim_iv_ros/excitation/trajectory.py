@@ -99,14 +99,9 @@ def shortest_quintic(way: FloatArray, speed: FloatArray, acceleration: FloatArra
 def require_sampling(rate: float, duration: float, what: str) -> None:
     """Refuse a rate that no controller has, and more samples than can be computed.
 
-    Parameters
-    ----------
-    rate
-        Samples per second.
-    duration
-        s.
-    what
-        What has them, for the message: ``the trajectory``.
+    - `rate`: samples per second
+    - `duration`: s
+    - `what`: what has them, for the message: ``the trajectory``
 
     Raises
     ------

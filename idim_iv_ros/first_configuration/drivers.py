@@ -19,18 +19,11 @@ SOURCES = ("joint_states", "effort", "reference", "link_states")
 
 @dataclass(frozen=True)
 class DriverPreset:
-    """Keys that the drivers of one kind of robot have in common.
-
-    Attributes
-    ----------
-    name : str
-    path : Path
-    keys : mapping
-        By section, as a configuration has them; sources of signals as text.
-    """
+    """Keys that the drivers of one kind of robot have in common."""
 
     name: str
     path: Path
+    # By section, as a configuration has them; sources of signals as text
     keys: Mapping[str, Mapping[str, Any]]
 
     def sources(self, bags: Sequence[BagContents]) -> tuple[dict[str, str], dict[str, str]]:

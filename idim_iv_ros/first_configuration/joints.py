@@ -18,21 +18,12 @@ _AWAY = 0.05  # rad or m
 
 @dataclass(frozen=True)
 class JointChoice:
-    """The joints of a configuration.
+    """The joints of a configuration."""
 
-    Attributes
-    ----------
-    joints : tuple of str
-        From the base to the tool.
-    left_out : dict of str to str
-        Movable joints of the URDF and joints of the bag that are left out, and why.
-    warnings : tuple of str
-        Joints that are left out although they matter.
-    """
-
-    joints: tuple[str, ...]
+    joints: tuple[str, ...]  # From the base to the tool
+    # Movable joints of the URDF and joints of the bag that are left out, and why
     left_out: dict[str, str]
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  # Joints that are left out although they matter
 
 
 def choose_joints(
@@ -40,12 +31,8 @@ def choose_joints(
 ) -> JointChoice:
     """Choose the joints that move and have an effort in every bag.
 
-    Parameters
-    ----------
-    urdf, source
-        Text of the URDF, and what to call it.
-    states, efforts
-        Topics; `efforts` is None for a robot without.
+    - `urdf`, `source`: text of the URDF, and what to call it
+    - `states`, `efforts`: topics; `efforts` is None for a robot without
 
     Raises
     ------

@@ -32,32 +32,17 @@ from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
 @dataclass(frozen=True)
 class Proposal:
-    """A first configuration.
-
-    Attributes
-    ----------
-    bags : tuple of Path
-    joints : tuple of str
-        Those that are identified.
-    urdf : Path or None
-        None where the bag has /robot_description.
-    values : dict
-        Keys by section, the URDF left out: its path depends on where the file is written.
-    reasons : dict of (str, str) to str
-        Why a key of a section has its value, or has none.
-    left_out : dict of str to str
-        Joints that are not identified, and why.
-    limits : tuple of float
-        Effort limits of the URDF, N m (N), for `controller.torque_limit`; empty where it has none.
-    warnings : tuple of str
-    """
+    """A first configuration."""
 
     bags: tuple[Path, ...]
-    joints: tuple[str, ...]
-    urdf: Path | None
+    joints: tuple[str, ...]  # Those that are identified
+    urdf: Path | None  # None where the bag has /robot_description
+    # Keys by section, the URDF left out: its path depends on where the file is written
     values: Mapping[str, Mapping[str, object]]
-    reasons: Mapping[tuple[str, str], str]
-    left_out: Mapping[str, str]
+    reasons: Mapping[tuple[str, str], str]  # Why a key of a section has its value, or has none
+    left_out: Mapping[str, str]  # Joints that are not identified, and why
+    # Effort limits of the URDF, N m (N), for `controller.torque_limit`; empty where it has
+    # none
     limits: tuple[float, ...]
     warnings: tuple[str, ...]
 

@@ -78,17 +78,10 @@ def _from_limits(
 
 @dataclass(frozen=True)
 class ProposedLaw:
-    """Keys of the section `controller`, and why.
-
-    Attributes
-    ----------
-    keys : dict
-    reason : str
-        Of the type.
-    """
+    """Keys of the section `controller`, and why."""
 
     keys: dict[str, object] = field(default_factory=lambda: {"type": "unknown"})
-    reason: str = "no reference in the bag"
+    reason: str = "no reference in the bag"  # Of the type
 
 
 def propose_law(motions: Sequence[Motion]) -> ProposedLaw:

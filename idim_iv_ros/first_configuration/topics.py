@@ -28,22 +28,14 @@ _DESCRIPTION = in_root(ROBOT_DESCRIPTION)
 
 @dataclass(frozen=True)
 class JointContents:
-    """What one JointState topic holds of one joint.
+    """What one JointState topic holds of one joint."""
 
-    Attributes
-    ----------
-    lowest, highest : float or None
-        Positions, rad (m); None where it has none.
-    largest_effort : float or None
-        In the unit of the driver; None where it has none, 0 where all are zero.
-    messages : int
-        That hold a number of it.
-    """
-
+    # lowest, highest: Positions, rad (m); None where it has none
     lowest: float | None
     highest: float | None
+    # In the unit of the driver; None where it has none, 0 where all are zero
     largest_effort: float | None
-    messages: int
+    messages: int  # That hold a number of it
 
     @property
     def range(self) -> float:
@@ -53,31 +45,16 @@ class JointContents:
 
 @dataclass(frozen=True)
 class TopicContents:
-    """One topic of a bag that can hold joint quantities.
-
-    Attributes
-    ----------
-    name : str
-    messages : int
-    duration : float
-        From the first message to the last, s.
-    joints : dict of str to JointContents
-        Empty for an array of numbers.
-    numbers : int
-        Length of an array of numbers; 0 for joint states.
-    kind : str
-        Message type.
-    asked : bool
-        Whether `joints` are what a controller was asked for, by its type; its topic is listed a
-        second time with what was measured.
-    """
+    """One topic of a bag that can hold joint quantities."""
 
     name: str
     messages: int
-    duration: float
-    joints: dict[str, JointContents]
-    numbers: int = 0
-    kind: str = JOINT_STATE
+    duration: float  # From the first message to the last, s
+    joints: dict[str, JointContents]  # Empty for an array of numbers
+    numbers: int = 0  # Length of an array of numbers; 0 for joint states
+    kind: str = JOINT_STATE  # Message type
+    # Whether `joints` are what a controller was asked for, by its type; its topic is listed a
+    # second time with what was measured
     asked: bool = False
 
     def with_position(self) -> set[str]:
@@ -91,21 +68,12 @@ class TopicContents:
 
 @dataclass(frozen=True)
 class BagContents:
-    """Topics of one bag.
-
-    Attributes
-    ----------
-    path : Path
-    topics : tuple of TopicContents
-    unreadable : dict of str to str
-        Types of the other topics, by name.
-    description : str or None
-        URDF on /robot_description, or on that of the only namespace that has one.
-    """
+    """Topics of one bag."""
 
     path: Path
     topics: tuple[TopicContents, ...]
-    unreadable: dict[str, str]
+    unreadable: dict[str, str]  # Types of the other topics, by name
+    # URDF on /robot_description, or on that of the only namespace that has one
     description: str | None
 
 
@@ -206,22 +174,14 @@ def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
 
 @dataclass(frozen=True)
 class TopicChoice:
-    """The topics of a configuration, and why.
+    """The topics of a configuration, and why."""
 
-    Attributes
-    ----------
-    states : TopicContents
-        Of the first bag.
-    effort, reference : TopicContents or None
-        Of the first bag; None where efforts are on `states`, and where there is no reference.
-    reasons : dict of str to str
-        By key of the section `signals`.
-    """
-
-    states: TopicContents
+    states: TopicContents  # Of the first bag
+    # effort, reference: Of the first bag; None where efforts are on `states`, and where there
+    # is no reference
     effort: TopicContents | None
     reference: TopicContents | None
-    reasons: dict[str, str]
+    reasons: dict[str, str]  # By key of the section `signals`
 
 
 def choose_states(

@@ -15,20 +15,11 @@ _WIDTH = 10_000  # no value is broken over lines
 
 
 class Key(NamedTuple):
-    """One key.
+    """One key."""
 
-    Attributes
-    ----------
-    meaning : str
-        With its unit.
-    default : str
-        What holds where it is left out.
-    example : object
-        Shown, as a comment, where nothing is proposed; ``EACH`` is repeated for each joint.
-    """
-
-    meaning: str
-    default: str
+    meaning: str  # With its unit
+    default: str  # What holds where it is left out
+    # Shown, as a comment, where nothing is proposed; an `Each` is repeated for each joint
     example: object
 
 

@@ -23,10 +23,9 @@ from idim_iv_ros.fleet.robot_answer import fleet_robot, robot_without_bags
 from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
 from idim_iv_ros.fleet.statistics.outliers import FALSE_DISCOVERIES
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
-from idim_iv_ros.fleet.statistics.over_time import resemblance
 from idim_iv_ros.fleet.statistics.quantities import types_of
 from idim_iv_ros.fleet.statistics.random_effects import LEVEL, type_estimate
-from idim_iv_ros.fleet.statistics.robots import ComparedType, compare_robots
+from idim_iv_ros.fleet.statistics.robots import ComparedType, compare_robots, resemblance
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
 _TYPICAL = 3  # ordinary robots that represent their type

@@ -173,12 +173,8 @@ def independent_columns(columns: FloatArray, tolerance: float) -> tuple[IntArray
 
     One pass over the columns, however many depend on others.
 
-    Parameters
-    ----------
-    columns
-        (r, c) of norm one, or zero.
-    tolerance
-        Norm that is left of a column when it counts.
+    - `columns`: (r, c) of norm one, or zero
+    - `tolerance`: norm that is left of a column when it counts
 
     Returns
     -------

@@ -37,10 +37,7 @@ def is_mjcf(text: str) -> bool:
 def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
     """Return a URDF of the bodies and joints of an MJCF file, numbers with all their digits.
 
-    Parameters
-    ----------
-    text
-        In place of that of the file, in whose folder it is read.
+    - `text`: in place of that of the file, in whose folder it is read
 
     Raises
     ------

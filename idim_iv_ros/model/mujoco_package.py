@@ -27,10 +27,7 @@ _SENTENCES = {
 def load_mujoco(needed_for: str) -> Any:
     """Return the module `mujoco`.
 
-    Parameters
-    ----------
-    needed_for
-        What needs it, in words: the beginning of the message.
+    - `needed_for`: what needs it, in words: the beginning of the message
 
     Raises
     ------

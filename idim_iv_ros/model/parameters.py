@@ -45,15 +45,10 @@ def words_of_name(name: str, joints: Sequence[str]) -> str:
 def unit_at(unit: str, joint_type: str, effort_unit: str = "N m") -> str:
     """Return a unit as it is at a joint, also within words.
 
-    Parameters
-    ----------
-    unit : str
-        As it is at a revolute joint whose effort is a torque in N m: ``rad``, ``mrad/s``,
-        ``N m s/rad``, ``kg m²``.
-    joint_type : str
-        ``revolute`` or ``prismatic``.
-    effort_unit : str
-        ``N m``, or ``A`` or ``V`` where the effort is a motor current or voltage.
+    - `unit`: as it is at a revolute joint whose effort is a torque in N m: ``rad``, ``mrad/s``,
+      ``N m s/rad``, ``kg m²``
+    - `joint_type`: ``revolute`` or ``prismatic``
+    - `effort_unit`: ``N m``, or ``A`` or ``V`` where the effort is a motor current or voltage
     """
     slides = joint_type == "prismatic"
     if effort_unit != "N m":
@@ -203,18 +198,11 @@ def parameter_layout(
 ) -> ParameterLayout:
     """List the standard parameters of a robot.
 
-    Parameters
-    ----------
-    joint_types
-        One for each joint, in order.
-    friction
-        Any of ``viscous``, ``coulomb``, ``offset``.
-    drive_inertia
-        Whether each drive has an inertia of its own.
-    couplings
-        Pairs of joint indices (a, b) coupled by a transmission; named by b.
-    effort_unit
-        Unit of the torque side of the model; with ``A`` or ``V`` all units follow.
+    - `joint_types`: one for each joint, in order
+    - `friction`: any of ``viscous``, ``coulomb``, ``offset``
+    - `drive_inertia`: whether each drive has an inertia of its own
+    - `couplings`: pairs of joint indices (a, b) coupled by a transmission; named by b
+    - `effort_unit`: unit of the torque side of the model; with ``A`` or ``V`` all units follow
     """
     terms = [("Ia", drive_inertia), ("Fv", "viscous" in friction)]
     terms += [("Fc", "coulomb" in friction), ("off", "offset" in friction)]

@@ -98,18 +98,11 @@ def _entry(digest: str) -> Callable[..., Any]:
     ) -> None:
         """Fill the columns of the inertial parameters in `matrix` (samples, n, n_standard).
 
-        Parameters
-        ----------
-        q, dq, ddq : (samples, n)
-            Joints in tree order.
-        motion, pose (3, 4), row (10,)
-            Written to.
-        place : (n, 10)
-            Column of each parameter of each link; -1: none.
-        rows : (n,)
-            Row of each joint of the tree.
-        matrix
-            Zeros where a joint does not move a link.
+        - `q`, `dq`, `ddq`: (samples, n), joints in tree order
+        - `motion`, `pose` (3, 4), `row` (10,): written to
+        - `place`: (n, 10), column of each parameter of each link; -1: none
+        - `rows`: (n,), row of each joint of the tree
+        - `matrix`: zeros where a joint does not move a link
         """
         _ = digest
         samples, n = q.shape
@@ -163,10 +156,7 @@ class StandardRegressor:
     def __call__(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Evaluate at n_samples states.
 
-        Parameters
-        ----------
-        q, dq, ddq
-            (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints).
+        - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
 
         Returns
         -------

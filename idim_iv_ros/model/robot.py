@@ -69,20 +69,13 @@ def load_robot(
 ) -> RobotModel:
     """Build the model of the identified joints from URDF text.
 
-    Parameters
-    ----------
-    urdf
-        The text of the URDF.
-    joints
-        Names of the identified joints; every other joint is locked at neutral.
-    gravity
-        (3,) m/s² in the base frame.
-    armature
-        (n_joints,) drive inertia of the nominal model, joint side, kg m²; None: that of an MJCF.
-    couplings
-        Pairs of indices of joints that a transmission couples.
-    source
-        What to call the URDF in messages.
+    - `urdf`: the text of the URDF
+    - `joints`: names of the identified joints; every other joint is locked at neutral
+    - `gravity`: (3,) m/s² in the base frame
+    - `armature`: (n_joints,) drive inertia of the nominal model, joint side, kg m²; None: that of
+      an MJCF
+    - `couplings`: pairs of indices of joints that a transmission couples
+    - `source`: what to call the URDF in messages
 
     Raises
     ------

@@ -151,10 +151,7 @@ def _some(names: list[str]) -> str:
 def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return what is impossible and what is implausible, one sentence each.
 
-    Parameters
-    ----------
-    identified
-        Joints that move; of the others the axis and the limits do not matter.
+    - `identified`: joints that move; of the others the axis and the limits do not matter
     """
     impossible: list[str] = []
     doubts: list[str] = []

@@ -64,12 +64,8 @@ def decoded_urdf(content: bytes) -> str:
 def read_urdf_text(urdf: str, source: str) -> Urdf:
     """Read a URDF; geometry, meshes, transmissions and extensions are passed over.
 
-    Parameters
-    ----------
-    urdf
-        The text.
-    source
-        What to call it in messages.
+    - `urdf`: the text
+    - `source`: what to call it in messages
 
     Raises
     ------

@@ -22,9 +22,9 @@ from scipy.special import chdtrc
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import ConicProblem
 from idim_iv_ros.physical.pseudo_inertia import (
     TRIANGLE,
+    ConicProblem,
     Coordinates,
     ReferenceLink,
     root_of_information,
@@ -66,19 +66,12 @@ def nearest_physical(
 ) -> PhysicalParameters:
     """Find the physically consistent parameters nearest to an estimate.
 
-    Parameters
-    ----------
-    robot
-        Its given parameters are the nominal model.
-    values : (b,)
-        β̂.
-    covariance : (b, b)
-        Rows of zeros: not shown by the recording.
-    judge
-        What judges the torque of both; None: not judged.
-    shared
-        Friction parameters that are not bounded, because an effect shares them: only the sum takes
-        energy.
+    - `robot`: its given parameters are the nominal model
+    - `values`: (b,), β̂
+    - `covariance`: (b, b), rows of zeros: not shown by the recording
+    - `judge`: what judges the torque of both; None: not judged
+    - `shared`: friction parameters that are not bounded, because an effect shares them: only the
+      sum takes energy
 
     Raises
     ------
@@ -183,9 +176,7 @@ def nearest_physical(
 def _solved(problem: ConicProblem, tie_breaker: float) -> FloatArray:
     """Solve a problem of weight one with λ; a larger one where λ is below the solver's digits."""
     weighted = replace(
-        problem,
-        scale=problem.scale / np.sqrt(tie_breaker),
-        weights=tie_breaker * problem.weights,
+        problem, scale=problem.scale / np.sqrt(tie_breaker), weights=tie_breaker * problem.weights
     )
     try:
         return weighted.solve()
@@ -200,13 +191,9 @@ def nearest_body(
 ) -> FloatArray:
     """Return XX … M (10,) of the body nearest to some of its numbers.
 
-    Parameters
-    ----------
-    link
-        The body that decides what these numbers leave open.
-    places : (k,)
-        Which of XX … M are known.
-    values, std : (k,)
+    - `link`: the body that decides what these numbers leave open
+    - `places`: (k,), which of XX … M are known
+    - `values`, `std`: (k,)
 
     Raises
     ------

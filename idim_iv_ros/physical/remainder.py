@@ -19,9 +19,13 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.conic_problem import ConicProblem
 from idim_iv_ros.physical.nearest import AT_ZERO, LEAST_OF_NOMINAL, smallest_std
-from idim_iv_ros.physical.pseudo_inertia import TRIANGLE, Coordinates, root_of_information
+from idim_iv_ros.physical.pseudo_inertia import (
+    TRIANGLE,
+    ConicProblem,
+    Coordinates,
+    root_of_information,
+)
 from idim_iv_ros.types import FloatArray, IntArray
 
 # What the numbers of a nominal link are usually off by, and the most that evidence may ask for.
@@ -87,18 +91,11 @@ def spread_remainder(
 ) -> Remainder:
     """Find the model with the causes that the estimate asks for.
 
-    Parameters
-    ----------
-    estimate, covariance : (b,), (b, b)
-        Base parameters; rows of zeros are not shown.
-    standard : (p,)
-        Of the nominal model with the causes, but for loads.
-    loads
-        The place of the joint that carries each, and XX … M (10,) of it.
-    named
-        Standard parameters that a cause names.
-    unbounded
-        Friction parameters that may be below zero, because an effect shares them.
+    - `estimate`, `covariance`: (b,), (b, b), base parameters; rows of zeros are not shown
+    - `standard`: (p,), of the nominal model with the causes, but for loads
+    - `loads`: the place of the joint that carries each, and XX … M (10,) of it
+    - `named`: standard parameters that a cause names
+    - `unbounded`: friction parameters that may be below zero, because an effect shares them
 
     Raises
     ------

@@ -15,16 +15,9 @@ Source = Literal["recording", "recording and nominal model", "nominal model"]
 class StandardValue:
     """One standard parameter of the physically consistent set.
 
-    Attributes
-    ----------
-    name, unit : str
-    value : float
-    std : float or None
-        Of `value`, to first order; None where the nominal model has a part in it, for how it splits
-        a sum has no known error.
-    given : float
-        Of the nominal model.
-    source : str
+    - `std`: of `value`, to first order; None where the nominal model has a part in it, for how it
+      splits a sum has no known error
+    - `given`: of the nominal model
     """
 
     name: str
@@ -39,18 +32,13 @@ class StandardValue:
 class LinkInertia:
     """The body that one joint carries, with all that is fixed to it.
 
-    Attributes
-    ----------
-    joint : str
-    smallest_before, smallest_after, bound : float
-        Smallest eigenvalue of the pseudo-inertia relative to the nominal one (1: the nominal link;
-        below zero: no body has it): of the estimate, split as the nominal model splits it; of the
-        consistent set; and the least that the set may have.
-    eigenvalues : (4,)
-        Of the pseudo-inertia of the consistent set, lengths in units of the link's nominal radius
-        of gyration, in kg, ascending.
-    active : bool
-        Whether the bound holds the link back.
+    - `smallest_before`, `smallest_after`, `bound`: smallest eigenvalue of the pseudo-inertia
+      relative to the nominal one (1: the nominal link; below zero: no body has it): of the
+      estimate, split as the nominal model splits it; of the consistent set; and the least that the
+      set may have
+    - `eigenvalues`: (4,), of the pseudo-inertia of the consistent set, lengths in units of the
+      link's nominal radius of gyration, in kg, ascending
+    - `active`: whether the bound holds the link back
     """
 
     joint: str
@@ -78,13 +66,9 @@ class TorqueError:
 
     Joints count by the inverse of their residual's variance, so that none hides another.
 
-    Attributes
-    ----------
-    before, after : float
-        On all rows.
-    held_out_before, held_out_after : float or None
-        Fitted without each quarter of the recording in turn, and judged there; None where a quarter
-        is needed to see all parameters.
+    - `before`, `after`: on all rows
+    - `held_out_before`, `held_out_after`: fitted without each quarter of the recording in turn, and
+      judged there; None where a quarter is needed to see all parameters
     """
 
     before: Number
@@ -97,27 +81,16 @@ class TorqueError:
 class PhysicalParameters:
     """The physically consistent parameters nearest to the estimate.
 
-    Attributes
-    ----------
-    test : HypothesisTest
-        d² = ‖R(Kπ − β̂)‖² against χ² of as many degrees of freedom as base parameters that are
-        shown: conservative, since most directions are free of bounds.
-    sentence : str
-        In words: whether a robot with such parameters could have made the recording.
-    parameters : tuple of StandardValue
-    links : tuple of LinkInertia
-    base : tuple of BaseChange
-    active : tuple of str
-        Bounds that hold the set back: joints of links, names of drive and friction parameters.
-    shared : tuple of str
-        Friction parameters without a bound: an effect at the same joint shares them, and only the
-        sum takes energy.
-    torque_error : TorqueError or None
-    seconds : float
-        What it took.
-    covariance : (b, b) or None
-        Of the estimates in `base`, in their order and the products of their units; rows of zeros
-        are not shown by the recording. None in documents of before.
+    - `test`: d² = ‖R(Kπ − β̂)‖² against χ² of as many degrees of freedom as base parameters that
+      are shown: conservative, since most directions are free of bounds
+    - `sentence`: in words: whether a robot with such parameters could have made the recording
+    - `active`: bounds that hold the set back: joints of links, names of drive and friction
+      parameters
+    - `shared`: friction parameters without a bound: an effect at the same joint shares them, and
+      only the sum takes energy
+    - `seconds`: what it took
+    - `covariance`: (b, b), of the estimates in `base`, in their order and the products of their
+      units; rows of zeros are not shown by the recording. None in documents of before.
     """
 
     test: HypothesisTest

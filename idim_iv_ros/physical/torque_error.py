@@ -20,14 +20,9 @@ class Judge:
 
     Each quarter is reduced once: R factors of three make the fit, that of the fourth judges it.
 
-    Parameters
-    ----------
-    rows
-        Of all joints; with instruments, held-out estimates use them.
-    parameters
-        b.
-    sigma : (n_joints,)
-        Standard deviation of each joint's residual: the weights.
+    - `rows`: of all joints; with instruments, held-out estimates use them
+    - `parameters`: b
+    - `sigma`: (n_joints,), standard deviation of each joint's residual: the weights
     """
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):

@@ -4,10 +4,4 @@ from idim_iv_ros.prediction.identified_model import IdentifiedModel, identified_
 from idim_iv_ros.prediction.live import LivePrediction, Prediction
 from idim_iv_ros.prediction.stream import JointSamples
 
-__all__ = [
-    "IdentifiedModel",
-    "JointSamples",
-    "LivePrediction",
-    "Prediction",
-    "identified_model",
-]
+__all__ = ["IdentifiedModel", "JointSamples", "LivePrediction", "Prediction", "identified_model"]

@@ -18,13 +18,7 @@ from idim_iv_ros.validation import first_problem
 
 # What must be as it was when the result was made: its numbers mean something else otherwise.
 _SAME = {
-    "robot": (
-        "gravity",
-        "position_offset",
-        "motor_to_joint",
-        "motor_to_joint_torque",
-        "couplings",
-    ),
+    "robot": ("gravity", "position_offset", "motor_to_joint", "motor_to_joint_torque", "couplings"),
     "signals": ("effort_scale", "effort_unit"),
     "identification": ("friction", "drive_inertia", "exclude"),
 }
@@ -32,30 +26,15 @@ _SAME = {
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """Model, parameters and filters of one identification.
+    """Model, parameters and filters of one identification."""
 
-    Attributes
-    ----------
-    path : Path
-        Of the result.
-    result : IdentificationResult
-    model : InverseModel
-    transform : JointTransform
-        From what the topics hold to the joints.
-    values : (b,)
-        Base parameters.
-    couplings : tuple of (int, int)
-    processing : ProcessingSection
-        That the result was made with.
-    """
-
-    path: Path
+    path: Path  # Of the result
     result: IdentificationResult
     model: InverseModel
-    transform: JointTransform
-    values: FloatArray
+    transform: JointTransform  # From what the topics hold to the joints
+    values: FloatArray  # (b,): Base parameters
     couplings: tuple[tuple[int, int], ...]
-    processing: ProcessingSection
+    processing: ProcessingSection  # That the result was made with
 
     @property
     def robot(self) -> str:
@@ -92,10 +71,7 @@ class IdentifiedModel:
     def variance(self, matrix: FloatArray) -> FloatArray:
         """Variance of predicted efforts by that of the parameters, (n_samples, n_joints) (N m)².
 
-        Parameters
-        ----------
-        matrix : (n_samples, n_joints, b)
-            Base regressor.
+        - `matrix`: (n_samples, n_joints, b), base regressor
         """
         covariance = self.result.covariance
         return np.asarray(np.einsum("sjb,sjb->sj", matrix @ covariance, matrix))
@@ -106,13 +82,9 @@ def identified_model(
 ) -> IdentifiedModel:
     """Read a result.json and make sure that it is of this robot and configuration.
 
-    Parameters
-    ----------
-    path
-        Of the result.
-    configuration
-    model, source
-        Of the configuration (`build_inverse_model`), and the name of its URDF in messages.
+    - `path`: of the result
+    - `model`, `source`: of the configuration (`build_inverse_model`), and the name of its URDF in
+      messages
 
     Raises
     ------

@@ -18,8 +18,194 @@ import numpy as np
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
 from idim_iv_ros.prediction.rows import ResidualRows
 from idim_iv_ros.prediction.stream import JointSamples, SampleStream
-from idim_iv_ros.prediction.window import PredictionWindow
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.recording.grid import Grid, on_grid
+from idim_iv_ros.signals import (
+    REVERSAL_MARGIN,
+    JointSignals,
+    Motion,
+    ParallelDecimation,
+    butterworth_samples,
+    fast_samples,
+    zero_phase_butterworth,
+)
+from idim_iv_ros.signals.motion import decimated_motion
+from idim_iv_ros.types import FloatArray, IntArray
+
+CURVE_TOLERANCE = 0.01  # share of an impulse response that curves, and decimation, do not wait for
+ROW_TOLERANCE = 1e-4  # the same of the positions behind the rows
+
+_CURVE_LAG = 0.15  # s, which both filters of the curves share
+_LEAST_SMOOTHING = 0.03  # s of it that is left to the efforts where the positions need more
+_HIGHEST = 0.8  # of the Nyquist frequency: smoothing that smooths nothing
+_EVERY = 0.2  # s between two looks for new rows
+# s of samples before the window, by which splines and bridged gaps are what they are.
+_CONTEXT = 0.24
+
+
+class PredictionWindow:
+    """What is filtered, predicted and smoothed of the newest samples, at start + k / rate.
+
+    `rate` is that of the grid, Hz, `start` its first stamp, ns; `lag` the time from a sample until
+    its place on the curves, s; `row_rate` that of decimated samples, Hz.
+    """
+
+    def __init__(self, identified: IdentifiedModel, rate: float, start: int) -> None:
+        self.rate, self._start, self._identified = rate, start, identified
+        result = identified.result
+        self._cutoff = result.processing.position_cutoff
+        self._order = result.processing.position_order
+        self._wait = butterworth_samples(rate, self._cutoff, self._order, CURVE_TOLERANCE)
+        self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
+        self._smoothing, self._smooth_wait = self._curve_filter(result.processing.decimation_cutoff)
+        self.lag = (self._wait + self._smooth_wait) / rate
+        # The decimation of the identification at this rate: the same edge in Hz.
+        self._factor = max(1, round(rate / result.processing.row_rate))
+        self.row_rate = rate / self._factor
+        given = identified.processing
+        edge = min(given.decimation_edge * result.processing.row_rate / self.row_rate, 1.0)
+        changes = {"decimation_edge": edge, "decimation_phase": "first"}
+        self._processing = given.model_copy(update=changes)
+        self._row_wait = ParallelDecimation(self._factor, 1, edge).settling(CURVE_TOLERANCE)
+        margin = REVERSAL_MARGIN if given.reversal_margin is None else given.reversal_margin
+        self._around = round(margin * self._factor)
+        self._end = 0  # number behind the newest sample
+        self._next_row = 0
+
+    def _curve_filter(self, wanted: float) -> tuple[float, int]:
+        """Cut-off, Hz, and samples to wait for of what smooths the curves.
+
+        The cut-off is that of the rows, or so much higher that a sample waits no longer than it
+        may.
+        """
+        rate = self.rate
+        allowed = max(_CURVE_LAG - self._wait / rate, _LEAST_SMOOTHING) * rate
+        cutoff = wanted
+        while cutoff < _HIGHEST * rate / 2.0:
+            samples = butterworth_samples(rate, cutoff, self._order, CURVE_TOLERANCE)
+            if samples <= allowed:
+                return cutoff, samples
+            cutoff *= max(1.02, 0.98 * samples / allowed)
+        return 0.0, 0
+
+    def _stamp(self, number: int) -> int:
+        return self._start + round(number * 1e9 / self.rate)
+
+    @property
+    def needed(self) -> int:
+        """Stamp of the oldest sample that is still needed, ns."""
+        oldest = min(self._curve_start, self._next_row - self._row_wait - self._factor)
+        return self._stamp(max(0, oldest - 3 * self._settled)) - round(1e9 * _CONTEXT)
+
+    @property
+    def missing(self) -> float:
+        """Time until the first sample of the curves, s."""
+        return max(0.0, (self._settled + self._smooth_wait - self._curve_place) / self.rate)
+
+    @property
+    def _curve_place(self) -> int:
+        return self._end - 1 - self._wait - self._smooth_wait
+
+    @property
+    def _curve_start(self) -> int:
+        return self._curve_place - max(3 * self._smooth_wait, self._factor, self._around)
+
+    def advance(
+        self, positions: JointSamples, efforts: JointSamples, until: int, rows: ResidualRows
+    ) -> tuple[int, FloatArray, FloatArray] | None:
+        """Take what has arrived up to a stamp, ns, and add the rows that both filters reach.
+
+        Returns
+        -------
+        stamp : int
+            Of the newest sample of the curves, ns.
+        measured, predicted : (n_joints,) N m (N)
+            Its smoothed efforts; None in place of all three while the filters fill.
+        """
+        self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
+        if self.missing > 0.0:
+            return None
+        oldest = max(int(samples.time[0]) for samples in (positions, efforts)) - self._start
+        available = max(0, int(np.ceil(oldest * 1e-9 * self.rate)))
+        places = self._new_rows(available)
+        first = max(self._curve_start, available)
+        if len(places):
+            # Begins at a decimated sample, as the identification does.
+            first = min(first, int(places[0]) - self._row_wait)
+            first = max(first // self._factor, -(-available // self._factor)) * self._factor
+        motion = self._motion(positions, efforts, first, available)
+        matrix = self._identified.model.matrix(*motion.derivatives(0, self._end - first))
+        predicted = matrix @ self._identified.values
+        if len(places):
+            row = (places - first) // self._factor
+            variance = self._identified.variance(matrix[places - first])
+            residual = motion.decimation.at(motion.torque - predicted, places - first)
+            rows.add(places, residual, motion.kept[row], variance)
+            self._next_row = int(places[-1]) + self._factor
+        return self._curve(motion, predicted, first)
+
+    def _new_rows(self, available: int) -> IntArray:
+        """Numbers of the decimated samples that both filters reach by now, some at a time.
+
+        Where much arrives at once, rows are left out whose past is not there any more.
+        """
+        factor, wait = self._factor, self._settled + self._row_wait
+        begin = max(self._next_row, -(-(available + wait) // factor) * factor)
+        last = (self._end - 1 - wait) // factor * factor
+        due = last - begin >= _EVERY * self.rate
+        return np.arange(begin, last + 1, factor) if due else np.arange(0)
+
+    def _motion(
+        self, positions: JointSamples, efforts: JointSamples, first: int, available: int
+    ) -> Motion:
+        """Samples from number `first` on, filtered by the chain of the identification."""
+        transform = self._identified.transform
+        begin = max(first - 3 * self._settled, available)
+        grid = Grid(self._stamp(begin), self.rate, self._end - begin)
+        position = on_grid(grid, positions.time, positions.values, "", smooth=True)
+        effort = on_grid(grid, efforts.time, efforts.values, "")
+        record = JointSignals(
+            "",
+            self.rate,
+            transform.position(position.values),
+            transform.torque(effort.values),
+            ~transform.touched(position.invented, effort.invented),
+        )
+        return decimated_motion(
+            record,
+            self._smooth(record.position, self._cutoff),
+            slice(first - begin, grid.samples),
+            self._processing,
+            (self._cutoff, self._factor),
+            self._identified.minimum_speed,
+            self._identified.couplings,
+        )
+
+    def _smooth(self, values: FloatArray, cutoff: float) -> FloatArray:
+        return zero_phase_butterworth(values, rate=self.rate, cutoff=cutoff, order=self._order)
+
+    def _curve(
+        self, motion: Motion, predicted: FloatArray, first: int
+    ) -> tuple[int, FloatArray, FloatArray]:
+        place = self._curve_place - first
+        begin = max(0, place - 3 * self._smooth_wait)
+        both = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]
+        if self._smooth_wait:
+            both = self._smooth(both, self._smoothing)
+        measured, predicted = np.split(both[place - begin], 2)
+        reach = max(self._factor, self._around)
+        around = slice(max(place - reach, 0), place + reach + 1)
+        there = motion.signals.valid[motion.span][around].all(axis=0)
+        identified = self._identified
+        fast = fast_samples(
+            motion.position[motion.span], self.rate, identified.minimum_speed, identified.couplings
+        )
+        moves = fast[around].all(axis=0)
+        return (
+            self._stamp(self._curve_place),
+            np.where(there, measured, np.nan),
+            np.where(there & moves, predicted, np.nan),
+        )
+
 
 SHARE_SECONDS = 1.0  # of rows behind the share of the noise floor
 
@@ -34,18 +220,10 @@ class Prediction:
     """One sample of the curves and the newest shares; see the message of that name.
 
     Arrays are (n_joints,), in N m (N); NaN where there is no number.
-
-    Attributes
-    ----------
-    stamp : int
-        Of the sample, ns; of the newest sample where nothing is predicted, 0 without any.
-    reason : str
-        Why nothing is predicted; empty where something is.
-    measured, predicted, residual, noise_share
     """
 
-    stamp: int
-    reason: str
+    stamp: int  # Of the sample, ns; of the newest sample where nothing is predicted, 0 without any
+    reason: str  # Why nothing is predicted; empty where something is
     measured: FloatArray
     predicted: FloatArray
     residual: FloatArray
@@ -55,18 +233,10 @@ class Prediction:
 class LivePrediction:
     """Takes samples as they come and predicts the newest that its filters reach.
 
-    Parameters
-    ----------
-    identified : IdentifiedModel
-    one_topic : bool
-        Whether positions and efforts come in the same messages.
+    - `one_topic`: whether positions and efforts come in the same messages
 
-    Attributes
-    ----------
-    rows : ResidualRows
-        Residual at the rows, for everything that is said of its size.
-    rate : float or None
-        Of the samples, Hz; None while it is measured.
+    - `rows`: residual at the rows, for everything that is said of its size
+    - `rate`: of the samples, Hz; None while it is measured
     """
 
     def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:
@@ -100,12 +270,8 @@ class LivePrediction:
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
         """Take samples in the order of their arrival, as they are recorded.
 
-        Parameters
-        ----------
-        positions, efforts
-            As the topics hold them.
-        now
-            When they arrived, ns.
+        - `positions`, `efforts`: as the topics hold them
+        - `now`: when they arrived, ns
         """
         for (name, stream), new in zip(self._streams.items(), (positions, efforts), strict=True):
             before = stream.reached
@@ -127,10 +293,7 @@ class LivePrediction:
     def newest(self, now: int) -> Prediction:
         """Predict the newest sample that the filters reach.
 
-        Parameters
-        ----------
-        now
-            ns, of the same clock as that of `add`.
+        - `now`: ns, of the same clock as that of `add`
         """
         reason = self._not_usable(now)
         if not reason and self._window is None:

@@ -18,15 +18,12 @@ _DAY = 86_400.0  # s
 class ResidualRows:
     """The newest rows.
 
-    Attributes
-    ----------
-    places : (r,) int
-        Numbers of their samples on the grid.
-    residual : (r, n_joints) N m (N)
-    counts : (r, n_joints) bool
-        Whether the identification would use the row: measured, and not near a reversal.
-    variance : (r, n_joints) (N m)² (N²)
-        That the uncertainty of the parameters gives the prediction.
+    - `places`: (r,) int, numbers of their samples on the grid
+    - `residual`: (r, n_joints) N m (N)
+    - `counts`: (r, n_joints) bool, whether the identification would use the row: measured, and not
+      near a reversal
+    - `variance`: (r, n_joints) (N m)² (N²), that the uncertainty of the parameters gives the
+      prediction
     """
 
     def __init__(self, joints: int, rate: float) -> None:
@@ -77,28 +74,17 @@ class ResidualRows:
 
 @dataclass(frozen=True)
 class JointLevel:
-    """The residual of one joint beside that of the identification.
-
-    Attributes
-    ----------
-    joint, unit : str
-    rms, noise_floor : float
-        Over the newest rows that count, and of the identification; NaN without rows.
-    rows : int
-    seconds : float
-        That these rows make.
-    limit : float or None
-        RMS over noise floor that scatter explains; None where it is not known.
-    why_no_limit : str
-    """
+    """The residual of one joint beside that of the identification."""
 
     joint: str
     unit: str
+    # rms, noise_floor: Over the newest rows that count, and of the identification; NaN
+    # without rows
     rms: float
     noise_floor: float
     rows: int
-    seconds: float
-    limit: float | None
+    seconds: float  # That these rows make
+    limit: float | None  # RMS over noise floor that scatter explains; None where it is not known
     why_no_limit: str
 
     @property
@@ -136,15 +122,10 @@ def joint_levels(
 ) -> tuple[JointLevel, ...]:
     """Compare every joint's residual with that of the identification.
 
-    Parameters
-    ----------
-    identified
-    rows
-    rate
-        Of the samples, Hz: noise of efforts that are sampled more slowly folds into the band of the
-        motion, so that the noise floor is that of its rate.
-    false_warnings
-        How many of them a day of motion are accepted while the model fits, all joints together.
+    - `rate`: of the samples, Hz: noise of efforts that are sampled more slowly folds into the band
+      of the motion, so that the noise floor is that of its rate
+    - `false_warnings`: how many of them a day of motion are accepted while the model fits, all
+      joints together
     """
     joints = len(identified.joints)
     probability = min(0.5, false_warnings * LEVEL_SECONDS / _DAY / joints)

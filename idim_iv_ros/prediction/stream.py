@@ -21,21 +21,12 @@ _RECENT, _OTHER_RATE = 60, 1.3
 
 @dataclass(frozen=True)
 class JointSamples:
-    """Stamped numbers of all joints.
+    """Stamped numbers of all joints."""
 
-    Attributes
-    ----------
-    time : (n,) int
-        ns.
-    values : (n, n_joints)
-        NaN where a joint has none.
-    named : (n, n_joints) bool or None
-        Joints that each sample is about, where parts of the robot have messages of their own; None
-        where every sample is about all of them.
-    """
-
-    time: IntArray
-    values: FloatArray
+    time: IntArray  # (n,) int: ns
+    values: FloatArray  # (n, n_joints): NaN where a joint has none
+    # (n, n_joints) bool or None: Joints that each sample is about, where parts of the robot
+    # have messages of their own; None where every sample is about all of them
     named: BoolArray | None = None
 
     def __len__(self) -> int:
@@ -79,20 +70,13 @@ class JointSamples:
 class SampleStream:
     """The newest samples of one topic.
 
-    Parameters
-    ----------
-    turning : (n_joints,)
-        Whose values are positions that may wrap after one turn.
-    longest_pause : float
-        s; after a longer one, or a clock that was set, everything begins anew.
+    - `turning`: (n_joints,), whose values are positions that may wrap after one turn
+    - `longest_pause`: s; after a longer one, or a clock that was set, everything begins anew
 
-    Attributes
-    ----------
-    samples : JointSamples
-    restarted : str
-        Why everything older was given up with the last samples that were added; else empty.
-    late : int
-        Samples that were left out since their stamp is not after the one before of their joints.
+    - `restarted`: why everything older was given up with the last samples that were added; else
+      empty
+    - `late`: samples that were left out since their stamp is not after the one before of their
+      joints
     """
 
     def __init__(self, turning: tuple[bool, ...], longest_pause: float) -> None:

@@ -32,10 +32,10 @@ from idim_iv_ros.report.numerals import (
     INTERVAL,
     THIN,
     is_number,
-    measured,
     number,
     percent,
     sentence,
+    with_interval,
 )
 from idim_iv_ros.report.section import Files, Report
 from idim_iv_ros.statistics.verdict import Verdict
@@ -153,7 +153,7 @@ def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
     clear = [name for name, by in numbers.items() if abs(by.value) > INTERVAL * (by.std or 0.0)]
     for name in (*clear, *numbers):
         by = numbers[name]
-        return f"{parameter_words(effect, name)}: {_value(by.value, by.std, by.unit)} (95 %)"
+        return f"{parameter_words(effect, name)}: {with_interval(by.value, by.std, by.unit)} (95 %)"
     return ""
 
 
@@ -290,8 +290,8 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
 def _law(cause: Cause) -> str:
     """The numbers of the law that one joint has."""
     numbers = ", ".join(
-        f"{name.replace('_', ' ')} = {_value(parameter.value, parameter.std, parameter.unit)}"
-        for name, parameter in cause.parameters.items()
+        f"{name.replace('_', ' ')} = {with_interval(by.value, by.std, by.unit)}"
+        for name, by in cause.parameters.items()
     )
     return f"{cause.joint}: {numbers}"
 
@@ -306,11 +306,6 @@ def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files
         Step("Diagnose the recordings that agree by themselves:", first),
         Step(f"Diagnose {apart[0]} by itself, and compare:", second),
     ]
-
-
-def _value(value: float, std: float | None, unit: str) -> str:
-    text, half = measured(value, std)
-    return " ".join(filter(None, (text, half, unit)))
 
 
 def _recording_step(result: GapResult, files: Files) -> Step:

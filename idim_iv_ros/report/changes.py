@@ -70,23 +70,23 @@ def changed_values(
     result: IdentificationResult | GapResult, nominal: Nominal
 ) -> list[ChangedValue]:
     """Return all values, those with an element or a key first, in the order of the joints."""
-    if isinstance(result, GapResult):
-        values = [*_estimates_of_diagnosis(result, nominal)]
-        attributed = [row for cause in result.causes for row in _of_cause(result, cause, nominal)]
-    else:
-        values = [
-            _row(
-                result.joints, p.name, p.expression, p.given_value, p.value, p.std, p.unit, nominal
-            )
-            for p in result.parameters
-        ]
-        attributed = []
+    values = [_at_element(result.joints, row, nominal) for row in _base_parameters(result, nominal)]
+    causes = result.causes if isinstance(result, GapResult) else ()
+    attributed = [row for cause in causes for row in _of_cause(result.joints, cause, nominal)]
     keys = {part.key for part in attributed if part.key}
     rows = [*attributed, *(value for value in values if not value.key or value.key not in keys)]
     return sorted(rows, key=lambda row: row.source == SUM)
 
 
-def _estimates_of_diagnosis(result: GapResult, nominal: Nominal) -> Iterator[ChangedValue]:
+def _base_parameters(
+    result: IdentificationResult | GapResult, nominal: Nominal
+) -> Iterator[ChangedValue]:
+    """All base parameters, each with its grouped expression, empty where that is not known."""
+    if not isinstance(result, GapResult):
+        for p in result.parameters:
+            numbers = (p.given_value, p.value, p.std)
+            yield ChangedValue(p.name, "", "", p.expression, *numbers, p.unit, SUM)
+        return
     expressions: dict[str, str] = {}
     given: dict[str, float] = {}
     if nominal.model is not None:
@@ -94,31 +94,15 @@ def _estimates_of_diagnosis(result: GapResult, nominal: Nominal) -> Iterator[Cha
         expressions = dict(zip(base.names, base.expressions, strict=True))
         if any(stage.name == "given" for stage in result.stages):
             given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
-    for name, parameter in result.extended_parameters.items():
-        yield _row(
-            result.joints,
-            name,
-            expressions.get(name, ""),
-            given.get(name),
-            parameter.value,
-            parameter.std,
-            parameter.unit,
-            nominal,
-        )
+    for name, by in result.extended_parameters.items():
+        words = expressions.get(name, "")
+        yield ChangedValue(name, "", "", words, given.get(name), by.value, by.std, by.unit, SUM)
 
 
-def _row(
-    joints: tuple[str, ...],
-    name: str,
-    expression: str,
-    given: float | None,
-    new: float,
-    std: float | None,
-    unit: str,
-    nominal: Nominal,
-) -> ChangedValue:
-    """One base parameter, by its element where it is a standard parameter."""
-    row = ChangedValue(name, "", "", expression or name, given, new, std, unit, SUM)
+def _at_element(joints: tuple[str, ...], row: ChangedValue, nominal: Nominal) -> ChangedValue:
+    """A base parameter by its element or key where it is a standard parameter."""
+    name, expression = row.name, row.words
+    row = replace(row, words=expression or name)
     parts = re.fullmatch(r"([A-Za-z]+)(\d+)", name)
     if parts is None or expression != name or int(parts[2]) > len(joints):
         return row
@@ -152,16 +136,16 @@ def _link(joint: int, nominal: Nominal) -> str:
     return nominal.skeleton.links[joint] if nominal.skeleton else f"link {joint + 1}"
 
 
-def _of_cause(result: GapResult, cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
+def _of_cause(joints: tuple[str, ...], cause: Cause, nominal: Nominal) -> Iterator[ChangedValue]:
     """Values that a cause attributes to an element or a key."""
-    joint = None if cause.joint is None else result.joints.index(cause.joint)
+    joint = None if cause.joint is None else joints.index(cause.joint)
     if part_of(cause.effect) == "load" and joint is not None:
         rows = _payload(cause.parameters, joint, nominal)
     else:
         rows = (
             row
             for name, parameter in cause.parameters.items()
-            for row in _of_number(result.joints, cause, name, parameter, nominal)
+            for row in _of_number(joints, cause, name, parameter, nominal)
         )
     source = f"cause: {effect_at(cause.effect, cause.joint)}"
     return (replace(row, source=source) for row in rows)

@@ -94,10 +94,7 @@ def line(
 
 
 def dots(
-    x: NDArray[np.floating[Any]],
-    y: NDArray[np.floating[Any]],
-    colour: str,
-    size: float = 2.6,
+    x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, size: float = 2.6
 ) -> dict[str, Any]:
     """Return a trace of single samples, of many some drawn at random.
 

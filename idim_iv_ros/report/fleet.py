@@ -5,19 +5,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.fleet.result import FleetResult, FleetRobot, FleetType, TypeQuantity
+from idim_iv_ros.fleet.result import FleetResult, FleetRobot, TypeQuantity
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
 from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
 from idim_iv_ros.report.numerals import (
+    INTERVAL,
     MISSING,
     THIN,
     count,
     number,
-    p_value,
+    p_equals,
     plural,
-    sentence,
     with_digits_of,
 )
 from idim_iv_ros.report.page import one_section, page_html
@@ -52,20 +52,22 @@ def fleet_html(
     `reports` has the address of each robot's own report, relative to the page, by the name of the
     robot; the recordings of `files` are the source of the fleet.
     """
-    bags = plural(len(result.bags), "bag")
+    bags, share = plural(len(result.bags), "bag"), _share(result)
     return page_html(
         "Fleet",
         f"{plural(len(result.robots), 'robot')}, {bags}",
         _subtitle(result),
         [
-            one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
+            one_section(
+                f"fleet_{anchor}.html.j2", anchor, title, result=result, share=share, **shown
+            )
             for anchor, title, shown in (
                 ("attention", "What needs attention", _attention(result, reports or {}, files)),
                 ("types", "Parameters of each type", _types(result)),
                 ("changes", "Changes over time", _changes(result)),
-                ("diagnoses", "What to diagnose", _diagnoses(result)),
-                ("bags", "Bags that were not used", _bags(result)),
-                ("limits", "What the numbers mean", _limits(result)),
+                ("diagnoses", "What to diagnose", {}),
+                ("bags", "Bags that were not used", {}),
+                ("limits", "What the numbers mean", {}),
             )
         ],
     )
@@ -89,23 +91,22 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
     corrupt = sum(bag.status == "corrupt" for bag in result.bags)
     missing = sum(bag.status == "missing" for bag in result.bags)
     why = f"{corrupt} corrupt, {missing} missing" if missing else f"{corrupt} corrupt"
-    rows = [_row(robot, reports) for robot in result.robots]
-    calm = [robot.attention == "none" for robot in result.robots]
+    calm = sum(robot.attention == "none" for robot in result.robots)
     return {
         "badge": _badge(result),
         "headlines": _headlines(result),
         "steps": steps(result, reports, files),
         "tiles": [
-            ("Robots", count(len(result.robots)), f"{sum(calm)} ordinary"),
+            ("Robots", count(len(result.robots)), f"{calm} ordinary"),
             ("Differ from their type", count(differs), "in a parameter or a residual"),
             ("Changed over time", count(changed), "a step or a ramp"),
             ("Unsteady from bag to bag", count(unsteady), "more than the others"),
             ("Bags used", count(len(result.bags) - unused), f"of {count(len(result.bags))}"),
             ("Bags not used", count(unused), why),
         ],
-        "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
-        "urgent": [row for row, ordinary_row in zip(rows, calm, strict=True) if not ordinary_row],
-        "rest": [row for row, ordinary_row in zip(rows, calm, strict=True) if ordinary_row],
+        "reports": reports,
+        "badges": _BADGES,
+        "names_of": _names_of,
     }
 
 
@@ -115,12 +116,16 @@ def _badge(result: FleetResult) -> tuple[str, str, str]:
         return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
         return "bad", "↗", "a robot changed"
-    counted = [robot for robot in result.robots if robot.quantities]
-    compared = any(math.isfinite(robot.p_value) for robot in counted)
-    followed = any(math.isfinite(robot.change_p_value) for robot in counted)
-    if compared and followed:
+    if all(_examined(result)):
         return "good", "✓", "nothing stands out"
     return "open", "?", "not all could be judged"
+
+
+def _examined(result: FleetResult) -> tuple[bool, bool]:
+    """Whether robots were compared with each other, and followed over time."""
+    robots = [robot for robot in result.robots if robot.quantities]
+    compared = any(math.isfinite(robot.p_value) for robot in robots)
+    return compared, any(math.isfinite(robot.change_p_value) for robot in robots)
 
 
 def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list[Step]:
@@ -142,7 +147,7 @@ def _headlines(result: FleetResult) -> list[str]:
     """How the fleet is, what the first robot that stands out has, and how sure that is."""
     if _badge(result)[0] != "bad":
         return [headline(result)]
-    first, share = result.robots[0], f"{100.0 * result.false_discoveries:g}{THIN}%"
+    first, share = result.robots[0], _share(result)
     reason = f"{first.robot}: {first.reasons[0].rstrip('.')}."
     return [headline(result), reason, f"At most {share} of such robots are by chance."]
 
@@ -187,49 +192,31 @@ def headline(result: FleetResult) -> str:
     if changed:
         parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
-        compared = any(math.isfinite(robot.p_value) for robot in counted)
-        followed = any(math.isfinite(robot.change_p_value) for robot in counted)
-        return _NOTHING[compared, followed]
+        return _NOTHING[_examined(result)]
     return f"{'; '.join(parts)}."
 
 
-def _row(robot: FleetRobot, reports: Mapping[str, str]) -> dict[str, Any]:
-    return {
-        "robot": robot.robot,
-        "href": reports.get(robot.robot, ""),
-        "type": robot.type,
-        "badge": _BADGES[robot.attention],
-        "reasons": [
-            sentence(reason, (robot.robot, *_quantities(robot))) for reason in robot.reasons
-        ],
-        "bags": f"{robot.bags} of {robot.bags + robot.not_used}",
-        "first": robot.first[:10] if robot.first else MISSING,
-        "last": robot.last[:10] if robot.last else "",
-        "p_type": p_value(robot.p_value),
-        "p_change": p_value(robot.change_p_value),
-    }
+def _share(result: FleetResult) -> str:
+    return f"{100.0 * result.false_discoveries:g}{THIN}%"
 
 
-def _quantities(robot: FleetRobot) -> tuple[str, ...]:
-    """Names of parameters that begin a sentence as they are written."""
-    return tuple(
-        quantity.name for quantity in robot.quantities if not quantity.name.startswith("residual")
-    )
+def _names_of(robot: FleetRobot) -> tuple[str, ...]:
+    """Names that begin a sentence as they are written: of the robot and of parameters."""
+    names = (quantity.name for quantity in robot.quantities)
+    return (robot.robot, *(name for name in names if not name.startswith("residual")))
 
 
 def _types(result: FleetResult) -> dict[str, Any]:
     return {
-        "types": [
-            {
-                "type": kind.type,
-                "robots": plural(kind.robots, "robot"),
-                "bags": plural(kind.bags, "bag"),
-                "notes": [sentence(note) for note in kind.notes],
-                "rows": [_quantity_row(quantity) for quantity in kind.quantities],
-                "figure": distribution_figure(kind, _of_type(result, kind), place),
-            }
+        "figures": [
+            distribution_figure(
+                kind,
+                [robot for robot in result.robots if robot.type == kind.type and robot.quantities],
+                place,
+            )
             for place, kind in enumerate(result.types)
         ],
+        "rows": [[_quantity_row(q) for q in kind.quantities] for kind in result.types],
         "legend": [
             Mark("sign diamond", BLUE, "a robot"),
             Mark("sign diamond", ORANGE, "a robot that differs"),
@@ -239,32 +226,26 @@ def _types(result: FleetResult) -> dict[str, Any]:
     }
 
 
-def _of_type(result: FleetResult, fleet_type: FleetType) -> list[FleetRobot]:
-    return [robot for robot in result.robots if robot.type == fleet_type.type and robot.quantities]
-
-
 def _quantity_row(quantity: TypeQuantity) -> list[str]:
-    sigma = quantity.sigma
-    if quantity.kind == "residual":
-        scatter = [f"{number(100.0 * deviation, 2)}{THIN}%" if math.isfinite(deviation) else MISSING
-                   for deviation in (sigma, quantity.between_bags)]  # fmt: skip
-        ends = (100.0 * quantity.sigma_low, 100.0 * quantity.sigma_high)
-    else:
-        scatter = [number(size, 2) for size in (sigma, quantity.between_bags)]
-        ends = (quantity.sigma_low, quantity.sigma_high)
-    half = 0.5 * (quantity.mean_high - quantity.mean_low) / 1.96
+    half = 0.5 * (quantity.mean_high - quantity.mean_low) / INTERVAL
+    residual = quantity.kind == "residual"
+    scale, unit = (100.0, f"{THIN}%") if residual else (1.0, "")
+    sigma, between = (
+        f"{number(scale * size, 2)}{unit if math.isfinite(size) else ''}"
+        for size in (quantity.sigma, quantity.between_bags)
+    )
+    low, high = (with_digits_of(end, half) for end in (quantity.mean_low, quantity.mean_high))
+    ends = (number(scale * end, 2) for end in (quantity.sigma_low, quantity.sigma_high))
     return [
         quantity.name,
         quantity.unit,
         str(quantity.robots),
         with_digits_of(quantity.mean, half),
-        _interval(
-            with_digits_of(quantity.mean_low, half), with_digits_of(quantity.mean_high, half)
-        ),
-        scatter[0],
-        _interval(number(ends[0], 2), number(ends[1], 2)),
+        _interval(low, high),
+        sigma,
+        _interval(*ends),
         _interval(number(quantity.next_low, 3), number(quantity.next_high, 3)),
-        scatter[1],
+        between,
         with_digits_of(quantity.given, half),
         ", ".join(quantity.left_out),
     ]
@@ -276,70 +257,22 @@ def _interval(low: str, high: str) -> str:
 
 def _changes(result: FleetResult) -> dict[str, Any]:
     changes = [(robot, change) for robot in result.robots for change in robot.changes]
-    counted = any(math.isfinite(robot.change_p_value) for robot in result.robots)
     return {
-        "judged": counted,
+        "judged": any(math.isfinite(robot.change_p_value) for robot in result.robots),
         "plots": [
             (
                 robot.robot,
-                f"{change.name}, {change.unit}",
-                p_value(change.p_value),
+                f"{change.name}, {change.unit}; p {p_equals(change.p_value)}",
                 change_figure(change, f"change-{place}"),
             )
             for place, (robot, change) in enumerate(changes[:_MOST_CHANGES])
         ],
         "not_drawn": max(len(changes) - _MOST_CHANGES, 0),
-        "layout": "two" if len(changes) > 1 else "one",
         "legend": [
             Mark("sign diamond", BLUE, "a bag, ± 95 % with what bags differ by"),
             Mark("line", ORANGE, "what was found"),
             Mark("band", SHADE, "95 % interval of the date at which it began"),
         ],
-    }
-
-
-def _diagnoses(result: FleetResult) -> dict[str, Any]:
-    return {
-        "sentences": [
-            sentence(words, _robots(result)) for kind in result.types for words in kind.sentences
-        ],
-        "rows": [
-            [
-                entry.robot,
-                entry.type,
-                "represents its type" if entry.why == "typical" else entry.reason,
-            ]
-            for entry in result.screen
-        ],
-    }
-
-
-def _robots(result: FleetResult) -> tuple[str, ...]:
-    """Names that begin a sentence as they are written."""
-    return (*(robot.robot for robot in result.robots), *(kind.type for kind in result.types))
-
-
-def _bags(result: FleetResult) -> dict[str, Any]:
-    return {
-        "rows": [
-            [
-                bag.uri,
-                bag.robot,
-                bag.time or MISSING,
-                "left out" if bag.status == "ok" else bag.status,
-                sentence(bag.why_not, (bag.uri,)),
-            ]
-            for bag in result.bags
-            if not bag.used
-        ]
-    }
-
-
-def _limits(result: FleetResult) -> dict[str, Any]:
-    return {
-        "limits": result.limits,
-        "share": f"{100.0 * result.false_discoveries:g}{THIN}%",
-        "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
     }
 
 

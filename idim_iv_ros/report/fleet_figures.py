@@ -136,11 +136,7 @@ def change_figure(change: ParameterChange, anchor: str) -> Figure:
         "mode": "lines",
         "x": times,
         "y": list(change.fitted),
-        "line": {
-            "color": ORANGE,
-            "width": 2,
-            "shape": "hv" if change.kind == "step" else "linear",
-        },
+        "line": {"color": ORANGE, "width": 2, "shape": "hv" if change.kind == "step" else "linear"},
         "hoverinfo": "skip",
     }
     if change.kind == "step":

@@ -22,12 +22,12 @@ from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import (
     MISSING,
     is_number,
-    measured,
     number,
     percent,
     plural,
     round_number,
     sentence,
+    with_interval,
 )
 
 Result = IdentificationResult | GapResult
@@ -233,9 +233,7 @@ def wrong_numbers(result: GapResult) -> str:
         words = effect_at(cause.effect, cause.joint)
         first = surest(cause.parameters, 1)
         for name, parameter in first.items() if cause.joint is not None else ():
-            size = " ".join(
-                filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
-            )
+            size = with_interval(parameter.value, parameter.std, parameter.unit)
             words += f", {parameter_words(cause.effect, name)} {size}"
         if cause.probability is not None:
             words += f" ({probability_words(cause)})"

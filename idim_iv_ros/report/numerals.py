@@ -90,6 +90,11 @@ def measured(value: float | None, std: float | None) -> tuple[str, str]:
     )
 
 
+def with_interval(value: float | None, std: float | None, unit: str = "") -> str:
+    """Return a value with the half-width of its 95 % interval and its unit, as far as known."""
+    return " ".join(filter(None, (*measured(value, std), unit)))
+
+
 def with_digits_of(value: float | None, std: float | None) -> str:
     """Return a value rounded like an estimate with that σ, to be compared with it."""
     if value is None or not math.isfinite(value):
@@ -110,11 +115,22 @@ def percent(value: float | None, digits: int = 2) -> str:
     return f"{number(value, digits if abs(value) < 100.0 else 3)}{THIN}%"
 
 
+def share(value: float | None, digits: int = 2) -> str:
+    """Return a share of one in percent."""
+    return percent(None if value is None else 100.0 * value, digits)
+
+
 def p_value(value: float | None) -> str:
     """Return a p-value; below 0.0001 only that it is."""
     if value is None or not math.isfinite(value):
         return MISSING
     return "<\N{NO-BREAK SPACE}0.0001" if value < 1e-4 else number(value, 2)
+
+
+def p_equals(value: float | None) -> str:
+    """Return a p-value with the sign between it and “p”."""
+    text = p_value(value)
+    return text if text.startswith("<") else f"= {text}"
 
 
 def with_unit(value: float | None, unit: str, digits: int = 3) -> str:

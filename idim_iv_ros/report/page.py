@@ -14,20 +14,17 @@ from plotly.offline import get_plotlyjs
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report import numerals
+from idim_iv_ros.report import gap_words, numerals
 from idim_iv_ros.report.changes import CHANGES
-from idim_iv_ros.report.gap_words import duration
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
-from idim_iv_ros.report.sections.friction import FRICTION
-from idim_iv_ros.report.sections.parameters import PARAMETERS
-from idim_iv_ros.report.sections.physical import PHYSICAL
+from idim_iv_ros.report.sections.drives import FRICTION, TRANSMISSIONS
+from idim_iv_ros.report.sections.parameters import PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
 from idim_iv_ros.report.sections.residual_curves import ORDERS, RESIDUAL_CURVES
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES
 from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
-from idim_iv_ros.report.sections.transmissions import TRANSMISSIONS
 from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
 from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
 
@@ -88,7 +85,7 @@ def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
         result.robot,
         "sim-to-real gap",
         f"Diagnosis of {plural(len(result.joints), 'joint')} from "
-        f"{with_unit(duration(result), 's')} of recording",
+        f"{with_unit(gap_words.duration(result), 's')} of recording",
         _sections(Report(result, files), DIAGNOSIS),
     )
 
@@ -104,8 +101,12 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     for name in ("number", "round_number", "exact", "count", "measured", "with_digits_of",
-                 "percent", "p_value", "with_unit", "sentence"):  # fmt: skip
+                 "percent", "p_value", "with_unit", "sentence", "plural", "with_interval",
+                 "share"):  # fmt: skip
         templates.filters[name] = getattr(numerals, name)
+    for name in ("torque_unit", "unit_in", "effect_at", "parameter_words"):
+        templates.globals[name] = getattr(gap_words, name)
+    templates.tests["finite"] = numerals.is_number
     return templates
 
 

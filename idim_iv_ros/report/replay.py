@@ -32,7 +32,6 @@ _ON = {
 }
 _HEIGHT = 340
 _BUCKETS = 220
-_FEW = 3
 
 
 def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
@@ -54,22 +53,19 @@ def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
         for index, series in enumerate(result.series)
     ]
     return {
+        "result": result,
         "badge": badge(result),
         "headline": headline(result),
         "steps": steps(result, files),
         "shrinkage": shrinkage(result),
-        "stages": [(stage.name, stage.model, stage.note) for stage in result.stages],
         "columns": ["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
         "tracking": error_rows(result, "tracking"),
         "torque": error_rows(result, "torque"),
-        "notes": result.notes,
         "legend": [
             Mark("line", INK, "robot"),
             *(Mark("line", _COLOURS[name], f"simulated, {name}") for name in drawn),
         ],
         "plots": plots,
-        "layout": "one" if len(plots) <= _FEW else "two",
-        "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
     }
 
 

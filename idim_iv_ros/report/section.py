@@ -131,14 +131,15 @@ class Report(Generic[R]):
 class Section(Generic[R]):
     """One section: title, place (anchor) and template under ``templates/``.
 
-    `context` returns what the template shows, None where the section does not apply to a result.
-    `about` says what is in a section that is folded until the reader wants it.
+    The template has `result` and `files`, and what `context` returns; None where the section does
+    not apply to a result. `about` says what is in a section that is folded until the reader wants
+    it.
     """
 
     title: str
     anchor: str
     template: str
-    context: Callable[[Report[R]], Mapping[str, Any] | None]
+    context: Callable[[Report[R]], Mapping[str, Any] | None] = lambda report: {}
     about: str = ""
 
     def render(self, report: Report[R], templates: Environment) -> Markup | None:
@@ -151,7 +152,8 @@ class Section(Generic[R]):
             shown = self.context(report)
             if shown is None:
                 return None
-            text = templates.get_template(self.template).render(anchor=self.anchor, **shown)
+            given = {"anchor": self.anchor, "result": report.result, "files": report.files}
+            text = templates.get_template(self.template).render(given | dict(shown))
         except Exception as error:
             if os.environ.get("IDIM_IV_TRACEBACK"):
                 raise

@@ -13,7 +13,6 @@ from idim_iv_ros.report.section import UNPLACED, Files
 from idim_iv_ros.servo.result import ServoNumber, ServoResult, ServoSeries
 
 _HEIGHT = 260
-_FEW = 3
 
 
 def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
@@ -34,6 +33,7 @@ def shown(result: ServoResult, files: Files = UNPLACED) -> dict[str, Any]:
         for index, series in enumerate(result.series)
     ]
     return {
+        "result": result,
         "badge": badge(result),
         "headline": headline(result),
         "steps": steps(result, files),
@@ -43,16 +43,12 @@ def shown(result: ServoResult, files: Files = UNPLACED) -> dict[str, Any]:
         "joints": [(j.joint, number_rows((*j.numbers, *j.ratios))) for j in result.joints],
         "errors": error_rows(result),
         "gains": gain_rows(result),
-        "model_error": f"{100.0 * result.model_error:.3g} %",
-        "warnings": result.warnings,
         "legend": [
             Mark("line", GREY, "asked for"),
             Mark("line", INK, "measured"),
             Mark("line", BLUE, "simulated servo"),
         ],
         "plots": plots,
-        "layout": "one" if len(plots) <= _FEW else "two",
-        "software": " ".join(f"{name} {text}" for name, text in result.software.items()),
     }
 
 

@@ -132,19 +132,12 @@ def session_axis_of(result: IdentificationResult | GapResult) -> SessionAxis:
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves for a plot; NaN where lines are interrupted.
+    """Curves for a plot; NaN where lines are interrupted."""
 
-    Attributes
-    ----------
-    time : (m,)
-        s on the axis.
-    values : tuple of (m,)
-    gaps : (k, 2) s
-        Start and end of each stretch of a recording without rows that is wide enough to be seen.
-    """
-
-    time: FloatArray
-    values: tuple[FloatArray, ...]
+    time: FloatArray  # (m,): s on the axis
+    values: tuple[FloatArray, ...]  # (m,) each
+    # (k, 2) s: Start and end of each stretch of a recording without rows that is wide enough
+    # to be seen
     gaps: FloatArray
 
 
@@ -162,16 +155,10 @@ def curves(
     Gaps narrower than a thousandth of the session are drawn through, those between recordings
     never are.
 
-    Parameters
-    ----------
-    time, values : (r,)
-        s of the session, and the curves over it.
-    peaks_of : sequence of (r,)
-        Curves whose smallest and largest rows are kept in each bucket.
-    step : float, optional
-        Of the rows, s; the median of their distances if left out.
-    buckets : int
-        Equal pieces of a long series.
+    - `time`, `values`: (r,), s of the session, and the curves over it
+    - `peaks_of`: sequence of (r,), curves whose smallest and largest rows are kept in each bucket
+    - `step`: of the rows, s; the median of their distances if left out
+    - `buckets`: equal pieces of a long series
     """
     borders = session.ends(time)
     place = session.on_axis(time)

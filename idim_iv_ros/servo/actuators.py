@@ -48,12 +48,8 @@ def rounded(joint: ServoJoint, name: str, otherwise: float = 0.0) -> float:
 def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> str:
     """Return the user's model with position actuators, armature and friction of its servos.
 
-    Parameters
-    ----------
-    configuration
-        Of an MJCF everything else stays; of a URDF the shapes are left out.
-    urdf
-        Text of the description, where it is no MJCF.
+    - `configuration`: of an MJCF everything else stays; of a URDF the shapes are left out
+    - `urdf`: text of the description, where it is no MJCF
 
     Raises
     ------
@@ -117,10 +113,7 @@ def _without_shapes(urdf: str) -> str:
 def servo_isaac_lab(result: ServoResult, step: float = 0.005) -> str:
     """Return a Python text with one `DelayedPDActuatorCfg` for each servo of absolute numbers.
 
-    Parameters
-    ----------
-    step
-        Time step of the simulation, s, in which delays are counted.
+    - `step`: time step of the simulation, s, in which delays are counted
     """
     actuators = []
     for servo in result.joints:

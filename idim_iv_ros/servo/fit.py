@@ -5,6 +5,8 @@ Ia·q̈ + D·q̇ + Fc·sign(q̇) + offset, whose simulated motion is compared wi
 sensitivities of the simulated motion are the instruments of IDIM-IV (paper, section III.B): they
 hold none of the noise that stands on both sides of the equation, so that estimates do not tend to
 zero as least squares on measured speeds and accelerations do.
+
+The search begins at least squares on filtered motion, which needs no start.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,21 +30,13 @@ _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that ch
 
 @dataclass(frozen=True)
 class Sampled:
-    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints).
+    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints)."""
 
-    Attributes
-    ----------
-    rate : float
-        Hz.
-    command, position : (n_samples, …) rad
-    valid : (n_samples, …) bool
-        Whether the position was measured.
-    """
-
-    rate: float
+    rate: float  # Hz
+    # command, position: (n_samples, …) rad
     command: FloatArray
     position: FloatArray
-    valid: BoolArray
+    valid: BoolArray  # (n_samples, …) bool: Whether the position was measured
 
     @property
     def used(self) -> BoolArray:
@@ -54,18 +48,10 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Run(Sampled):
-    """One joint in one recording.
+    """One joint in one recording."""
 
-    Attributes
-    ----------
-    load : Load
-        What the rigid body asks along the motion, (n_samples · finer,) each.
-    gain : float
-        Of the loop, in parts of that for which K is asked.
-    """
-
-    load: Load
-    gain: float = 1.0
+    load: Load  # What the rigid body asks along the motion, (n_samples · finer,) each
+    gain: float = 1.0  # Of the loop, in parts of that for which K is asked
 
     @property
     def finer(self) -> int:
@@ -96,12 +82,9 @@ def followed(
 ) -> FloatArray:
     """Position and speed (2, n_samples, n_joints) of joints that follow commands from rest.
 
-    Parameters
-    ----------
-    drives, load, command, rate, gain
-        Of `simulate_joints`; `load` is its mass, torque, slope and along.
-    start
-        Positions (n_joints,) at the first sample, rad.
+    - `drives`, `load`, `command`, `rate`, `gain`: of `simulate_joints`; `load` is its mass, torque,
+      slope and along
+    - `start`: positions (n_joints,) at the first sample, rad
     """
     steps = int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
     motion = np.empty((2, *command.shape))
@@ -122,23 +105,12 @@ def followed(
 
 @dataclass(frozen=True)
 class DriveEstimate:
-    """Parameters of one servo, divided by its stiffness, with their covariance.
-
-    Attributes
-    ----------
-    drive : Drive
-    covariance : (8, 8)
-        In the order of `PARAMETERS`; zero where a parameter was given.
-    residual : float
-        Root mean square of measured less simulated position, rad.
-    blocks : int
-        That the covariance rests on.
-    """
+    """Parameters of one servo, divided by its stiffness, with their covariance."""
 
     drive: Drive
-    covariance: FloatArray
-    residual: float
-    blocks: int
+    covariance: FloatArray  # (8, 8): In the order of `PARAMETERS`; zero where a parameter was given
+    residual: float  # Root mean square of measured less simulated position, rad
+    blocks: int  # That the covariance rests on
 
     @property
     def free(self) -> list[str]:
@@ -165,18 +137,11 @@ def fit_drive(
 ) -> DriveEstimate:
     """Fit the free parameters to all runs at once.
 
-    Parameters
-    ----------
-    start
-        Where the search begins, and the value of what is not free.
-    free
-        Of `PARAMETERS`.
-    scale
-        (8,) what is large for a parameter, in its unit.
-    iterations
-        At most.
-    tolerance
-        Share by which the cost must fall for another iteration.
+    - `start`: where the search begins, and the value of what is not free
+    - `free`: of `PARAMETERS`
+    - `scale`: (8,) what is large for a parameter, in its unit
+    - `iterations`: at most
+    - `tolerance`: share by which the cost must fall for another iteration
     """
     places = [PARAMETERS.index(name) for name in free]
     first = np.array(start, dtype=float)
@@ -268,10 +233,7 @@ def block_covariance(
 def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
     """Factor of the gain or of the load of one run that suits a drive found on others.
 
-    Parameters
-    ----------
-    what
-        ``gain`` or ``load``.
+    - `what`: ``gain`` or ``load``
 
     Returns
     -------
@@ -316,3 +278,76 @@ def _scaled(run: Run, factor: float, what: str) -> Run:
 
 def _slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
     return (function(at + step) - function(at - step)) / (2.0 * step)
+
+
+_CUTOFF, _ORDER = 8.0, 4  # Hz
+_MOST_OF_NYQUIST = 0.4
+_LONGEST_DELAY = 0.25  # s
+_MOVING = 0.05  # of the greatest speed, from which the sign of the friction is known
+
+
+def smooth_motion(position: FloatArray, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Position, speed and acceleration (n_samples, …) of a measured motion, without phase shift."""
+    cutoff = min(_CUTOFF, _MOST_OF_NYQUIST * 0.5 * rate)
+    sections = scipy.signal.butter(_ORDER, cutoff, fs=rate, output="sos")
+    smooth = scipy.signal.sosfiltfilt(sections, position, axis=0)
+    speed = np.gradient(smooth, 1.0 / rate, axis=0)
+    return smooth, speed, np.gradient(speed, 1.0 / rate, axis=0)
+
+
+def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -> Drive:
+    """Regress the command error on measured motion, without instruments.
+
+    Measured speeds and accelerations stand on the right and hold noise: the estimates are biased
+    (see `fit`), and serve as a start.
+
+    - `delay`: s; None: that of a grid of half samples which leaves the smallest residual
+    """
+    most = _LONGEST_DELAY if delay is None else 0.0
+    halves = np.arange(0.0, most + 1e-9, 0.5 / runs[0].rate) if delay is None else [delay]
+    best, smallest = Drive(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0), np.inf
+    motions = [smooth_motion(run.position, run.rate) for run in runs]
+    for late in halves:
+        columns, errors = [], []
+        for run, (q, v, a) in zip(runs, motions, strict=True):
+            samples = np.arange(len(q))
+            place = samples - late * run.rate - 0.5
+            error = run.gain * (np.interp(place, samples, run.command) - run.position)
+            error = smooth_motion(error, run.rate)[0]
+            torque = asked_torque(run, q, a)
+            rows = np.column_stack([torque, a, v, np.sign(v), np.ones(len(q))])
+            moving = run.used & (np.abs(v) > _MOVING * np.abs(v).max(initial=0.0))
+            columns.append(rows[moving])
+            errors.append(error[moving])
+        matrix, target = np.concatenate(columns), np.concatenate(errors)
+        size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-12)
+        low = [0.0, 0.0, 0.0, 0.0, -np.inf]
+        answer = scipy.optimize.lsq_linear(matrix / size, target, bounds=(low, np.inf))
+        if answer.cost < smallest:
+            smallest = float(answer.cost)
+            compliance, inertia, damping, friction, offset = (answer.x / size).tolist()
+            best = Drive(compliance, inertia, damping, friction, offset, float(late), np.inf, 0.0)
+    return best
+
+
+def asked_torque(run: Run, position: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Torque (n_samples,) that the rigid body asks of one joint at a motion, N m."""
+    inertia, torque, slope, along = (values[:: run.finer] for values in run.load)
+    return np.asarray(torque + slope * (position - along) + inertia * acceleration)
+
+
+def scales(runs: Sequence[Run]) -> FloatArray:
+    """What is large for each parameter of a drive, (8,), in the order of `PARAMETERS`."""
+    error = torque = speed = acceleration = 1e-12
+    for run in runs:
+        q, v, a = smooth_motion(run.position, run.rate)
+        error = max(error, run.gain * float(np.abs(run.command - run.position).max()))
+        torque = max(torque, float(np.abs(asked_torque(run, q, a)).max()))
+        speed, acceleration = (
+            max(speed, float(np.abs(v).max())),
+            max(acceleration, float(np.abs(a).max())),
+        )
+    late = max(2.0 / runs[0].rate, 0.02)
+    values = (error / torque, error / acceleration, error / speed, error, error, late, error, 1.0)
+    assert len(values) == len(PARAMETERS)
+    return np.array(values)

@@ -15,137 +15,16 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.servo.fit import PARAMETERS, DriveEstimate, Run, fit_drive, fit_factor, residuals
-from idim_iv_ros.servo.loop_kernel import Drive
+from idim_iv_ros.servo.fit import DriveEstimate, Run, fit_drive, fit_factor, residuals, scales
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
-from idim_iv_ros.servo.robot_fit import Motion, RigidLoad, Trajectory, finer_motion, fit_robot
-from idim_iv_ros.servo.start import ordinary_least_squares, scales, smooth_motion
+from idim_iv_ros.servo.robot_fit import LARGEST_ANGLE, Motion, fit_servos, present_parameters
 from idim_iv_ros.signals.joint_side import joint_transform
-from idim_iv_ros.types import FloatArray
 
-_TURNS = 2  # of the fits joint by joint
-_COARSE = 8  # iterations
-_ROUGH = 1e-3  # share of the cost, of a fit that another one follows
 _SAME = 0.1  # share by which a gain may differ from the one given and be called the same
-_DEGREES = 12.0  # rad, beyond which no limited joint turns
 _WINDOW, _LOST = 1.0, 0.5  # s; share of the tracking error at which no servo explains a motion
 _LAGS = 25  # samples by which a command may be a copy of the position
 _POINTS = 600  # of a picture
-_ALWAYS = PARAMETERS[:6]
-_LOAD_FRICTION = 0.1  # where the search for it begins
-_LIMITS = (0.8, 0.4)  # of the largest command error: where the search for a limit begins
-
-
-def fit_servos(
-    motions: Sequence[Motion], robot: RobotModel
-) -> list[tuple[list[Run], DriveEstimate]]:
-    """Fit the servos of all joints to all motions.
-
-    Joint by joint first, with what the others do taken from the measured motion and then from a
-    simulation of all; then all at once, because the joints act on one another.
-
-    Returns
-    -------
-    list
-        Runs and estimate of each joint.
-    """
-    trajectories = [
-        finer_motion(smooth_motion(motion.position, motion.rate), motion.finer)
-        for motion in motions
-    ]
-    starts: list[Drive | None] = [None] * len(robot.joints)
-    tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH
-    loads = _loads(motions, robot, trajectories)
-    for _ in range(_TURNS):
-        estimates = [
-            fit_joint(_runs(motions, loads, joint), start, tolerance=tolerance)
-            for joint, start in enumerate(starts)
-        ]
-        starts = [estimate.drive for estimate in estimates]
-        drives = np.array(starts)
-        trajectories = [
-            _simulated(load, drives, motion) for motion, load in zip(motions, loads, strict=True)
-        ]
-        loads = _loads(motions, robot, trajectories)
-    if len(robot.joints) > 1:
-        estimates, loads = fit_robot(motions, loads, robot, estimates)
-    return [(_runs(motions, loads, joint), estimate) for joint, estimate in enumerate(estimates)]
-
-
-def _loads(
-    motions: Sequence[Motion], robot: RobotModel, trajectories: Sequence[Trajectory]
-) -> list[RigidLoad]:
-    """What the rigid bodies ask along these trajectories."""
-    return [
-        RigidLoad.along(motion.robot or robot, trajectory)
-        for motion, trajectory in zip(motions, trajectories, strict=True)
-    ]
-
-
-def _simulated(load: RigidLoad, drives: FloatArray, motion: Motion) -> Trajectory:
-    """Motion of all joints; that along which the load is where the simulation runs away."""
-    simulated = load.simulated(drives, motion)
-    if np.isfinite(simulated).all() and np.abs(simulated[0]).max() < _DEGREES:
-        return simulated
-    return load.trajectory
-
-
-def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> list[Run]:
-    """Return what one joint did in all motions."""
-    return [
-        Run(
-            motion.rate,
-            np.ascontiguousarray(motion.command[:, joint]),
-            np.ascontiguousarray(motion.position[:, joint]),
-            motion.valid[:, joint],
-            load.of_joint(joint),
-            motion.gain,
-        )
-        for motion, load in zip(motions, loads, strict=True)
-    ]
-
-
-def fit_joint(
-    runs: Sequence[Run], start: Drive | None = None, *, tolerance: float = 1e-6
-) -> DriveEstimate:
-    """Fit one servo; a torque limit and friction by load only where the recording shows them.
-
-    They are there if the evidence of the blocks says so (BIC, with a block for a sample).
-
-    Parameters
-    ----------
-    start
-        Of an earlier fit to the same recordings, which decided what is there; None: decide.
-    """
-    scale = scales(runs)
-    if start is not None:
-        return fit_drive(runs, start, _present(start), scale, tolerance=tolerance)
-    least_squares = ordinary_least_squares(runs)
-    best = fit_drive(runs, least_squares, _ALWAYS, scale, tolerance=tolerance)
-    error = scale[PARAMETERS.index("limit")]
-    limits = [{"limit": share * error} for share in _LIMITS]
-    for trials in (limits, [{"load_friction": _LOAD_FRICTION}]):
-        tried = []
-        for trial in trials:
-            drive = best.drive._replace(**trial)
-            tried.append(fit_drive(runs, drive, _present(drive), scale, iterations=_COARSE))
-        better = min(tried, key=lambda answer: answer.residual)
-        gained = 2.0 * best.blocks * np.log(best.residual / max(better.residual, 1e-300))
-        if gained > np.log(best.blocks):
-            present = _present(better.drive)
-            best = fit_drive(runs, better.drive, present, scale, tolerance=tolerance)
-    return best
-
-
-def _present(drive: Drive) -> list[str]:
-    """Parameters that a drive has."""
-    present = list(_ALWAYS)
-    if np.isfinite(drive.limit):
-        present.append("limit")
-    if drive.load_friction > 0.0:
-        present.append("load_friction")
-    return present
 
 
 def identify_servos(
@@ -259,7 +138,7 @@ def _require_servo(where: str, motion: Motion, column: int) -> None:
         Degrees, a command that is a copy of the position, or one that never moves.
     """
     command, position = motion.command[:, column], motion.position[:, column]
-    if max(np.abs(command).max(), np.abs(position).max()) > _DEGREES:
+    if max(np.abs(command).max(), np.abs(position).max()) > LARGEST_ANGLE:
         raise DataError(
             f"{where} is at {np.abs(position).max():.3g} rad: these look like degrees; import them "
             "with a scale of 0.0174533"
@@ -288,7 +167,7 @@ def _joint(
             "stiffness of the loop are known: add a known mass, or move where gravity acts"
         )
         start = answer.drive._replace(compliance=0.0, load_friction=0.0)
-        free = [name for name in _present(start) if name != "compliance"]
+        free = [name for name in present_parameters(start) if name != "compliance"]
         answer = fit_drive(runs, start, free, scales(runs))
     position = np.concatenate([run.position[run.valid] for run in runs])
     steps = np.diff(np.unique(position))

@@ -14,45 +14,26 @@ _SWEEPS = 6  # of the joints of a step, which begin where the step before ended
 
 
 class Drive(NamedTuple):
-    """What a servo is, divided by its stiffness K.
+    """What a servo is, divided by its stiffness K."""
 
-    Attributes
-    ----------
-    compliance : 1 / K, rad/(N m): what the rigid body's torques are multiplied with.
-    inertia : of the drive, s².
-    damping : of loop, motor and bearings together, s.
-    friction : dry, rad: half the dead band.
-    offset : rad
-    delay : from the command to its effect on the measured position, s.
-    limit : command error beyond which the torque grows no more, rad.
-    load_friction : dry friction for each unit of the load, of gravity, Coriolis and other joints.
-    """
-
-    compliance: float
-    inertia: float
-    damping: float
-    friction: float
-    offset: float
-    delay: float
-    limit: float
+    compliance: float  # 1 / K, rad/(N m): what the rigid body's torques are multiplied with
+    inertia: float  # Of the drive, s²
+    damping: float  # Of loop, motor and bearings together, s
+    friction: float  # Dry, rad: half the dead band
+    offset: float  # rad
+    delay: float  # From the command to its effect on the measured position, s
+    limit: float  # Command error beyond which the torque grows no more, rad
+    # Dry friction for each unit of the load, of gravity, Coriolis and other joints
     load_friction: float
 
 
 class Load(NamedTuple):
-    """What the rigid body asks of one joint along a motion, (n_samples,) each.
+    """What the rigid body asks of one joint along a motion, (n_samples,) each."""
 
-    Attributes
-    ----------
-    inertia : kg m², the joint's entry on the diagonal of the mass matrix.
-    torque : N m, gravity, Coriolis and the accelerations of the other joints.
-    slope : N m/rad, of that torque with the joint's position.
-    position : rad, where torque and slope hold.
-    """
-
-    inertia: FloatArray
-    torque: FloatArray
-    slope: FloatArray
-    position: FloatArray
+    inertia: FloatArray  # kg m², the joint's entry on the diagonal of the mass matrix
+    torque: FloatArray  # N m, gravity, Coriolis and the accelerations of the other joints
+    slope: FloatArray  # N m/rad, of that torque with the joint's position
+    position: FloatArray  # rad, where torque and slope hold
 
 
 @kernel
@@ -87,24 +68,15 @@ def simulate_joints(
     joint that stops stays until more than its dry friction pulls. Accelerations are found by
     projected Gauss-Seidel sweeps, which converge for every positive definite mass matrix.
 
-    Parameters
-    ----------
-    drives
-        (n_joints, 8), rows as `Drive`; a compliance of zero leaves a joint without load.
-    mass, torque, slope, along
-        (n_samples, n_joints, n_joints) kg m² and (n_samples, n_joints) each, as `Load`, the torque
-        without any acceleration.
-    command
-        (n_samples, n_joints) rad at `rate` Hz, held from its sample to the next.
-    gain
-        Multiplies the command error before it saturates: 1 but where recordings of several gains
-        are told apart by it.
-    steps
-        In a sample.
-    state
-        (6, n_joints) position, speed, and four rows of workspace; overwritten.
-    motion
-        (2, n_samples, n_joints) position rad and speed rad/s, overwritten.
+    - `drives`: (n_joints, 8), rows as `Drive`; a compliance of zero leaves a joint without load
+    - `mass`, `torque`, `slope`, `along`: (n_samples, n_joints, n_joints) kg m² and (n_samples,
+      n_joints) each, as `Load`, the torque without any acceleration
+    - `command`: (n_samples, n_joints) rad at `rate` Hz, held from its sample to the next
+    - `gain`: multiplies the command error before it saturates: 1 but where recordings of several
+      gains are told apart by it
+    - `steps`: in a sample
+    - `state`: (6, n_joints) position, speed, and four rows of workspace; overwritten
+    - `motion`: (2, n_samples, n_joints) position rad and speed rad/s, overwritten
     """
     q, v, change, pull = state[0], state[1], state[2], state[3]
     stop, dry = state[4], state[5]

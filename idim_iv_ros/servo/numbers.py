@@ -44,10 +44,7 @@ def is_absolute(answer: DriveEstimate) -> bool:
 def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNumber, ...]:
     """Stiffness, armature, damping, dry friction, offset, torque limit and friction by load.
 
-    Parameters
-    ----------
-    model_error
-        Standard deviation of the nominal torques, as a share of them.
+    - `model_error`: standard deviation of the nominal torques, as a share of them
     """
     values, width = np.array(answer.drive), interval_width(answer)
     covariance = answer.covariance.copy()
@@ -80,10 +77,7 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
 def ratio_numbers(answer: DriveEstimate, *, with_links: bool) -> tuple[ServoNumber, ...]:
     """What is known without a torque.
 
-    Parameters
-    ----------
-    with_links
-        Whether the inertia is that of the links, too, because they were not told apart.
+    - `with_links`: whether the inertia is that of the links, too, because they were not told apart
     """
     values, width = np.array(answer.drive), interval_width(answer)
     numbers = []

@@ -12,13 +12,8 @@ from idim_iv_ros.types import FloatArray
 class ServoNumber:
     """One number of a servo with its 95 % interval.
 
-    Attributes
-    ----------
-    name, unit : str
-    value, low, high : float
-    shown : bool
-        Whether the recording tells it from zero (of a limit: whether it was reached). Otherwise
-        `high` (of a limit: `low`) bounds it, and `value` is where the fit ended.
+    - `shown`: whether the recording tells it from zero (of a limit: whether it was reached).
+      Otherwise `high` (of a limit: `low`) bounds it, and `value` is where the fit ended.
     """
 
     name: str
@@ -33,26 +28,16 @@ class ServoNumber:
 class ServoJoint:
     """The servo of one joint.
 
-    Attributes
-    ----------
-    joint : str
-    absolute : bool
-        Whether `numbers` are torques. They are where the rigid bodies' torques show in the motion;
-        elsewhere only ratios to the stiffness of the loop are known.
-    reason : str
-        Why not; empty where they are.
-    numbers : tuple of ServoNumber
-        Absolute ones, or none.
-    ratios : tuple of ServoNumber
-        The same divided by the stiffness, and what needs no torque: delay, offset, limits.
-    residual, held_out : float
-        Root mean square of measured less simulated position, rad: of the fit, and of each half of
-        the recordings when only the other was used.
-    nominal : float
-        Root mean square of command less measured position, rad: what a simulator with perfect
-        tracking misses.
-    resolution : float or None
-        Smallest step between recorded positions, rad.
+    - `absolute`: whether `numbers` are torques. They are where the rigid bodies' torques show in
+      the motion; elsewhere only ratios to the stiffness of the loop are known.
+    - `reason`: why not; empty where they are
+    - `numbers`: absolute ones, or none
+    - `ratios`: the same divided by the stiffness, and what needs no torque: delay, offset, limits
+    - `residual`, `held_out`: root mean square of measured less simulated position, rad: of the fit,
+      and of each half of the recordings when only the other was used
+    - `nominal`: root mean square of command less measured position, rad: what a simulator with
+      perfect tracking misses
+    - `resolution`: smallest step between recorded positions, rad
     """
 
     joint: str
@@ -74,12 +59,8 @@ class ServoJoint:
 class GainCheck:
     """Whether the gain of one recording is the one that was said.
 
-    Attributes
-    ----------
-    recording, joint : str
-    given, estimated, low, high : float
-        The gain that suits the servo found on the other recordings, with its 95 % interval.
-    agrees : bool
+    - `given`, `estimated`, `low`, `high`: the gain that suits the servo found on the other
+      recordings, with its 95 % interval
     """
 
     recording: str

@@ -10,10 +10,15 @@ from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.servo.fit import (
     PARAMETERS,
     DriveEstimate,
+    Run,
     Sampled,
     block_covariance,
     block_labels,
+    fit_drive,
     followed,
+    ordinary_least_squares,
+    scales,
+    smooth_motion,
 )
 from idim_iv_ros.servo.loop_kernel import Drive, Load
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
@@ -24,25 +29,23 @@ _STEP = 1e-4  # rad, of the slope of a torque with its joint's position
 _ITERATIONS, _HALVINGS = 6, 3
 _ENOUGH = 1e-3  # share by which the cost must fall for another iteration
 _DIFFERENCE = 0.2  # standard deviations
+_TURNS = 2  # of the fits joint by joint
+_COARSE = 8  # iterations
+_ROUGH = 1e-3  # share of the cost, of a fit that another one follows
+_ALWAYS = PARAMETERS[:6]
+_LOAD_FRICTION = 0.1  # where the search for it begins
+_LIMITS = (0.8, 0.4)  # of the largest command error: where the search for a limit begins
+LARGEST_ANGLE = 12.0  # rad, beyond which no limited joint turns
 Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 
 @dataclass(frozen=True)
 class Motion(Sampled):
-    """One recording of all joints.
-
-    Attributes
-    ----------
-    name : str
-    gain : float
-        Of the loops, in parts of that for which K is asked.
-    robot : RobotModel or None
-        What carried the load; None: the robot of the configuration.
-    """
+    """One recording of all joints."""
 
     name: str
-    gain: float = 1.0
-    robot: RobotModel | None = None
+    gain: float = 1.0  # Of the loops, in parts of that for which K is asked
+    robot: RobotModel | None = None  # What carried the load; None: the robot of the configuration
 
     @property
     def finer(self) -> int:
@@ -52,20 +55,14 @@ class Motion(Sampled):
 
 @dataclass(frozen=True)
 class RigidLoad:
-    """What the rigid bodies ask of all joints along a motion.
+    """What the rigid bodies ask of all joints along a motion."""
 
-    Attributes
-    ----------
-    mass : (n_samples, n_joints, n_joints) kg m²
-    bias, slope : (n_samples, n_joints)
-        Torque without any acceleration, N m, and its slope with the joint's position, N m/rad.
-    trajectory : (3, n_samples, n_joints)
-        The motion along which they hold, rad, rad/s, rad/s².
-    """
-
-    mass: FloatArray
+    mass: FloatArray  # (n_samples, n_joints, n_joints) kg m²
+    # bias, slope: (n_samples, n_joints): Torque without any acceleration, N m, and its slope
+    # with the joint's position, N m/rad
     bias: FloatArray
     slope: FloatArray
+    # (3, n_samples, n_joints): The motion along which they hold, rad, rad/s, rad/s²
     trajectory: Trajectory
 
     @classmethod
@@ -98,10 +95,7 @@ class RigidLoad:
     def simulated(self, drives: FloatArray, motion: Motion) -> Trajectory:
         """Motion (3, n_samples · finer, n_joints) of all joints with their servos.
 
-        Parameters
-        ----------
-        drives
-            (n_joints, 8), as `Drive`.
+        - `drives`: (n_joints, 8), as `Drive`
         """
         rate = motion.rate * motion.finer
         load = (self.mass, self.bias, self.slope, self.trajectory[0])
@@ -220,3 +214,113 @@ def _weights(motions: Sequence[Motion], residual: FloatArray) -> FloatArray:
     owner = np.concatenate([np.argwhere(motion.used)[:, 1] for motion in motions])
     square = np.bincount(owner, residual**2) / np.maximum(np.bincount(owner), 1)
     return np.asarray(1.0 / np.maximum(square[owner], 1e-18))
+
+
+def fit_servos(
+    motions: Sequence[Motion], robot: RobotModel
+) -> list[tuple[list[Run], DriveEstimate]]:
+    """Fit the servos of all joints to all motions.
+
+    Joint by joint first, with what the others do taken from the measured motion and then from a
+    simulation of all; then all at once, because the joints act on one another.
+
+    Returns
+    -------
+    list
+        Runs and estimate of each joint.
+    """
+    trajectories = [
+        finer_motion(smooth_motion(motion.position, motion.rate), motion.finer)
+        for motion in motions
+    ]
+    starts: list[Drive | None] = [None] * len(robot.joints)
+    tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH
+    loads = _loads(motions, robot, trajectories)
+    for _ in range(_TURNS):
+        estimates = [
+            fit_joint(_runs(motions, loads, joint), start, tolerance=tolerance)
+            for joint, start in enumerate(starts)
+        ]
+        starts = [estimate.drive for estimate in estimates]
+        drives = np.array(starts)
+        trajectories = [
+            _simulated(load, drives, motion) for motion, load in zip(motions, loads, strict=True)
+        ]
+        loads = _loads(motions, robot, trajectories)
+    if len(robot.joints) > 1:
+        estimates, loads = fit_robot(motions, loads, robot, estimates)
+    return [(_runs(motions, loads, joint), estimate) for joint, estimate in enumerate(estimates)]
+
+
+def _loads(
+    motions: Sequence[Motion], robot: RobotModel, trajectories: Sequence[Trajectory]
+) -> list[RigidLoad]:
+    """What the rigid bodies ask along these trajectories."""
+    return [
+        RigidLoad.along(motion.robot or robot, trajectory)
+        for motion, trajectory in zip(motions, trajectories, strict=True)
+    ]
+
+
+def _simulated(load: RigidLoad, drives: FloatArray, motion: Motion) -> Trajectory:
+    """Motion of all joints; that along which the load is where the simulation runs away."""
+    simulated = load.simulated(drives, motion)
+    if np.isfinite(simulated).all() and np.abs(simulated[0]).max() < LARGEST_ANGLE:
+        return simulated
+    return load.trajectory
+
+
+def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> list[Run]:
+    """Return what one joint did in all motions."""
+    return [
+        Run(
+            motion.rate,
+            np.ascontiguousarray(motion.command[:, joint]),
+            np.ascontiguousarray(motion.position[:, joint]),
+            motion.valid[:, joint],
+            load.of_joint(joint),
+            motion.gain,
+        )
+        for motion, load in zip(motions, loads, strict=True)
+    ]
+
+
+def fit_joint(
+    runs: Sequence[Run], start: Drive | None = None, *, tolerance: float = 1e-6
+) -> DriveEstimate:
+    """Fit one servo; a torque limit and friction by load only where the recording shows them.
+
+    They are there if the evidence of the blocks says so (BIC, with a block for a sample).
+
+    - `start`: of an earlier fit to the same recordings, which decided what is there; None: decide
+    """
+    scale = scales(runs)
+    if start is not None:
+        return fit_drive(runs, start, present_parameters(start), scale, tolerance=tolerance)
+    least_squares = ordinary_least_squares(runs)
+    best = fit_drive(runs, least_squares, _ALWAYS, scale, tolerance=tolerance)
+    error = scale[PARAMETERS.index("limit")]
+    limits = [{"limit": share * error} for share in _LIMITS]
+    for trials in (limits, [{"load_friction": _LOAD_FRICTION}]):
+        tried = []
+        for trial in trials:
+            drive = best.drive._replace(**trial)
+            tried.append(
+                fit_drive(runs, drive, present_parameters(drive), scale, iterations=_COARSE)
+            )
+        better = min(tried, key=lambda answer: answer.residual)
+        gained = 2.0 * best.blocks * np.log(best.residual / max(better.residual, 1e-300))
+        if gained > np.log(best.blocks):
+            present = present_parameters(better.drive)
+            best = fit_drive(runs, better.drive, present, scale, tolerance=tolerance)
+    return best
+
+
+def present_parameters(drive: Drive) -> list[str]:
+    """Parameters that a drive has."""
+    present = list(_ALWAYS)
+    if np.isfinite(drive.limit):
+        present.append("limit")
+    if drive.load_friction > 0.0:
+        present.append("load_friction")
+    return present

@@ -90,32 +90,20 @@ def simulate_closed_loop(
     and Fcm below zero count as zero, Fvm is kept within what dissipates. Before the first command
     arrives through a transport delay, the first command is taken to have been held.
 
-    Parameters
-    ----------
-    robot, parameters
-        Kinematics, and dynamic parameters that need not be physical.
-    law
-        Its period may differ from that of the references, which are interpolated linearly.
-    rate
-        Of the references and of the result, Hz.
-    position_reference, velocity_reference
-        (n_samples, n_joints) rad, rad/s. A law that uses a velocity reference which is not
-        given gets central differences of the position reference.
-    initial_position, initial_velocity
-        (n_joints,) rad, rad/s, as the encoders show them. Links behind a shaft start where
-        gravity holds them.
-    disturbance
-        (n_samples, n_joints) N m (N): torque on the joints that no model explains and no command
-        holds, each value from its sample to the next.
-    plant_step
-        Longest time step of the plant, s; default: the control period divided into equal steps
-        of at most 0.5 ms. An elastic shaft may need shorter ones.
-    effects
-        What the robot has beyond `parameters` (docs/simulation.md).
-    start_time
-        s since the start of the session, for friction that drifts.
-    accelerations
-        Whether the result holds them: each costs as much as a time step.
+    - `robot`, `parameters`: kinematics, and dynamic parameters that need not be physical
+    - `law`: its period may differ from that of the references, which are interpolated linearly
+    - `rate`: of the references and of the result, Hz
+    - `position_reference`, `velocity_reference`: (n_samples, n_joints) rad, rad/s. A law that uses
+      a velocity reference which is not given gets central differences of the position reference.
+    - `initial_position`, `initial_velocity`: (n_joints,) rad, rad/s, as the encoders show them.
+      Links behind a shaft start where gravity holds them.
+    - `disturbance`: (n_samples, n_joints) N m (N): torque on the joints that no model explains and
+      no command holds, each value from its sample to the next
+    - `plant_step`: longest time step of the plant, s; default: the control period divided into
+      equal steps of at most 0.5 ms. An elastic shaft may need shorter ones.
+    - `effects`: what the robot has beyond `parameters` (docs/simulation.md)
+    - `start_time`: s since the start of the session, for friction that drifts
+    - `accelerations`: whether the result holds them: each costs as much as a time step
 
     Raises
     ------
@@ -263,12 +251,8 @@ def replay(
 ) -> ClosedLoopResult:
     """Simulate a recording's whole reference from the state in which the recording began.
 
-    Parameters
-    ----------
-    motion
-        With a reference; the start is its filtered position and speed.
-    effects, start_time, accelerations
-        See `simulate_closed_loop`.
+    - `motion`: with a reference; the start is its filtered position and speed
+    - `effects`, `start_time`, `accelerations`: see `simulate_closed_loop`
 
     Raises
     ------

@@ -18,7 +18,7 @@ from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigi
 from idim_iv_ros.simulation.dry_friction import accelerate
 from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque, measure
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
-from idim_iv_ros.simulation.plant_step import advance, prepare, prepare_with_effects
+from idim_iv_ros.simulation.plant_step import advance, prepare
 from idim_iv_ros.types import FloatArray
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
@@ -192,23 +192,9 @@ def record(
     mean = trace.applied[recorded]
     # With effects twice: friction may depend on the load, and that on the acceleration.
     for _ in range(1 if effects is None else 2):
-        if effects is None:
-            positive = prepare(plant, state.q, state.dq, state.dq, state.rest, mean, 0.0, work)
-        else:
-            positive = prepare_with_effects(
-                plant,
-                effects,
-                time,
-                state.q,
-                state.dq,
-                state.dq,
-                state.spare,
-                state.spare_mode,
-                mean,
-                0.0,
-                work,
-            )
-        if not positive:
+        q, dq, spare = state.q, state.dq, state.spare
+        instant = (plant, effects, time, q, dq, state, spare, state.spare_mode, mean, 0.0, work)
+        if not prepare(*instant):
             return False
         accelerate(plant, state.resting, state.spare_mode, work, state.spare)
     if recorded == 0:

@@ -78,10 +78,7 @@ def factor_of_lateness(lateness: float, period: float) -> float | None:
     A backward difference is half a period late, and a filter of factor f another (1 − f) / f
     periods (its group delay at low frequencies).
 
-    Parameters
-    ----------
-    lateness, period
-        s.
+    - `lateness`, `period`: s
 
     Returns
     -------
@@ -99,10 +96,7 @@ def control_period(section: ControllerSection, rates: Iterable[float]) -> float:
 
     A robot has one controller, at least as fast as the fastest of its recordings.
 
-    Parameters
-    ----------
-    rates
-        Of the recordings, Hz.
+    - `rates`: of the recordings, Hz
     """
     return section.period if section.period is not None else 1.0 / max(rates)
 
@@ -226,18 +220,12 @@ def fit_controller(
 ) -> ControllerFit:
     """Regress the logged torque on what a control law can be made of.
 
-    Parameters
-    ----------
-    rate
-        Hz.
-    position, velocity, torque, position_reference, velocity_reference
-        (n_samples, n_joints) on the joint side; velocities that are missing are central
-        differences.
-    cutoff
-        Zero-phase low-pass (Butterworth, order 4) of all signals, Hz. Default: a tenth of
-        the rate. Noise of the measured errors biases the gains towards zero.
-    torque_limit
-        (n_joints,) Samples at the limit do not follow the law and are left out.
+    - `rate`: Hz
+    - `position`, `velocity`, `torque`, `position_reference`, `velocity_reference`: (n_samples,
+      n_joints) on the joint side; velocities that are missing are central differences
+    - `cutoff`: zero-phase low-pass (Butterworth, order 4) of all signals, Hz. Default: a tenth of
+      the rate. Noise of the measured errors biases the gains towards zero.
+    - `torque_limit`: (n_joints,) Samples at the limit do not follow the law and are left out
     """
     cutoff = rate / 10.0 if cutoff is None else cutoff
     sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")

@@ -19,31 +19,17 @@ from idim_iv_ros.errors import UsageError
 
 @dataclass(frozen=True)
 class SimulatedEffect:
-    """One effect at one joint.
+    """One effect at one joint."""
 
-    Attributes
-    ----------
-    effect : str
-        Name in the gap catalogue.
-    joint : str or None
-        None only where the effect may be at all joints (`Cause.everywhere`), or is in the base
-        parameters already.
-    parameters : mapping of str to float
-        In the units of the catalogue (docs/simulation.md); those left out are neutral.
-    other_joint : str or None
-        Second joint of a coupling.
-    source : str
-        What messages call it: file and key, or nothing.
-    native : bool
-        Whether the model of a simulator that it goes with has it already.
-    """
-
-    effect: str
+    effect: str  # Name in the gap catalogue
+    # None only where the effect may be at all joints (`Cause.everywhere`), or is in the base
+    # parameters already
     joint: str | None = None
+    # In the units of the catalogue (docs/simulation.md); those left out are neutral
     parameters: Mapping[str, float] = field(default_factory=dict)
-    other_joint: str | None = None
-    source: Unsaved[str] = ""
-    native: bool = False
+    other_joint: str | None = None  # Second joint of a coupling
+    source: Unsaved[str] = ""  # What messages call it: file and key, or nothing
+    native: bool = False  # Whether the model of a simulator that it goes with has it already
 
 
 @dataclass(frozen=True)

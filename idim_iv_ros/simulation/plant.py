@@ -98,14 +98,9 @@ def initial_state(
 ) -> State:
     """State at the first instant.
 
-    Parameters
-    ----------
-    q, dq : (N,)
-        Taken over, not copied.
-    delay : (n,)
-        From a command to the torque, s.
-    period : float
-        Between commands, s.
+    - `q`, `dq`: (N,), taken over, not copied
+    - `delay`: (n,), from a command to the torque, s
+    - `period`: between commands, s
     """
     whole = np.floor(delay / period + 1e-6).astype(np.int64)
     fraction = np.maximum(delay - whole * period, 0.0)
@@ -142,15 +137,11 @@ def workspace(plant: Plant) -> Workspace:
 def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool = True) -> Plant:
     """Shape a robot and its parameters for simulation.
 
-    Parameters
-    ----------
-    robot
-        Kinematics and gravity.
-    parameters
-        In the order of the robot's joints; they need not be physical.
-    dissipative
-        Clip friction at what dissipates: Fv, Fc and Fcm at zero, |Fvm| at √(Fv_a Fv_b). Estimates
-        near zero are negative by their noise, and a joint that friction drives runs away.
+    - `robot`: kinematics and gravity
+    - `parameters`: in the order of the robot's joints; they need not be physical
+    - `dissipative`: clip friction at what dissipates: Fv, Fc and Fcm at zero, |Fvm| at √(Fv_a
+      Fv_b). Estimates near zero are negative by their noise, and a joint that friction drives runs
+      away.
     """
     order, frames = robot.order, link_frames(robot)
     n = len(order)

@@ -29,51 +29,36 @@ TOGETHER = 1e-9
 @kernel
 def prepare(
     plant: Plant,
-    q: FloatArray,
-    predicted: FloatArray,
-    dq: FloatArray,
-    rest: FloatArray,
-    torque: FloatArray,
-    step: float,
-    work: Workspace,
-) -> bool:
-    """Factor of M + step/2 D, and torques without dry friction; False if M is not positive.
-
-    `q` and `predicted` are the position and velocity at which the rigid bodies are evaluated,
-    `dq` the velocity at the start of the step, `rest` (n,) zeros.
-    """
-    n = q.shape[0]
-    place_links(plant, q, work)
-    newton_euler(plant, predicted, rest, work, work.bias)
-    composite_rigid_body(plant, work, work.mass)
-    for i in range(n):
-        load = torque[i] - work.bias[i] - plant.offset[i]
-        for j in range(n):
-            load -= plant.damping[i, j] * dq[j]
-            work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
-        work.load[i] = load
-    positive: bool = factorise(work.mass, work.factor)
-    return positive
-
-
-@kernel
-def prepare_with_effects(
-    plant: Plant,
-    effects: Effects,
+    effects: Effects | None,
     time: float,
     q: FloatArray,
     predicted: FloatArray,
-    dq: FloatArray,
+    state: State,
     ddq: FloatArray,
     mode: IntArray,
     torque: FloatArray,
     step: float,
     work: Workspace,
 ) -> bool:
-    """As `prepare`, for the coordinates of `Effects`; sets dry friction levels and damping.
+    """Factor of M + step/2 D, and torques without dry friction; False if M is not positive.
 
-    `ddq` is the last known acceleration, which the load of a joint is taken from.
+    `q` and `predicted` are the position and velocity at which the rigid bodies are evaluated, the
+    state has the velocity at the start of the step. With effects also dry friction levels and
+    damping are set: `ddq` is the last known acceleration, which the load of a joint is taken from.
     """
+    dq = state.dq
+    if effects is None:
+        place_links(plant, q, work)
+        newton_euler(plant, predicted, state.rest, work, work.bias)
+        composite_rigid_body(plant, work, work.mass)
+        for i in range(q.shape[0]):
+            load = torque[i] - work.bias[i] - plant.offset[i]
+            for j in range(q.shape[0]):
+                load -= plant.damping[i, j] * dq[j]
+                work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
+            work.load[i] = load
+        positive: bool = factorise(work.mass, work.factor)
+        return positive
     n = effects.link.shape[0]
     for i in range(n):
         effects.link_q[i] = q[effects.link[i]]
@@ -102,8 +87,8 @@ def prepare_with_effects(
         work.load[effects.link[i]] -= work.bias[i]
         for j in range(n):
             work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
-    positive: bool = factorise(work.mass, work.factor)
-    return positive
+    factorised: bool = factorise(work.mass, work.factor)
+    return factorised
 
 
 @kernel
@@ -124,19 +109,12 @@ def advance(
         for i in range(n):
             middle[i] = q[i] + 0.5 * left * dq[i]
             predicted[i] = dq[i] + 0.5 * left * ddq[i]
-        if effects is None:
-            positive = prepare(plant, middle, predicted, dq, state.rest, torque, left, work)
-        else:
-            positive = prepare_with_effects(
-                plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
-            )
-        if not positive:
+        instant = (plant, effects, time, middle, predicted, state, ddq, mode, torque, left, work)
+        if not prepare(*instant):
             return False
         accelerate(plant, state.resting, mode, work, ddq)
         if effects is not None and states_turn(effects.rows, dq, ddq, left):
-            prepare_with_effects(
-                plant, effects, time, middle, predicted, dq, ddq, mode, torque, left, work
-            )
+            prepare(*instant)
             accelerate(plant, state.resting, mode, work, ddq)
         fraction = _first_crossing(plant, state, left, work.crossing)
         if attempt == attempts - 1:

@@ -58,33 +58,23 @@ def record_simulated_robot(
 ) -> SimulatedRecording:
     """Simulate a robot from rest on its reference, and record it.
 
-    Parameters
-    ----------
-    robot, parameters, law
-        The robot as it really is. The control sees the motion without noise; noise and
-        quantisation are those of the recorder.
-    position_reference, velocity_reference
-        (n_samples, n_joints) at `rate`, rad, rad/s.
-    rate
-        Of the recording, Hz. The law's period must be a whole fraction of 1/rate.
-    seed
-        Of the noise.
-    position_noise, torque_noise
-        Standard deviation, one value or (n_joints,), rad (m), N m (N).
-    encoder_resolution
-        Step of the recorded position, one value or (n_joints,), rad (m); 0 for none.
-    disturbance
-        Standard deviation of a torque on the joints that is not commanded, so that no model
-        explains it, one value or (n_joints,), N m (N).
-    disturbance_bandwidth
-        Cut-off of its first-order low-pass, Hz.
-    stamp_jitter
-        Standard deviation of the stamps, s, held below 0.45 sample periods so that their order
-        stays.
-    plant_oversampling
-        Plant steps in a control period (more where they would exceed 0.5 ms).
-    effects, start_time
-        See `simulate_closed_loop`; what is recorded is what the encoders show.
+    - `robot`, `parameters`, `law`: the robot as it really is. The control sees the motion without
+      noise; noise and quantisation are those of the recorder.
+    - `position_reference`, `velocity_reference`: (n_samples, n_joints) at `rate`, rad, rad/s
+    - `rate`: of the recording, Hz. The law's period must be a whole fraction of 1/rate.
+    - `seed`: of the noise
+    - `position_noise`, `torque_noise`: standard deviation, one value or (n_joints,), rad (m), N m
+      (N)
+    - `encoder_resolution`: step of the recorded position, one value or (n_joints,), rad (m); 0 for
+      none
+    - `disturbance`: standard deviation of a torque on the joints that is not commanded, so that no
+      model explains it, one value or (n_joints,), N m (N)
+    - `disturbance_bandwidth`: cut-off of its first-order low-pass, Hz
+    - `stamp_jitter`: standard deviation of the stamps, s, held below 0.45 sample periods so that
+      their order stays
+    - `plant_oversampling`: plant steps in a control period (more where they would exceed 0.5 ms)
+    - `effects`, `start_time`: see `simulate_closed_loop`; what is recorded is what the encoders
+      show
 
     Raises
     ------

@@ -38,12 +38,8 @@ def filter_reference(
     References are free of noise, so that least squares has no bias from that of the position,
     however autocorrelated (Ljung, System Identification, section 4.4 on orthonormal bases).
 
-    Parameters
-    ----------
-    rate
-        Hz.
-    position, position_reference
-        (n_samples, n_joints) rad or m.
+    - `rate`: Hz
+    - `position`, `position_reference`: (n_samples, n_joints) rad or m
     """
     error = position_reference - position
     samples, joints = error.shape

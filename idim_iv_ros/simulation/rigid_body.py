@@ -202,12 +202,8 @@ def inverse_dynamics(
 
     Exactly the linear model: sign(0) = 0, and negative friction is taken as it is.
 
-    Parameters
-    ----------
-    robot, parameters
-        Kinematics, and dynamic parameters that need not be physical.
-    q, dq, ddq
-        (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints).
+    - `robot`, `parameters`: kinematics, and dynamic parameters that need not be physical
+    - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
 
     Returns
     -------

@@ -18,11 +18,10 @@ from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
 from idim_iv_ros.simulator_files.changes import changes_text
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
+from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
-from idim_iv_ros.simulator_files.mjcf_kept import with_mjcf_values
 from idim_iv_ros.simulator_files.randomization import EVENTS, RANDOMIZE, Randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
-from idim_iv_ros.simulator_files.urdf_text import with_values
 from idim_iv_ros.simulators.effects_file import EffectsFile
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"

@@ -45,10 +45,7 @@ ROBOT_CFG = ArticulationCfg(
     }},
 )
 '''
-_UNKNOWN_LAW = [
-    "stiffness=0.0,  # the control law is not known: send efforts",
-    "damping=0.0,",
-]
+_UNKNOWN_LAW = ["stiffness=0.0,  # the control law is not known: send efforts", "damping=0.0,"]
 
 
 def isaac_lab_text(

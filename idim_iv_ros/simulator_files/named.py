@@ -285,10 +285,7 @@ def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, sou
 
 
 def _link(
-    cause: Cause,
-    changes: Mapping[str, EffectParameter],
-    given: Mapping[str, float],
-    source: str,
+    cause: Cause, changes: Mapping[str, EffectParameter], given: Mapping[str, float], source: str
 ) -> dict[str, tuple[float, float | None]]:
     """The parameters of one link."""
     number = re.sub(r"\D", "", next(iter(changes)))
@@ -302,10 +299,7 @@ def _link(
 
 
 def _nearest(
-    start: FloatArray,
-    changes: Mapping[str, EffectParameter],
-    reference: FloatArray,
-    source: str,
+    start: FloatArray, changes: Mapping[str, EffectParameter], reference: FloatArray, source: str
 ) -> FloatArray:
     """XX … M (10,) of the body nearest to `start` with changes by kind."""
     places = [INERTIAL.index(kind) for kind in changes]

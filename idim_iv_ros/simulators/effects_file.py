@@ -19,15 +19,10 @@ _LARGEST = 50.0  # MB
 class EffectsFile(Document):
     """A file of effects that a user or an export writes.
 
-    Attributes
-    ----------
-    format : str
-    base_parameters : dict of str to float
-        Those that differ from the configuration's, by name.
-    effects : tuple of SimulatedEffect
-        Numbers as in docs/simulation.md. `native`: the MJCF that the file goes with has it already.
-    recordings : tuple of str
-        Names of those that they are from.
+    - `base_parameters`: those that differ from the configuration's, by name
+    - `effects`: numbers as in docs/simulation.md. `native`: the MJCF that the file goes with has it
+      already.
+    - `recordings`: names of those that they are from
     """
 
     what: ClassVar[str] = "a file of effects"

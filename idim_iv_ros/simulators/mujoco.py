@@ -83,11 +83,7 @@ class Effects:
     """
 
     def __init__(
-        self,
-        model: Any,
-        effects: FilePath | Sequence[SimulatedEffect],
-        *,
-        start_time: float = 0.0,
+        self, model: Any, effects: FilePath | Sequence[SimulatedEffect], *, start_time: float = 0.0
     ) -> None:
         self._mujoco = load_mujoco("Effects")
         self._start_time = start_time
@@ -192,13 +188,9 @@ class Effects:
     def apply(self, model: Any, data: Any, applied: FloatArray | None = None) -> None:
         """Set friction, damping and applied forces for the step that follows.
 
-        Parameters
-        ----------
-        model, data : mujoco.MjModel, mujoco.MjData
-            With the controls of this step.
-        applied
-            (nv,) N m (N): what the user applies besides; `qfrc_applied` of joints with effects is
-            overwritten.
+        - `model`, `data`: mujoco.MjModel, mujoco.MjData, with the controls of this step
+        - `applied`: (nv,) N m (N): what the user applies besides; `qfrc_applied` of joints with
+          effects is overwritten
         """
         time = float(data.time)
         if time < self._time and self._time != np.inf:

@@ -61,18 +61,11 @@ def run_in_mujoco(
 ) -> MujocoMotion:
     """Follow references with a control law.
 
-    Parameters
-    ----------
-    model
-        With a motor ``replay_NAME`` for each joint, and the parts that the effects need.
-    robot
-        Its joints have the order of the law and the references.
-    parameters
-        Of the model: effects that take the place of dry friction ask for it.
-    effects
-        What the model does not have. Of a changed control law, too.
-    longest_step
-        s; a shaft may need shorter ones.
+    - `model`: with a motor ``replay_NAME`` for each joint, and the parts that the effects need
+    - `robot`: its joints have the order of the law and the references
+    - `parameters`: of the model: effects that take the place of dry friction ask for it
+    - `effects`: what the model does not have. Of a changed control law, too.
+    - `longest_step`: s; a shaft may need shorter ones
 
     Raises
     ------

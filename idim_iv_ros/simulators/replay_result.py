@@ -17,14 +17,9 @@ NOMINAL, CORRECTED, WITH_EFFECTS = "nominal", "corrected", "with effects"
 class ReplayError:
     """Root mean square difference of simulation and recording at one joint.
 
-    Attributes
-    ----------
-    rms : float
-        rad (m), or N m (N).
-    low, high : float
-        95 % interval, by blocks of time.
-    over_noise : float
-        `rms` over the standard deviation of the recording's noise.
+    - `rms`: rad (m), or N m (N)
+    - `low`, `high`: 95 % interval, by blocks of time
+    - `over_noise`: `rms` over the standard deviation of the recording's noise
     """
 
     rms: Number
@@ -37,18 +32,11 @@ class ReplayError:
 class ReplayStage:
     """One simulated robot.
 
-    Attributes
-    ----------
-    name : str
-        ``nominal``, ``corrected`` or ``with effects``.
-    model : str
-        What it is made of, in words.
-    tracking, torque : dict
-        By joint; None where it was not simulated to the end.
-    tool : ReplayError or None
-        Distance of the centres of the last link, m.
-    note : str
-        Why not, or what is missing in it; empty otherwise.
+    - `name`: ``nominal``, ``corrected`` or ``with effects``
+    - `model`: what it is made of, in words
+    - `tracking`, `torque`: by joint; None where it was not simulated to the end
+    - `tool`: distance of the centres of the last link, m
+    - `note`: why not, or what is missing in it; empty otherwise
     """
 
     name: Annotated[str, Field(alias="stage")]
@@ -63,16 +51,10 @@ class ReplayStage:
 class ReplaySeries:
     """Motion of one joint in one recording, thinned; in order of time.
 
-    Attributes
-    ----------
-    joint, bag : str
-    time : (n,) s
-    error : (n,)
-        Reference less position of the recording, rad (m).
-    errors : dict of (n,)
-        The same of each stage.
-    torque, torques
-        N m (N).
+    - `time`: (n,) s
+    - `error`: (n,), reference less position of the recording, rad (m)
+    - `errors`: the same of each stage
+    - `torque`, `torques`: N m (N)
     """
 
     joint: str

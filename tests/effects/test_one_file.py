@@ -15,9 +15,9 @@ FOLDERS = ("simulation", "diagnosis", "report", "simulators", "simulator_files",
 KEY = "a key of the configuration, not an effect"
 ALLOWED = {
     ("diagnosis/nominal.py", "drive_inertia"): KEY,
-    ("report/sections/transmissions.py", "backlash"): "a column of measured numbers",
+    ("report/sections/drives.py", "backlash"): "a column of measured numbers",
     ("simulator_files/changes.py", "torque_offset"): KEY,
-    ("simulators/robot.py", "drive_inertia"): KEY,
+    ("simulators/recording.py", "drive_inertia"): KEY,
 }
 
 

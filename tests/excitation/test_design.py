@@ -14,7 +14,7 @@ from idim_iv_ros.excitation import (
     motion_limits,
     predict_parameters,
 )
-from idim_iv_ros.excitation.cost import ExcitationCost
+from idim_iv_ros.excitation.criterion import ExcitationCost
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import moving_frames
 from tests.excitation.conftest import FLOOR, SETTINGS

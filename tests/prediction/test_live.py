@@ -8,8 +8,8 @@ import pytest
 
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.prediction import IdentifiedModel, JointSamples, LivePrediction, Prediction
+from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE
 from idim_iv_ros.prediction.rows import joint_levels
-from idim_iv_ros.prediction.window import CURVE_TOLERANCE, ROW_TOLERANCE
 from idim_iv_ros.signals import (
     ParallelDecimation,
     central_differences,

@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.servos import sts3215
 from idim_iv_ros.servo.fit import fit_factor
-from idim_iv_ros.servo.identify import fit_joint
+from idim_iv_ros.servo.robot_fit import fit_joint
 from tests.real.conftest import DATA
 
 

@@ -8,7 +8,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.nodes.simulator.playback import REST as RESTING
 from idim_iv_ros.nodes.simulator.playback import MotionSimulation, commanded
-from idim_iv_ros.simulators.robot import simulated_robot
+from idim_iv_ros.simulators.recording import simulated_robot
 from tests.ros.processes import ROOT
 
 RATE = 1000.0  # Hz

@@ -16,8 +16,7 @@ from idim_iv_ros.nodes.identifier.job import JobListener
 from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.simulators.recording import recorded_topics
-from idim_iv_ros.simulators.robot import simulated_robot
+from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 from tests.ros.conftest import ARM2
 from tests.ros.processes import Observer, Process, Robot, only_bag, start_node
 from tests.ros.told_worker import ToldWorker

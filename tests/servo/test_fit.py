@@ -7,11 +7,10 @@ import pytest
 
 from benchmarks.servos import LENGTH, LIMIT, MASS, TRUTH, URDF, mujoco_servo
 from idim_iv_ros.model.robot import load_robot
-from idim_iv_ros.servo.fit import fit_factor
-from idim_iv_ros.servo.identify import fit_servos
+from idim_iv_ros.servo.fit import fit_factor, ordinary_least_squares
 from idim_iv_ros.servo.loop_kernel import Drive
 from idim_iv_ros.servo.numbers import absolute_numbers, is_absolute, ratio_numbers
-from idim_iv_ros.servo.start import ordinary_least_squares
+from idim_iv_ros.servo.robot_fit import fit_servos
 
 TRUE = TRUTH | {"torque limit": LIMIT}
 

@@ -19,7 +19,7 @@ def loaded_by(module: str) -> set[str]:
     [
         "idim_iv_ros.simulation",
         "idim_iv_ros.identification.identify",
-        "idim_iv_ros.simulators.robot",
+        "idim_iv_ros.simulators.recording",
     ],
 )
 def test_filters_statistics_and_drawings_are_loaded_when_they_are_used(module: str) -> None:

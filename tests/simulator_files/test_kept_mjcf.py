@@ -16,7 +16,7 @@ import pytest
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model, read_urdf_file
-from idim_iv_ros.simulator_files.mjcf_kept import with_included
+from idim_iv_ros.simulator_files.kept_files import with_included
 from tests.model.mjcf_robots import ARMS, GEN3
 from tests.model.test_mjcf import ARM2, simulator
 from tests.simulator_files.cases import CHANGING, Case, bare, case, cause, refused

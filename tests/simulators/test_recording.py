@@ -14,8 +14,7 @@ from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.signals import joint_side
 from idim_iv_ros.simulation import mass_matrix
-from idim_iv_ros.simulators.recording import simulate
-from idim_iv_ros.simulators.robot import simulated_robot
+from idim_iv_ros.simulators.recording import simulate, simulated_robot
 from tests.configurations import changed
 
 

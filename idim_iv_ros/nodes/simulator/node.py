@@ -25,7 +25,7 @@ from idim_iv_ros.nodes.settings import SimulatorSettings
 from idim_iv_ros.nodes.simulator.playback import MotionSimulation, Playback, commanded
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
-from idim_iv_ros.simulators.robot import simulated_robot
+from idim_iv_ros.simulators.recording import simulated_robot
 
 ABOUT = """robot_simulator: a simulated robot that publishes its joint states in real time.
 

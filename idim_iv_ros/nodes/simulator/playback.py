@@ -15,8 +15,7 @@ from idim_iv_ros.excitation import Trajectory
 from idim_iv_ros.excitation.trajectory import quintic
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.writing.write import serialised
-from idim_iv_ros.simulators.recording import recorded_topics
-from idim_iv_ros.simulators.robot import SimulatedRobot
+from idim_iv_ros.simulators.recording import SimulatedRobot, recorded_topics
 from idim_iv_ros.types import FloatArray
 
 REST = 2.0  # s before and after a motion

@@ -6,32 +6,23 @@ from typing import Any
 
 from idim_iv_ros.diagnosis.result import (
     Cause,
-    ContrastCause,
     ContrastResult,
-    EffectParameter,
     Gap,
     GapResult,
     Hint,
-    JointChange,
     Stage,
 )
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
-from idim_iv_ros.report.gap_words import (
-    effect_at,
-    effect_words,
-    small_unit,
-    stage_words,
-    torque_unit,
-)
+from idim_iv_ros.report.gap_words import effect_at, small_unit, stage_words, torque_unit
 from idim_iv_ros.report.numerals import (
     is_number,
-    measured,
     number,
     percent,
     sentence,
+    with_interval,
     with_unit,
 )
 from idim_iv_ros.report.section import Report, Section
@@ -102,75 +93,26 @@ def _error(result: GapResult, stage: Stage, joint: str | None) -> float | None:
     return math.sqrt(sum(error**2 for error in errors.values()))
 
 
-def _in_words(cause: Cause | ContrastCause) -> dict[str, EffectParameter]:
-    """The numbers of a cause by what they are."""
-    return {parameter_words(cause.effect, name): by for name, by in cause.parameters.items()}
-
-
 def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
-    title = effect_at(cause.effect, cause.joint, cause.other_joint)
+    """A cause with its gaps before and after, and why a tracking error is not known."""
     tracking = tracking_change(result, cause)
     gaps = [_torque_gap(result, cause)]
     if tracking.gap is not None:
         unit = small_unit(result, cause.joint)
         gaps.append(_gap("Tracking error", tracking.gap, 1e3, unit, tracking.words))
-    return {
-        "title": title[:1].upper() + title[1:],
-        "kind": ("bad" if cause.kind == "structural" else "fair", "", cause.kind),
-        "structural": cause.kind == "structural",
-        "sentence": sentence(cause.sentence, result.joints),
-        "parameters": _in_words(cause),
-        "unsure": any(parameter.std is None for parameter in cause.parameters.values()),
-        "facts": _evidence(cause),
-        "place": cause.joint or "all joints",
-        "gaps": gaps,
-        "changes": [_change(result, cause, joint_gap) for joint_gap in cause.joint_gaps],
-        "untracked": "" if tracking.gap else sentence(f"Tracking error: {tracking.words}"),
-        "others": [
-            (
-                effect_at(other.effect, other.joint),
-                percent(100.0 * other.weight),
-                separating_motion(cause.effect, other.effect),
-            )
-            for other in cause.indistinguishable_from
-        ],
-    }
+    untracked = "" if tracking.gap else sentence(f"Tracking error: {tracking.words}")
+    return {"cause": cause, "gaps": gaps, "untracked": untracked}
 
 
 def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
     """Effect and place, its numbers, in how many folds it was chosen, and why it is a hint."""
     title = effect_at(hint.effect, hint.joint, hint.other_joint)
     numbers = ", ".join(
-        " ".join(
-            filter(
-                None,
-                (
-                    parameter_words(hint.effect, name),
-                    *measured(parameter.value, parameter.std),
-                    parameter.unit,
-                ),
-            )
-        )
-        for name, parameter in surest(hint.parameters, _MOST_NUMBERS).items()
+        f"{parameter_words(hint.effect, name)} {with_interval(by.value, by.std, by.unit)}"
+        for name, by in surest(hint.parameters, _MOST_NUMBERS).items()
     )
     reason = sentence(hint.reason, result.joints)
     return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds or "–", reason
-
-
-def _evidence(cause: Cause) -> list[tuple[str, str]]:
-    evidence = cause.evidence
-    facts = []
-    if cause.probability is not None:
-        facts.append(("Probability", percent(100.0 * cause.probability)))
-    facts.append(("Twice the logarithm of the Bayes factor", number(evidence.statistic)))
-    if evidence.held_out_gain is not None:  # parameter errors and control laws need no blocks
-        gain = percent(100.0 * evidence.held_out_gain)
-        facts.append(("Residual energy that it removes on held-out blocks", gain))
-    if evidence.chosen_in_folds:
-        facts.append(("Chosen again without a part of the time", evidence.chosen_in_folds))
-    if evidence.folds_positive:
-        facts.append(("Held-out blocks on which it helps", evidence.folds_positive))
-    return facts
 
 
 def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
@@ -182,15 +124,6 @@ def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
     if cause.kind == "parametric":
         return _gap("Torque gap", cause.torque_gap, None, "", "on all samples")
     return _gap("Torque gap", cause.torque_gap, 1.0, torque_unit(result, cause.joint), "")
-
-
-def _change(result: GapResult, cause: Cause, change: JointChange) -> str:
-    """What the cause takes of the gap at a joint, as a share of the joint's torque."""
-    share = f"{change.joint}: {percent(100.0 * change.share_of_torque)} of its torque"
-    if cause.kind == "parametric":
-        return share
-    unit = torque_unit(result, change.joint)
-    return f"{share}, {with_unit(change.before, unit)} → {with_unit(change.after, unit)}"
 
 
 def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> dict[str, Any]:
@@ -232,55 +165,14 @@ def _context(report: Report[GapResult]) -> dict[str, Any]:
     result = report.result
     rest = result.unexplained
     return {
-        "without": ", ".join(effect_words(effect) for effect in result.without),
-        "causes": [_card(result, cause) for cause in result.causes],
+        "cards": [_card(result, cause) for cause in result.causes],
+        "separating_motion": separating_motion,
         "hints": [hint_row(result, hint) for hint in result.hints],
-        "unexplained": rest,
         "family": "" if rest is None else FAMILIES[rest.family],
-        "errors": [
-            (
-                parameter_error.joint,
-                with_unit(parameter_error.remaining, torque_unit(result, parameter_error.joint)),
-                percent(100.0 * parameter_error.share_of_torque),
-            )
-            for parameter_error in result.parameter_errors
-        ],
     }
 
 
 CAUSES = Section("Causes", "causes", "causes.html.j2", _context)
-
-
-_CONTRAST_WORDS = {
-    "appeared": "in the second set only",
-    "vanished": "in the reference only",
-    "changed": "second set less reference",
-}
-
-
-def _change_card(result: GapResult, cause: ContrastCause) -> dict[str, Any]:
-    """One thing that changed: its name, its numbers in words, and what they are numbers of."""
-    facts = [
-        (
-            f"Torque at {torque.joint}, rms",
-            f"{with_unit(torque.rms, torque_unit(result, torque.joint))} "
-            f"({percent(100.0 * torque.share_of_torque)} of its torque)",
-        )
-        for torque in cause.torques
-    ]
-    if cause.evidence.chosen_in_folds:
-        facts.append(("Chosen again without a part of the time", cause.evidence.chosen_in_folds))
-    others = ", ".join(
-        effect_at(rival.effect, rival.joint) for rival in cause.indistinguishable_from
-    )
-    facts.append(("Indistinguishable from", others or "–"))
-    return {
-        "name": effect_at(cause.effect, cause.joint, cause.other_joint),
-        "sentence": sentence(cause.sentence),
-        "numbers": _in_words(cause),
-        "of": _CONTRAST_WORDS[cause.change],
-        "facts": facts,
-    }
 
 
 def contrast_rows(result: GapResult, contrast: ContrastResult) -> list[tuple[str, ...]]:
@@ -310,14 +202,8 @@ def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
     return {
         "badge": contrast_badge(contrast),
         "headline": contrast_headline(result, contrast),
-        "answer": contrast.sentence,
         "steps": contrast_steps(contrast, report.files),
-        "reference": ", ".join(contrast.reference),
-        "against": ", ".join(contrast.against),
-        "cards": [_change_card(result, cause) for cause in contrast.causes],
         "joints": contrast_rows(result, contrast),
-        "common": contrast.common,
-        "notes": contrast.notes,
     }
 
 

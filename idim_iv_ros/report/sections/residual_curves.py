@@ -254,7 +254,7 @@ _LEAST_RANGE = 0.4  # of the residual's rms: the spectrum of noise must not look
 def _orders(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
     plots = [
-        (series.joint, figure)
+        (series.joint, "", figure)
         for index, series in enumerate(drawable(result))
         if (figure := _spectrum_figure(result, series, index)) is not None
     ]
@@ -263,7 +263,7 @@ def _orders(report: Report[GapResult]) -> dict[str, Any] | None:
     marks = [Mark("line", ORANGE, "refit")]
     if any(extended_beyond_refit(series) for series in drawable(result)):
         marks.append(Mark("line", BLUE, "extended model"))
-    return {"plots": plots, "legend": marks, "columns": "one" if len(plots) == 1 else "two"}
+    return {"plots": plots, "legend": marks}
 
 
 def _spectrum_figure(result: GapResult, series: GapSeries, index: int) -> Figure | None:

@@ -1,11 +1,10 @@
 """Torque over time with what each model leaves, and the tracking error in closed loop."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import GapResult, GapSeries, TrackingSeries
+from idim_iv_ros.diagnosis.result import GapResult, TrackingSeries
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.figures import (
     BLUE,
@@ -38,23 +37,13 @@ from idim_iv_ros.types import FloatArray
 _HEIGHT = 320
 
 
-@dataclass(frozen=True)
-class Model:
-    """Torque of one model, N m (N)."""
-
-    name: str
-    torque: FloatArray
-    colour: str
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """What is drawn of one joint."""
+class _Joint(NamedTuple):
+    """What is drawn of one joint; of each model its name, its torque, N m (N), and its colour."""
 
     joint: str
     time: FloatArray
     measured: FloatArray
-    models: list[Model]
+    models: list[tuple[str, FloatArray, str]]
     words: str
     step: float | None
 
@@ -75,7 +64,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
         )
         for index, row in enumerate(rows)
     ]
-    models = {model.name: model.colour for row in rows for model in row.models}
+    models = {name: colour for row in rows for name, _, colour in row.models}
     return {
         "diagnosis": isinstance(result, GapResult),
         "session": report.session.words,
@@ -89,42 +78,34 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     }
 
 
-def _of_identification(result: IdentificationResult) -> list[_Rows]:
+def _of_identification(result: IdentificationResult) -> list[_Joint]:
     rows = []
     for series, residual in zip(result.series, result.residuals, strict=True):
         size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
         words = f"residual {percent(residual.relative_percent)}, rms {size}"
-        model = Model("predicted", np.asarray(series.predicted), BLUE)
-        measured = np.asarray(series.measured)
-        rows.append(_Rows(series.joint, np.asarray(series.time), measured, [model], words, None))
+        time, measured, predicted = map(
+            np.asarray, (series.time, series.measured, series.predicted)
+        )
+        models = [("predicted", predicted, BLUE)]
+        rows.append(_Joint(series.joint, time, measured, models, words, None))
     return rows
 
 
-def _of_diagnosis(result: GapResult) -> list[_Rows]:
-    return [
-        _Rows(
-            series.joint,
-            series.time,
-            series.torque,
-            _models(series),
-            held_out_words(result, series.joint),
-            series.step,
-        )
-        for series in drawable(result)
-    ]
+def _of_diagnosis(result: GapResult) -> list[_Joint]:
+    rows = []
+    for series in drawable(result):
+        models = [] if series.given is None else [("nominal model", series.given, GREY)]
+        models.append(("refit", series.refit, ORANGE))
+        if extended_beyond_refit(series):
+            models.append(("extended model", series.extended, BLUE))
+        words = held_out_words(result, series.joint)
+        rows.append(_Joint(series.joint, series.time, series.torque, models, words, series.step))
+    return rows
 
 
-def _models(series: GapSeries) -> list[Model]:
-    models = [] if series.given is None else [Model("nominal model", series.given, GREY)]
-    models.append(Model("refit", series.refit, ORANGE))
-    if extended_beyond_refit(series):
-        models.append(Model("extended model", series.extended, BLUE))
-    return models
-
-
-def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis, left: str) -> Figure:
-    residuals = [rows.measured - model.torque for model in rows.models]
-    torques = [model.torque for model in rows.models]
+def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str) -> Figure:
+    torques = [torque for _, torque, _ in rows.models]
+    residuals = [rows.measured - torque for torque in torques]
     thinned = curves(
         rows.time,
         [*torques, *residuals, rows.measured],
@@ -134,22 +115,17 @@ def _figure(rows: _Rows, index: int, unit: str, session: SessionAxis, left: str)
     )
     hover = f"%{{y:.4g}} {unit} at %{{x:.3f}} s"
     count = len(rows.models)
-    above, below, measured = (
-        thinned.values[:count],
-        thinned.values[count:-1],
-        thinned.values[-1],
-    )
+    above, below, measured = (thinned.values[:count], thinned.values[count:-1], thinned.values[-1])
     # The measured torque is drawn last: thin, above the wider models.
-    data = [
-        *_shaded(thinned, "y", [*above, measured]),
-        *_shaded(thinned, "y2", list(below)),
-    ]
+    data = [*_shaded(thinned, "y", [*above, measured]), *_shaded(thinned, "y2", list(below))]
     first = len(data)
-    for place, (model, torque, residual) in enumerate(zip(rows.models, above, below, strict=True)):
+    for place, ((name, _, colour), torque, residual) in enumerate(
+        zip(rows.models, above, below, strict=True)
+    ):
         same = {"same": first} if place else thinned.time
-        data.append(line(same, torque, model.colour, 2.4, f"{model.name} {hover}"))
-        beyond = f"measured − {model.name} {hover}"
-        data.append(line({"same": first}, residual, model.colour, 1.0, beyond, yaxis="y2"))
+        data.append(line(same, torque, colour, 2.4, f"{name} {hover}"))
+        beyond = f"measured − {name} {hover}"
+        data.append(line({"same": first}, residual, colour, 1.0, beyond, yaxis="y2"))
     data.append(line({"same": first}, measured, INK, 0.9, f"measured {hover}"))
     axes = {
         "xaxis": axis("Time, s", anchor="y2"),
@@ -179,7 +155,6 @@ TORQUE: Section[Any] = Section("Torque", "torque", "torque.html.j2", _context)
 
 _TRACKING_HEIGHT = 320
 _BUCKETS = 220
-_FEW = 3
 
 
 def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
@@ -195,17 +170,13 @@ def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
         for index, series in enumerate(firsts.values())
     ]
     return {
-        "missing": any(
-            first_stamp.before is None or first_stamp.after is None
-            for first_stamp in firsts.values()
-        ),
+        "missing": any(one.before is None or one.after is None for one in firsts.values()),
         "legend": [
             Mark("line", INK, "robot"),
             Mark("line", GREY, f"simulated, before{_stage(result, 0)}"),
             Mark("line", BLUE, f"simulated, after{_stage(result, -1)}"),
         ],
         "plots": plots,
-        "columns": "one" if len(plots) <= _FEW else "two",
     }
 
 
@@ -217,14 +188,8 @@ def _stage(result: GapResult, place: int) -> str:
 
 def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure:
     """Return the errors above, and what of them is not the robot's below."""
-    simulated: list[tuple[str, FloatArray, str]] = [
-        (name, values, colour)
-        for name, values, colour in (
-            ("before", series.before, GREY),
-            ("after", series.after, BLUE),
-        )
-        if values is not None
-    ]
+    both = (("before", series.before, GREY), ("after", series.after, BLUE))
+    simulated = [(name, values, colour) for name, values, colour in both if values is not None]
     # Both errors have the same reference: their difference is that of the positions.
     gaps = [series.measured - values for _, values, _ in simulated]
     chosen = peaks([series.measured, *gaps], _BUCKETS)

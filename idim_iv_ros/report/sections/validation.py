@@ -1,6 +1,5 @@
 """Is what is left noise, and are the instruments valid? The tests, their figures and words."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,7 @@ from idim_iv_ros.report.figures import (
     line,
     typed,
 )
-from idim_iv_ros.report.gap_words import torque_unit
-from idim_iv_ros.report.numerals import count, exact, number, p_value, percent, sentence, with_unit
+from idim_iv_ros.report.numerals import count, number, p_value
 from idim_iv_ros.report.section import Report, Section
 from idim_iv_ros.report.time_axis import contiguous_rows
 from idim_iv_ros.statistics import HypothesisTest
@@ -36,29 +34,15 @@ Answer = tuple[str, str]
 
 
 def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
-    result = report.result
     return {
-        "rows": [
-            (
-                residual.joint,
-                with_unit(residual.rms, torque_unit(result, residual.joint), 2),
-                percent(residual.relative_percent),
-                str(residual.ar_order),
-                percent(100.0 * residual.predictable_share),
-                f"{number(residual.sigma_understatement, 2)} ×",
-                _white(residual),
-                _whitened(residual),
-                _gaussian(residual),
-            )
-            for residual in result.residuals
-        ],
+        "answers": (_white, _whitened, _gaussian),
         "legend": [
             Mark("line", ORANGE, "residual as it is"),
             Mark("bar", BLUE, "whitened by the autoregressive filter"),
             Mark("band", SHADE, "95 % of a white residual's correlations"),
             Mark("line", INK, "Gaussian"),
         ],
-        "plots": [_plots(report, index) for index in range(len(result.residuals))],
+        "plots": [_plots(report, index) for index in range(len(report.result.residuals))],
     }
 
 
@@ -211,56 +195,15 @@ RESIDUALS = Section(
 )
 
 
-def _instruments(report: Report[IdentificationResult]) -> dict[str, Any]:
-    result = report.result
-    tests = result.instruments
-    failures = [f"Tried before and failed: {failure}" for failure in tests.failures]
-    return {
-        "source": tests.source,
-        "remarks": [sentence(text) for text in [*failures, *tests.notes]],
-        "validity": _tests(tests.tests, ("Effect, % of torque", "Largest |Π̂ − I|")),
-        "specification": _tests(result.specification.tests, ("Effect, % of torque",)),
-        "exogeneity": _tests(result.exogeneity.tests, (), neutral=True),
-        "alpha": exact(100.0 * tests.alpha, "%"),
-    }
+def _statistic(test: HypothesisTest) -> str:
+    """Return statistic with its distribution under the null hypothesis."""
+    df = count(test.df or 0)
+    law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
+    return f"{law} = {number(test.statistic, 3)}"
 
 
-def _tests(
-    tests: Sequence[HypothesisTest], sizes: Sequence[str], *, neutral: bool = False
-) -> dict[str, Any]:
-    """Rows of a table of tests; `reason` where none was run.
-
-    `neutral`: neither outcome is bad news.
-    """
-    reasons = {test.reason for test in tests}
-    alone = len(reasons) == 1 and all(test.accepted is None for test in tests)
-    return {
-        "reason": reasons.pop() if alone else "",
-        "sizes": sizes,
-        "untested": _badge(None, neutral=neutral),
-        "rows": [_test_row(test, len(sizes), neutral=neutral) for test in tests],
-    }
-
-
-def _test_row(test: HypothesisTest, sizes: int, *, neutral: bool) -> dict[str, Any]:
-    everything = test.scope == "all"
-    numbers: list[str] = []
-    if test.accepted is not None:
-        df = count(test.df or 0)
-        law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
-        numbers = [f"{law} = {number(test.statistic, 3)}", p_value(test.p_value)]
-        effects = [percent(test.torque_deviation_percent), number(test.max_deviation, 2)]
-        numbers += effects[:sizes]
-    return {
-        "scope": "all joints" if everything else test.scope,
-        "everything": everything,
-        "badge": _badge(test.accepted, neutral=neutral),
-        "numbers": numbers,
-        "reason": test.reason,
-    }
-
-
-def _badge(accepted: bool | None, *, neutral: bool) -> tuple[str, str, str]:
+def _badge(accepted: bool | None, neutral: bool) -> tuple[str, str, str]:
+    """Badge of a test; `neutral` where neither outcome is bad news."""
     if accepted is None:
         return "open", "–", "not tested"
     words = "accepted" if accepted else "rejected"
@@ -273,6 +216,6 @@ INSTRUMENTS = Section(
     "Tests",
     "instruments",
     "instruments.html.j2",
-    _instruments,
+    lambda report: {"badge_of": _badge, "statistic": _statistic},
     "Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
 )

@@ -12,14 +12,8 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import (
-    VERDICTS,
-    duration,
-    lacking_row,
-    torque_unit,
-    wrong_numbers,
-)
-from idim_iv_ros.report.numerals import count, exact, number, percent, plural, sentence, with_unit
+from idim_iv_ros.report.gap_words import VERDICTS, duration, lacking_row, wrong_numbers
+from idim_iv_ros.report.numerals import count, exact, number, percent, plural, with_unit
 from idim_iv_ros.report.robot_drawing import ShadedRobot, robot_figure
 from idim_iv_ros.report.section import R, Report, Section
 
@@ -60,19 +54,8 @@ def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
         badge=verdict_badge(result.verdict.verdict),
         headline=identification_headline(result),
         steps=identification_steps(report),
-        summary=result.verdict.sentence,
         tiles=_identification_tiles(result),
-        source=result.instruments.source,
-        joints=[
-            (
-                residual.joint,
-                verdict_badge(residual.verdict),
-                sentence(residual.sentence.removeprefix(f"{residual.joint}: ")),
-                percent(residual.relative_percent),
-                with_unit(residual.rms, torque_unit(result, residual.joint), 2),
-            )
-            for residual in result.residuals
-        ],
+        badge_of=verdict_badge,
     )
 
 
@@ -113,25 +96,12 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
         badge=VERDICTS[result.verdict],
         headline=diagnosis_headline(result),
         steps=diagnosis_steps(report),
-        summary=result.own_summary,
-        alone=result.contrast is not None,
         lacking=[
             lacking_row(result, cause) for cause in result.causes if cause.kind == "structural"
         ],
         wrong=wrong_numbers(result),
         tiles=_diagnosis_tiles(result),
-        findings=result.findings,
         model="nominal model" if nominal else "refit",
-        joints=[
-            (
-                joint_gap.joint,
-                100.0 * joint_gap.share,
-                percent(joint_gap.relative_percent, 3),
-                with_unit(joint_gap.noise_floor, torque_unit(result, joint_gap.joint)),
-                joint_gap.floor_origin,
-            )
-            for joint_gap in result.joint_gaps
-        ],
     )
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from benchmarks.fleet.synthetic import NAMES, Drawn, fleet
 from idim_iv_ros.fleet.fleet_result import fleet_result
-from idim_iv_ros.fleet.statistics.over_time import resemblance
 from idim_iv_ros.fleet.statistics.quantities import types_of
+from idim_iv_ros.fleet.statistics.robots import resemblance
 
 ROBOTS, BAGS = 12, 20
 

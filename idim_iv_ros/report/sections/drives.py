@@ -1,4 +1,4 @@
-"""What encoders behind the gears say: stiffness, play and time offset, and twist over load."""
+"""The drive of each joint: friction over speed, and what encoders behind its gear say of it."""
 
 from typing import Any
 
@@ -7,27 +7,31 @@ import numpy as np
 from idim_iv_ros.diagnosis.result import (
     EffectParameter,
     GapResult,
+    GapSeries,
     Transmission,
     TransmissionSeries,
 )
 from idim_iv_ros.report.figures import (
     BACKWARD,
+    BLUE,
     FORWARD,
+    GREY,
     INK,
     Figure,
     Mark,
     axis,
+    dots,
     layout,
     line,
     typed,
 )
-from idim_iv_ros.report.gap_words import small_unit, torque_unit
-from idim_iv_ros.report.numerals import MISSING, THIN, measured, number
+from idim_iv_ros.report.gap_words import drawable, small_unit, torque_unit, unit_in, worth_seeing
+from idim_iv_ros.report.numerals import MISSING, THIN, number, with_interval
 from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 280
 _DOTS = 400  # of one direction
-_FEW = 2
 
 
 def _context(report: Report[GapResult]) -> dict[str, Any] | None:
@@ -36,7 +40,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         return None
     by_joint = {transmission.joint: transmission for transmission in result.transmissions}
     plots = [
-        (series.joint, twist_figure(result, series, by_joint[series.joint], index))
+        (series.joint, "", twist_figure(result, series, by_joint[series.joint], index))
         for index, series in enumerate(result.twists)
     ]
     return {
@@ -47,7 +51,6 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
             Mark("line", INK, "load over stiffness, with play"),
         ],
         "plots": plots,
-        "columns": "one" if len(plots) <= _FEW else "two",
     }
 
 
@@ -80,8 +83,7 @@ def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "
     if parameter is None:
         return MISSING
     std = None if parameter.std is None else scale * parameter.std
-    value, half = measured(scale * parameter.value, std)
-    return " ".join(part for part in (value, half, unit or parameter.unit) if part)
+    return with_interval(scale * parameter.value, std, unit or parameter.unit)
 
 
 def twist_figure(
@@ -125,3 +127,67 @@ TRANSMISSIONS = Section(
     _context,
     "stiffness and play that encoders behind the gears show",
 )
+
+
+_FRICTION_HEIGHT = 210
+_LEAST_ROWS = 20  # of a direction, for a curve
+_BINS = 40  # of a direction, with equally many rows
+
+
+def _friction(report: Report[GapResult]) -> dict[str, Any] | None:
+    drawn = drawable(report.result)
+    if not drawn:
+        return None
+    legend = [Mark("sign diamond", GREY, "measured, less the torque of everything but friction")]
+    if drawn[0].given_friction is not None:
+        legend.append(Mark("line", INK, "nominal model"))
+    legend.append(Mark("line", BLUE, "extended model"))
+    first = worth_seeing(report.result)
+    plots = [
+        (series.joint, _friction_figure(report.result, series, number), series.joint in first)
+        for number, series in enumerate(drawn)
+    ]
+    return {"legend": legend, "plots": sorted(plots, key=lambda plot: not plot[-1])}
+
+
+def _friction_figure(result: GapResult, series: GapSeries, number: int) -> Figure:
+    unit, speed = torque_unit(result, series.joint), unit_in(result, "rad/s", series.joint)
+    shown = series.torque - series.extended + series.friction
+    data, seen = [dots(series.speed, shown, GREY, 4.0)], shown
+    if series.given_friction is not None:
+        seen = np.concatenate([shown, series.given_friction])
+        data += _curves(series, series.given_friction, INK, f"nominal %{{y:.3g}} {unit}")
+    data += _curves(series, series.friction, BLUE, f"extended %{{y:.3g}} {unit}")
+    axes = {
+        "xaxis": axis(f"Speed, {speed}", nticks=6, zeroline=True, zerolinecolor=GREY),
+        "yaxis": axis(
+            f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=_range(seen)
+        ),
+    }
+    words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
+    return Figure(f"friction-{number}", _FRICTION_HEIGHT, words, data, layout(axes))
+
+
+def _range(values: FloatArray) -> list[float]:
+    low, high = np.percentile(values[np.isfinite(values)], [0.5, 99.5])
+    room = 0.12 * max(float(high - low), 1e-12)
+    return [float(low) - room, float(high) + room]
+
+
+def _curves(
+    series: GapSeries, friction: FloatArray, colour: str, hover: str
+) -> list[dict[str, Any]]:
+    """Mean of a model's friction in bins of the speed, one line a direction."""
+    traces = []
+    for sign in (1.0, -1.0):
+        rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(friction))
+        if len(rows) >= _LEAST_ROWS:
+            rows = rows[np.argsort(series.speed[rows])]
+            bins = np.array_split(rows, min(_BINS, len(rows) // 5))
+            speed = np.array([np.mean(series.speed[part]) for part in bins])
+            mean = np.array([np.mean(friction[part]) for part in bins])
+            traces.append(line(speed, mean, colour, 2.4, hover))
+    return traces
+
+
+FRICTION = Section("Friction", "friction", "friction.html.j2", _friction)
