@@ -27,8 +27,7 @@ from benchmarks.withheld_effects.generate import cell_name, write_cell
 from idim_iv_ros import load_configuration
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.assembly import concluded
-from idim_iv_ros.diagnosis.diagnose import compared
+from idim_iv_ros.diagnosis.diagnose import compared, concluded
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Stopwatch
@@ -36,7 +35,7 @@ from idim_iv_ros.progress import Stopwatch
 SEED = 20260117
 CELLS = 60
 # What only these read changes what is shown beside the causes, and neither verdict nor cause.
-_SHOWN = ("assembly.py", "tracking.py", "where.py")
+_SHOWN = ("diagnose.py", "tracking.py", "where.py")
 _REFIT = ("refit/", "likelihood.py")
 _SEARCH = ("identifiability.py", "comparison/", "answer/explained.py")
 

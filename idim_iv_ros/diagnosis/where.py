@@ -47,38 +47,23 @@ def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -
     return np.asarray(path - path[last])
 
 
-@dataclass(frozen=True)
-class MotionAtRows:
-    """What one joint does at its rows, over all recordings; (r,) each.
+def motion_at_rows(data: Baseline, joint: int) -> FloatArray:
+    """Smooth motion of one joint at the rows that count, over all recordings.
 
-    Attributes
-    ----------
-    time : s
-    position, velocity : rad, rad/s (m, m/s)
-    load : N m (N)
-        Torque of the rigid bodies alone.
-    since_reversal : rad (m)
-        Distance since the last reversal.
+    Returns
+    -------
+    (5, r)
+        Time (s), position (rad, m), velocity, torque of the rigid bodies alone (N m, N), and
+        distance since the last reversal (rad, m).
     """
-
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    load: FloatArray
-    since_reversal: FloatArray
-
-
-def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
-    """Take the smooth motion of one joint at the rows that count."""
     slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
-
     tables = []
     for motion in data.motions:
         position, velocity = motion.position[:, joint], motion.velocity[:, joint]
         distance = since_reversal(position, velocity, slowest)
         values = (motion.time, position, velocity, motion.load[:, joint], distance)
         tables.append(np.column_stack(values)[motion.decimation.kept])
-    return MotionAtRows(*data.counting(joint, tables).T)
+    return data.counting(joint, tables).T
 
 
 @dataclass(frozen=True)
@@ -100,19 +85,16 @@ class Axis:
     unit: str = ""
 
 
-def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
-    """Every quantity of a joint's motion by which its samples are split.
+def axes_of(motion: FloatArray, starts: Sequence[float]) -> list[Axis]:
+    """Every quantity of a joint's motion (5, r) by which its samples are split.
 
-    Parameters
-    ----------
-    starts
-        Of the recordings in the time of the session, s.
+    `starts`: of the recordings in the time of the session, s.
     """
-    speed, load = np.abs(motion.velocity), np.abs(motion.load)
-    position, time, distance = motion.position, motion.time, motion.since_reversal
+    time, position, velocity, load, distance = motion
+    speed, load = np.abs(velocity), np.abs(load)
     return [
         Axis("speed", speed, _logarithmic(speed, 6), "rad/s"),
-        Axis("direction", np.sign(motion.velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
+        Axis("direction", np.sign(velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
         Axis("position", position, np.linspace(position.min(), position.max(), 9), "rad"),
         Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6)), "N m"),
         Axis("time", time, _in_recordings(time, starts, 6), "s"),

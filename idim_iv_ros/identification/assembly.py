@@ -109,7 +109,7 @@ def assemble_result(
         joint_types=prepared.model.robot.joint_types,
         effort_unit=configuration.signals.effort_unit,
         bags=_bags(prepared),
-        software=_software(),
+        software={"python": platform.python_version(), **software_versions()},
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         estimator=identified.estimator,
         iterations=1 if estimate is None else len(estimate.steps) + 1,
@@ -351,8 +351,6 @@ def _series(
     return tuple(series)
 
 
-def _software() -> dict[str, str]:
-    versions = {"python": platform.python_version()}
-    for package in _REPORTED:
-        versions[package] = metadata.version(package)
-    return versions
+def software_versions() -> dict[str, str]:
+    """Versions of the project and of the packages that its numbers depend on."""
+    return {package: metadata.version(package) for package in _REPORTED}
