@@ -185,12 +185,8 @@ def not_shown_by_motion(
 ) -> tuple[NotTestable, ...]:
     """Say which effects the motion cannot show, joint by joint.
 
-    Parameters
-    ----------
-    regression
-        Of the refit; only its regressor is used, not its torque.
-    noise_models
-        Noise of each joint, given beforehand or bounded from below (`floor_noise_models`).
+    `regression`: of the refit; only its regressor is used, not its torque. `noise_models`: noise of
+    each joint, given beforehand or bounded from below (`floor_noise_models`).
     """
     covered = operating_range(data)
     absorption = Absorption(regression, noise_models)

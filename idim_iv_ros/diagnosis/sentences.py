@@ -35,12 +35,8 @@ _RIGID = 1e12
 def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     """Where an effect is, how large, how probable, and how far the gap shrinks.
 
-    Parameters
-    ----------
-    cause
-        All of it but its sentence.
-    meaning
-        Which kind of the effect it is, in words; empty where there is one kind only.
+    `cause`: all of it but its sentence. `meaning`: which kind of the effect it is, in words; empty
+    where there is one kind only.
     """
     assert cause.joint is not None
     where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
@@ -145,12 +141,8 @@ def beyond_the_law(
 ) -> str:
     """What a joint's commands hold beyond the law and its changes.
 
-    Parameters
-    ----------
-    sizes
-        RMS of that and of the command, N m (N).
-    events
-        The largest first; empty where it acts all the time.
+    `sizes`: RMS of that and of the command, N m (N). `events`: the largest first; empty where it
+    acts all the time.
     """
     beyond, command = sizes
     text = (
@@ -305,10 +297,8 @@ def events(
 ) -> str:
     """Short events that hold a share of a residual's energy.
 
-    Parameters
-    ----------
-    largest, every
-        (recording, s since its start) of the largest sample; of all events, the largest first.
+    `largest`, `every`: (recording, s since its start) of the largest sample; of all events, the
+    largest first.
     """
     bags = [part.bag for part in data.prepared.session.parts]
     text = (
@@ -326,10 +316,7 @@ def events(
 def finding(placed: Finding, session: Sequence[SessionPart]) -> str:
     """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
 
-    Parameters
-    ----------
-    session
-        The recordings: a time is that of one of them.
+    `session`: the recordings: a time is that of one of them.
     """
     regime = placed.regime
     low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
@@ -360,10 +347,8 @@ def finding(placed: Finding, session: Sequence[SessionPart]) -> str:
 def summary(sentences: Sequence[str]) -> str:
     """Join the first of some sentences, as many as a reader takes in (`WORDS_OF_SUMMARY`).
 
-    Parameters
-    ----------
-    sentences
-        The weightiest first; empty ones are left out. What does not fit stands in the tables.
+    `sentences`: the weightiest first; empty ones are left out. What does not fit stands in the
+    tables.
     """
     kept: list[str] = []
     words = 0

@@ -68,12 +68,8 @@ def simulated_tracking(
 ) -> Tracking:
     """Simulate the references of every recording and compare with the measured positions.
 
-    Parameters
-    ----------
-    values
-        (b,) base parameters of the stage.
-    effects
-        Of the stage, with the parameters of the catalogue.
+    `values`: (b,) base parameters of the stage; `effects`: of the stage, with the parameters of the
+    catalogue.
     """
     source = data.sources.sources[0]
     rates = tuple(motion.signals.rate for motion in data.prepared.motions)

@@ -27,12 +27,8 @@ _LEAST_PIECE = 16  # rows in it
 def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -> FloatArray:
     """Path since the last reversal (since the start, before the first): (s,) rad (m).
 
-    Parameters
-    ----------
-    position, velocity
-        (s,) rad, rad/s.
-    slowest
-        A joint has turned once it is faster than this the other way: noise does not turn it.
+    `position`, `velocity`: (s,) rad, rad/s; `slowest`: a joint has turned once it is faster than
+    this the other way: noise does not turn it.
     """
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
     ways = np.where(np.abs(velocity) >= slowest, np.sign(velocity), 0.0)
@@ -126,12 +122,8 @@ def _logarithmic(values: FloatArray, count: int) -> FloatArray:
 def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
     """Energy and number of the values of an axis in each bin and block of time: (b, k, 2).
 
-    Parameters
-    ----------
-    energy
-        (r,) of the residual at each value, (N m)² (N²).
-    blocks
-        (r,) block of each value (`time_blocks`).
+    `energy`: (r,) of the residual at each value, (N m)² (N²); `blocks`: (r,) block of each value
+    (`time_blocks`).
     """
     count = len(axis.edges) - 1
     bins = np.clip(np.searchsorted(axis.edges, axis.values, side="right") - 1, 0, count - 1)

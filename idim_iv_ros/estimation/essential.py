@@ -13,12 +13,8 @@ from idim_iv_ros.types import FloatArray
 class EssentialParameters:
     """Outcome of the backward elimination.
 
-    Attributes
-    ----------
-    columns : (b_e,) int
-        Base parameters that stay.
-    statistic, p_value : float
-        F-test of the null hypothesis that all the others are zero.
+    `columns` (b_e,) int: base parameters that stay; `statistic`, `p_value`: F-test of the null
+    hypothesis that all the others are zero.
     """
 
     columns: NDArray[np.int64]

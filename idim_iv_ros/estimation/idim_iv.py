@@ -88,12 +88,8 @@ def idim_iv(
     The sources are tried in order, each from the starts in order: when the simulation diverges,
     the next takes over and the reason is kept.
 
-    Parameters
-    ----------
-    starts
-        Possible first simulations.
-    tolerance
-        Largest relative change of a parameter between the last two estimates.
+    `starts`: possible first simulations; `tolerance`: largest relative change of a parameter
+    between the last two estimates.
 
     Raises
     ------

@@ -270,12 +270,8 @@ def count_reversals(speed: FloatArray, threshold: float) -> int:
     The noise of a joint at rest changes the sign of its speed all the time; a joint reverses where
     it moves the other way than it moved last.
 
-    Parameters
-    ----------
-    speed
-        (n_samples,) rad/s (m/s) of one recording.
-    threshold
-        Speed from which on the joint moves, rad/s (m/s).
+    `speed`: (n_samples,) rad/s (m/s) of one recording; `threshold`: speed from which on the joint
+    moves, rad/s (m/s).
     """
     moving = np.sign(speed[np.abs(speed) > threshold])
     return int(np.count_nonzero(np.diff(moving)))

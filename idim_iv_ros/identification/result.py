@@ -140,12 +140,7 @@ class InstrumentReport:
 class JointTests:
     """One kind of test at every joint.
 
-    Attributes
-    ----------
-    accepted : bool or None
-        The outcome over all rows, whatever is given; None where there is none.
-    alpha : float
-    tests : tuple of HypothesisTest
+    `accepted`: the outcome over all rows, whatever is given; None where there is none.
     """
 
     accepted: bool | None = None
@@ -270,12 +265,8 @@ class ProcessingSummary:
 class JointSeries:
     """Torque of one joint over time, for plots.
 
-    Attributes
-    ----------
-    time : (n,) s
-        Of the session (`recording.session`): it increases.
-    measured, predicted : (n,) N m
-        Decimated torque and X β̂ of the rows that count; the others are gaps in time.
+    `time` (n,) s: of the session (`recording.session`): it increases. `measured`, `predicted` (n,)
+    N m: decimated torque and X β̂ of the rows that count; the others are gaps in time.
     """
 
     joint: str

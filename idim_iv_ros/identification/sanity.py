@@ -43,14 +43,8 @@ _FRICTION = 3.0  # times the effort
 class JointFinding:
     """What is wrong with the signals of one joint.
 
-    Attributes
-    ----------
-    joint : int
-    level : str
-        ``unusable`` where numbers identified with it mean nothing.
-    sentence : str
-    left_out : bool
-        Whether the joint's torque says nothing of its links and drive.
+    `level`: ``unusable`` where numbers identified with it mean nothing; `left_out`: whether the
+    joint's torque says nothing of its links and drive.
     """
 
     joint: int
@@ -64,10 +58,8 @@ def joint_findings(
 ) -> tuple[JointFinding, ...]:
     """Say what is wrong with the signals, joint by joint; empty where nothing is.
 
-    Parameters
-    ----------
-    effort_unit
-        ``N m``, ``A`` or ``V``: only torques are compared with those of the nominal model.
+    `effort_unit`: ``N m``, ``A`` or ``V``: only torques are compared with those of the nominal
+    model.
     """
     statistics = effort_statistics(model, motions, cutoffs)
     findings: list[JointFinding] = []

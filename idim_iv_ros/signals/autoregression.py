@@ -44,13 +44,9 @@ class Segments(tuple[slice, ...]):
 class AutoregressiveModel:
     """ε = H(z⁻¹) ε_N with H = 1/C, C = 1 + c₁ z⁻¹ + … + c_p z⁻ᵖ (paper, equation 11, D = 1).
 
-    Attributes
-    ----------
-    reflections : (p,)
-        κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable. They hold the
-        predictors of every lower order too, and those start a segment exactly.
-    innovation_variance : float
-        σ² of the white noise ε_N, in the squared unit of the residual.
+    `reflections` (p,): κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable.
+    They hold the predictors of every lower order too, and those start a segment exactly.
+    `innovation_variance`: σ² of the white noise ε_N, in the squared unit of the residual.
     """
 
     reflections: FloatArray
@@ -136,13 +132,9 @@ class AutoregressiveModel:
         The row at place k < p of a segment is predicted by the order-k predictor and scaled by
         σ/σ_k, so that every whitened row of the residual has the innovation variance.
 
-        Parameters
-        ----------
-        rows : (r,) or (r, k)
-            y, or columns of X or Z, of one joint.
-        segments : sequence of slice
-            Rows that are contiguous in time. They must cover every row in order; rows of
-            different segments are taken as independent.
+        `rows` (r,) or (r, k): y, or columns of X or Z, of one joint. `segments`: rows that are
+        contiguous in time. They must cover every row in order; rows of different segments are taken
+        as independent.
 
         Returns
         -------
@@ -167,14 +159,9 @@ class AutoregressiveModel:
         estimate needs that did not filter its rows. Dropped rows stay zero: the residual
         exists there, only nobody weighs it.
 
-        Parameters
-        ----------
-        rows : (r, k)
-            Columns of Z of one joint, unfiltered.
-        positions : (r,) increasing int
-            Place of each row on the regular grid of the series. Places further apart than the
-            memory of the filter are taken as independent, so that recordings may be kept
-            apart by any large step.
+        `rows` (r, k): columns of Z of one joint, unfiltered. `positions` (r,) increasing int: place
+        of each row on the regular grid of the series. Places further apart than the memory of the
+        filter are taken as independent, so that recordings may be kept apart by any large step.
 
         Returns
         -------

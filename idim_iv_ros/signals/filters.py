@@ -65,12 +65,8 @@ def settling_samples(sections: FloatArray, tolerance: float) -> int:
     by that of the motion). With that sum below `tolerance`, a sample that waits for L agrees with
     the filter over the whole recording to twice that share.
 
-    Parameters
-    ----------
-    sections : (n, 6)
-        Second-order sections of one pass, as of SciPy.
-    tolerance
-        Share of Σ |h_k|.
+    `sections` (n, 6): second-order sections of one pass, as of SciPy; `tolerance`: share of Σ
+    |h_k|.
     """
     poles = np.abs(np.concatenate([np.roots(section[3:]) for section in sections]))
     length = int(_LONGEST / -np.log(min(poles.max(), 1.0 - 1e-9))) + 2

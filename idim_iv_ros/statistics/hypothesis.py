@@ -80,10 +80,8 @@ def f_test(
 ) -> HypothesisTest:
     """F-test that what `df` directions explain is no more than noise.
 
-    Parameters
-    ----------
-    explained, unexplained
-        Sums of squares in the `df` directions and in the `df_denom` that are left for the noise.
+    `explained`, `unexplained`: sums of squares in the `df` directions and in the `df_denom` that
+    are left for the noise.
     """
     statistic = explained / df / (unexplained / df_denom)
     p_value = float(scipy.stats.f.sf(statistic, df, df_denom))

@@ -219,12 +219,7 @@ def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
     what of column i, in parts of its rms, goes with column k beyond Π = I. Entries whose
     standard error (taken as if rows were white) exceeds 0.05 are left out; None if all do.
 
-    Parameters
-    ----------
-    factor : (k, 2c)
-        R factor of [Z X].
-    n_rows : int
-        How many rows it was made of.
+    `factor` (k, 2c): R factor of [Z X]; `n_rows`: how many rows it was made of.
     """
     width = factor.shape[1] // 2
     instruments, regressor = factor[:, :width], factor[:, width:]

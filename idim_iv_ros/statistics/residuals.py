@@ -256,11 +256,7 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
     number of lags), and the degrees of freedom of a χ² with the same mean and variance are
     2 m² n / v (Satterthwaite).
 
-    Parameters
-    ----------
-    time : (n,) s
-        Of the rows.
-    residual : (n,) N m (N)
+    `time` (n,) s: of the rows; `residual` (n,) N m (N).
 
     Returns
     -------

@@ -214,12 +214,8 @@ def judge_all(
 ) -> OverallVerdict:
     """Join the verdicts on all joints with the instrument test of all rows.
 
-    Parameters
-    ----------
-    joints : sequence of JointVerdict
-        One for each joint.
-    instruments : HypothesisTest, optional
-        The Wald test of Π = I over all rows, scope "all"; it sees what no joint shows alone.
+    `joints`: one for each joint. `instruments`: the Wald test of Π = I over all rows, scope "all";
+    it sees what no joint shows alone.
     """
     wrong, inconclusive, autocorrelated = (
         [joint.joint for joint in joints if joint.verdict == kind]

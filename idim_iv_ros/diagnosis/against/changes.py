@@ -28,13 +28,9 @@ from idim_iv_ros.types import FloatArray, IntArray
 class Changes:
     """A search in which effects and numbers may act in some recordings only.
 
-    Attributes
-    ----------
-    selection : Selection
-    accepted, doubtful : dict of Term to str
-        Terms of some recordings: without how many parts of the time the search chooses them.
-        Those that are accepted matter, and are chosen without parts of the time, too. Of free
-        curves that is not asked.
+    `accepted`, `doubtful`: terms of some recordings: without how many parts of the time the search
+    chooses them. Those that are accepted matter, and are chosen without parts of the time, too. Of
+    free curves that is not asked.
     """
 
     selection: Selection
@@ -128,14 +124,7 @@ def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArr
 class NumberChange:
     """Numbers that differ in some recordings from all others.
 
-    Attributes
-    ----------
-    effect : ParametricEffect
-    joint : int or None
-    recordings : Scope
-    parameters : dict of str to EffectParameter
-        The difference, with its deviations.
-    terms : tuple of Term
+    `parameters`: the difference, with its deviations.
     """
 
     effect: ParametricEffect
@@ -175,10 +164,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Estimated]:
     """Add the changes of one name, with the deviations of their sums.
 
-    Parameters
-    ----------
-    parts
-        Terms, and the place of the first coefficient of each.
+    `parts`: terms, and the place of the first coefficient of each.
     """
     places: dict[str, list[int]] = {}
     changes = {}

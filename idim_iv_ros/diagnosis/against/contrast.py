@@ -47,10 +47,7 @@ def contrasted(
     Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel. What one set has is looked for in its recordings alone.
 
-    Parameters
-    ----------
-    without
-        Effects that are left out of the catalogue.
+    `without`: effects that are left out of the catalogue.
 
     Raises
     ------
@@ -74,10 +71,7 @@ def contrast_of(
 ) -> ContrastResult:
     """Build the document from the terms that act in some recordings only.
 
-    Parameters
-    ----------
-    disagreeing
-        Recordings of the reference that differ from its others.
+    `disagreeing`: recordings of the reference that differ from its others.
     """
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)

@@ -61,10 +61,7 @@ def structural_causes(
 ) -> list[Cause]:
     """One cause for each structural effect.
 
-    Parameters
-    ----------
-    simulations
-        Gap of the simulated motion before and after each effect.
+    `simulations`: gap of the simulated motion before and after each effect.
     """
     causes, tested = [], explanation.tested
     # The refit with the coefficients that effects have beside the errors of the nominal model.
@@ -303,12 +300,8 @@ def verdict_of(
 ) -> Verdict:
     """One word: causes of the catalogue count before what is outside it.
 
-    Parameters
-    ----------
-    parameters
-        Whether parameters are in error beyond the causes: it is not known which.
-    unexplained
-        Whether much of the gap remains.
+    `parameters`: whether parameters are in error beyond the causes: it is not known which;
+    `unexplained`: whether much of the gap remains.
     """
     kinds: set[str] = {cause.kind for cause in causes}
     if parameters and not kinds and not unexplained:

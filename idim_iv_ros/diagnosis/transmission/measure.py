@@ -125,10 +125,7 @@ def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
 def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str) -> Transmission:
     """Everything that the twist says, with what makes it unsure.
 
-    Parameters
-    ----------
-    unit_at
-        From a unit of a joint that turns to that of this one.
+    `unit_at`: from a unit of a joint that turns to that of this one.
     """
     rows = fit.rows
     bending, std, test = compliance(fit)
@@ -175,10 +172,8 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
 def _undecided(fit: TwistFit, *, clear: bool, exceeds_step: bool) -> str:
     """Why no stiffness is said.
 
-    Parameters
-    ----------
-    clear, exceeds_step
-        Whether the twist under the load differs from zero, and is larger than the encoders' step.
+    `clear`, `exceeds_step`: whether the twist under the load differs from zero, and is larger than
+    the encoders' step.
     """
     rows = fit.rows
     # Whether a twist of one step of the encoders would not have been significant.
@@ -224,12 +219,7 @@ def _without_twist(
 ) -> Regression:
     """Take off what a transmission changes of the torques against a rigid one.
 
-    Parameters
-    ----------
-    stiffness, gap
-        N m/rad, rad.
-    damping
-        N m s/rad; None: light, where none was measured.
+    `stiffness`, `gap`: N m/rad, rad. `damping`: N m s/rad; None: light, where none was measured.
     """
     if damping is None:
         critical = 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
