@@ -14,6 +14,7 @@ the refit, and one of what comes after keeps both.
 
 import argparse
 import json
+import re
 import shlex
 import sys
 from collections.abc import Iterator
@@ -42,9 +43,19 @@ _SEARCH = ("identifiability.py", "comparison/", "answer/explained.py")
 Answer = dict[str, object]
 
 
+def readers() -> dict[str, list[str]]:
+    """Files of the diagnosis that read each setting, by its name."""
+    folder = Path(settings.__file__).parent
+    files: dict[str, list[str]] = {name: [] for name in settings.all_settings()}
+    for file in sorted(folder.rglob("*.py")):
+        for name in dict.fromkeys(re.findall(r"\bsettings\.([A-Z][A-Z0-9_]+)", file.read_text())):
+            files[name].append(str(file.relative_to(folder)))
+    return files
+
+
 def chosen() -> list[str]:
     """Names of the settings that were chosen by hand and can change an answer."""
-    files = settings.readers()
+    files = readers()
     return [
         name
         for name, each in settings.all_settings().items()
@@ -52,18 +63,20 @@ def chosen() -> list[str]:
     ]
 
 
-def variants(name: str) -> tuple[settings.Setting | settings.Count, ...]:
+def variants(name: str) -> tuple[float, ...]:
     """Return a setting at half and at twice its value; a large share by its distance from 1."""
-    each = settings.all_settings()[name]
-    if 0.5 < each < 1.0:
-        rest = 1.0 - each
-        return each.times((1.0 - 0.5 * rest) / each), each.times((1.0 - 2.0 * rest) / each)
-    return each.times(0.5), each.times(2.0)
+    setting = settings.all_settings()[name]
+    if isinstance(setting, int):
+        return max(1, round(0.5 * setting)), 2 * setting
+    if 0.5 < setting < 1.0:
+        rest = 1.0 - setting
+        return 1.0 - 0.5 * rest, 1.0 - 2.0 * rest
+    return 0.5 * setting, 2.0 * setting
 
 
 def first_step(name: str) -> str:
     """Return the first step of a diagnosis that reads a setting."""
-    steps = [_step(file) for file in settings.readers()[name]]
+    steps = [_step(file) for file in readers()[name]]
     return min(steps, key=("refit", "search", "conclusion").index)
 
 
@@ -74,7 +87,7 @@ def _step(file: str) -> str:
 
 
 @contextmanager
-def changed(name: str, value: settings.Setting | settings.Count) -> Iterator[None]:
+def changed(name: str, value: float) -> Iterator[None]:
     """Give a setting another value for a while."""
     kept = getattr(settings, name)
     setattr(settings, name, value)

@@ -26,18 +26,13 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
-from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
+from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, GapSeries
-from idim_iv_ros.diagnosis.tracking import (
-    simulation_gaps,
-    tracked_stages,
-    tracking_series,
-    with_tracking,
-)
+from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
 from idim_iv_ros.diagnosis.unexplained import unexplained, unexplained_residual
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
@@ -146,7 +141,10 @@ def concluded(
     data, regression, prepared = refit.data, refit.regression, refit.data.prepared
     watch.stage("simulated motion", 0.85)
     tracked = tracked_stages(data, explanation)
-    stages = with_tracking(explanation.tested.stages(), tracked)
+    stages = tuple(
+        replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
+        for stage, errors in zip(explanation.tested.stages(), tracked, strict=True)
+    )
 
     effects = [effect.term for effect in explanation.effects]
     recordings = agreement(data, regression, effects, without)
@@ -169,8 +167,10 @@ def concluded(
     watch.stage("where", 0.95)
     gaps, findings = where(data, regression, explanation.fits[0], explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
+    sigmas = [floor.sigma for floor in explanation.floors]
+    noise = floor_noise_models(explanation.fits[0], sigmas)
     not_testable = (
-        *not_shown_by_motion(data, regression, structural, explanation.noise_of_refit()),
+        *not_shown_by_motion(data, regression, structural, noise),
         *refit.not_testable,
     )
 
@@ -257,7 +257,7 @@ def concluded(
         hints=hints,
         unexplained=outside,
         where=gaps,
-        findings=tuple(sentences.finding(finding, prepared.session.parts) for finding in findings),
+        findings=findings,
         not_testable=tuple(
             effect for effect in not_testable if (effect.effect, effect.joint) not in named
         ),

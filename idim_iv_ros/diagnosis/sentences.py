@@ -19,11 +19,9 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
     Unexplained,
 )
-from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, name_of, parameter_words
-from idim_iv_ros.recording import SessionPart, in_recordings
 
 MOST_EVENTS = 5  # that are listed
 _MOST_CAUSES = 4  # after the first, in a summary
@@ -311,37 +309,6 @@ def events(
         times = ", ".join(f"{time:.1f} s of {bags[recording]}" for recording, time in shown)
         text += f"; {len(every)} pulses, the strongest at {times}"
     return text
-
-
-def finding(placed: Finding, session: Sequence[SessionPart]) -> str:
-    """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
-
-    `session`: the recordings: a time is that of one of them.
-    """
-    regime = placed.regime
-    low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
-    part = f"between {low} and {high}"
-    if regime.axis == "direction":
-        part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
-    elif regime.axis == "reversal" and placed.first:
-        part = f"within {high} after a reversal"
-    elif regime.axis == "time":
-        part = f"from {in_recordings(session, regime.low, regime.high)}"
-    elif placed.first and regime.axis != "position":
-        part = f"below {high}"
-    elif placed.last and regime.axis != "position":
-        part = f"above {low} {regime.unit}"
-    what = {
-        "load": "load ",
-        "reversal": "" if placed.first else "displacement since reversal ",
-        "frequency": "residual ",
-    }.get(regime.axis, "")
-    whole = "bandwidth" if regime.axis == "frequency" else "samples"
-    return (
-        f"{'after a refit, ' if placed.after_refit else ''}{regime.joint}, {what}{part}: "
-        f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
-        f"{whole}"
-    )
 
 
 def summary(sentences: Sequence[str]) -> str:

@@ -1,6 +1,6 @@
 """Where the gap lies: its share in parts of the samples, against the share of the samples."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
+from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray, IntArray
 
 _BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows; they end between two lines
@@ -229,32 +230,47 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
     return max(large, key=lambda run: run.energy_share - run.occupancy, default=None)
 
 
-@dataclass(frozen=True)
-class Finding:
-    """A regime, or adjacent ones, in which much of the gap lies.
+def in_words(
+    regime: Regime,
+    edges: FloatArray,
+    session: Sequence[SessionPart] = (),
+    *,
+    after_refit: bool = False,
+) -> str:
+    """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
 
-    Attributes
-    ----------
-    regime : Regime
-    first, last : bool
-        Whether it begins or ends where the axis does.
-    after_refit : bool
-        Whether the gap is that of the refit.
-    excess : float
-        Energy share less occupancy, times the joint's share of the whole gap.
+    `edges`: of its axis; `session`: the recordings: a time is that of one of them.
     """
-
-    regime: Regime
-    first: bool
-    last: bool
-    after_refit: bool
-    excess: float
+    first, last = regime.low <= edges[0], regime.high >= edges[-1]
+    low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
+    part = f"between {low} and {high}"
+    if regime.axis == "direction":
+        part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
+    elif regime.axis == "reversal" and first:
+        part = f"within {high} after a reversal"
+    elif regime.axis == "time":
+        part = f"from {in_recordings(session, regime.low, regime.high)}"
+    elif first and regime.axis != "position":
+        part = f"below {high}"
+    elif last and regime.axis != "position":
+        part = f"above {low} {regime.unit}"
+    what = {
+        "load": "load ",
+        "reversal": "" if first else "displacement since reversal ",
+        "frequency": "residual ",
+    }.get(regime.axis, "")
+    whole = "bandwidth" if regime.axis == "frequency" else "samples"
+    return (
+        f"{'after a refit, ' if after_refit else ''}{regime.joint}, {what}{part}: "
+        f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
+        f"{whole}"
+    )
 
 
 def where(
     data: Baseline, regression: Regression, refit: Fit, floors: Sequence[NoiseFloor]
-) -> tuple[Where, tuple[Finding, ...]]:
-    """Find where the gap lies, and in which regimes much of it, the largest first.
+) -> tuple[Where, tuple[str, ...]]:
+    """Find where the gap lies, and say in which regimes much of it does, the largest first.
 
     The nominal model's gap is what the user sees: its shares and regimes are reported, those of the
     refit where no model is given. The residual of the refit shows missing effects: findings about
@@ -265,17 +281,13 @@ def where(
     gaps = _joint_gaps(data, regression, shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
-    regimes, large = _regimes(data, regression, shown, axes, gaps, after_refit=False)
-    used = {name for joint, name in enumerate(data.joints) if joint not in data.left_out}
-    findings = [finding for finding in large if finding.regime.joint in used][:_NOMINAL_FINDINGS]
+    used = set(range(len(data.joints))) - data.left_out
+    regimes, large = _regimes(data, regression, shown, axes, gaps, used, after_refit=False)
+    findings = large[:_NOMINAL_FINDINGS]
     if nominal is not None:
-        _, large = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
-        used &= {
-            name
-            for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if above_noise(residual, floor)
-        }
-        findings += [finding for finding in large if finding.regime.joint in used][:_REFIT_FINDINGS]
+        used = {joint for joint in used if above_noise(refit.residuals[joint], floors[joint])}
+        _, large = _regimes(data, regression, refit.residuals, axes, gaps, used, after_refit=True)
+        findings += large[:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
 
 
@@ -316,12 +328,13 @@ def _regimes(
     residuals: Sequence[FloatArray],
     axes: Sequence[Sequence[Axis]],
     gaps: Sequence[JointGap],
+    used: Collection[int],
     *,
     after_refit: bool,
-) -> tuple[tuple[Regime, ...], list[Finding]]:
-    """Regimes whose interval excludes 1, and findings, the largest first."""
+) -> tuple[tuple[Regime, ...], list[str]]:
+    """Regimes whose interval excludes 1, and sentences of the joints `used`, the largest first."""
     regimes: list[Regime] = []
-    findings: list[Finding] = []
+    findings: list[tuple[float, str]] = []
     edge = data.prepared.configuration.processing.decimation_edge
     # A twentieth of the session: regimes may be events, and residuals are predictable for a while.
     rows = sum(len(motion.kept) for motion in data.motions)
@@ -336,15 +349,13 @@ def _regimes(
             regimes += unlike
             best = joined(unlike)
             # Most of what moves slowly is slow: no finding.
-            if best is None or (axis.name == "frequency" and best.low <= 0.0):
+            slow = axis.name == "frequency" and best is not None and best.low <= 0.0
+            if best is None or slow or joint not in used:
                 continue
             excess = (best.energy_share - best.occupancy) * gaps[joint].share
-            findings.append(Finding(best, *ends_of(best, axis.edges), after_refit, excess))
+            session = data.prepared.session.parts
+            said = in_words(best, axis.edges, session, after_refit=after_refit)
+            findings.append((excess, said))
     regimes.sort(key=lambda regime: -regime.lift)
-    findings.sort(key=lambda finding: -finding.excess)
-    return tuple(regimes), findings
-
-
-def ends_of(regime: Regime, edges: FloatArray) -> tuple[bool, bool]:
-    """Whether a regime begins, and ends, where the axis with these edges does."""
-    return bool(regime.low <= edges[0]), bool(regime.high >= edges[-1])
+    findings.sort(key=lambda finding: -finding[0])
+    return tuple(regimes), [said for _, said in findings]

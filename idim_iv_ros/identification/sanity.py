@@ -20,7 +20,6 @@ from idim_iv_ros.identification.effort_statistics import (
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Cutoffs, Motion
-from idim_iv_ros.types import FloatArray
 
 Level = Literal["good", "limited", "unusable"]
 
@@ -100,23 +99,31 @@ def _too_few_rows(
     yield JointFinding(joint, "limited", sentence, left_out=rows < FEWEST_ROWS_PER_COLUMN * columns)
 
 
-@dataclass(frozen=True)
 class _Signals:
     """The signals of one joint of all recordings."""
 
-    model: InverseModel
-    motions: Sequence[Motion]
-    joint: int
-    effort_unit: str
+    def __init__(
+        self, model: InverseModel, motions: Sequence[Motion], joint: int, effort_unit: str
+    ) -> None:
+        self.robot, self.joint = model.robot, joint
+        self.angle, self.torque = (
+            unit_at(unit, model.robot.joint_types[joint]) for unit in ("rad", "N m")
+        )
+        self.in_newton_metres = effort_unit == "N m" and model.robot.has_inertials
+        positions = [motion.position[motion.span, joint] for motion in motions]
+        rates = [motion.signals.rate for motion in motions]
+        speeds = [np.gradient(of, 1.0 / rate) for of, rate in zip(positions, rates, strict=True)]
+        self.position, self.speed = np.concatenate(positions), np.concatenate(speeds)
+        self.effort = np.concatenate([motion.signals.torque[:, joint] for motion in motions])
 
     def positions(self) -> Iterator[JointFinding]:
         """Positions and speeds that the URDF excludes."""
-        limits = self.model.robot.limits
+        limits = self.robot.limits
         lower, upper = float(limits.lower[self.joint]), float(limits.upper[self.joint])
         fastest = float(limits.velocity[self.joint]) or np.inf
-        angle = unit_at("rad", self.model.robot.joint_types[self.joint])
-        low, high = np.quantile(self._position, [TAIL, 1.0 - TAIL])
-        speed = float(np.quantile(np.abs(self._speed), 1.0 - TAIL))
+        angle = self.angle
+        low, high = np.quantile(self.position, [TAIL, 1.0 - TAIL])
+        speed = float(np.quantile(np.abs(self.speed), 1.0 - TAIL))
         span, room = high - low, _BEYOND * (upper - lower)
         moved = f"positions from {low:.3g} to {high:.3g} {angle}"
         given = f"{lower:.3g} to {upper:.3g} {angle} of the URDF"
@@ -150,7 +157,7 @@ class _Signals:
 
     def outliers(self) -> Iterator[JointFinding]:
         """Efforts far above all others."""
-        size = np.abs(self._effort)
+        size = np.abs(self.effort)
         usual = float(np.quantile(size, 1.0 - TAIL))
         count = int(np.count_nonzero(size > _OUTLIER * usual))
         if usual > 0.0 and count:
@@ -166,20 +173,20 @@ class _Signals:
         sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
         if sentence:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
-        elif self._in_newton_metres and effort.given_friction > _FRICTION * effort.size:
-            given = self.model.robot.given
+        elif self.in_newton_metres and effort.given_friction > _FRICTION * effort.size:
+            given = self.robot.given
             sentence = (
                 f"damping {given.viscous[self.joint]:.3g} and friction "
                 f"{given.coulomb[self.joint]:.3g} of the nominal model would take "
-                f"{effort.given_friction:.3g} {self._torque} (rms) of a measured "
+                f"{effort.given_friction:.3g} {self.torque} (rms) of a measured "
                 f"{effort.size:.3g}: are they the gains of a simulated servo? Correct them in the "
                 "robot's file"
             )
             yield JointFinding(self.joint, "limited", sentence)
 
     def _unsigned(self, effort: EffortStatistics) -> str:
-        low, high = np.quantile(self._effort, [TAIL, 1.0 - TAIL])
-        turning = np.mean(self._speed > 0.0)
+        low, high = np.quantile(self.effort, [TAIL, 1.0 - TAIL])
+        turning = np.mean(self.speed > 0.0)
         if low < 0.0 < high or not _BOTH_WAYS < turning < 1.0 - _BOTH_WAYS:
             return ""
         if effort.unsigned > _BETTER_WITH_SIGNS * effort.signed:
@@ -208,7 +215,7 @@ class _Signals:
         )
 
     def _static(self, effort: EffortStatistics) -> str:
-        if not self._in_newton_metres or effort.static_share < _STATIC:
+        if not self.in_newton_metres or effort.static_share < _STATIC:
             return ""
         expected, torque = effort.expected, effort.torque
         if torque is not None and torque.certainty > _SIGNIFICANT:  # another unit than N m
@@ -217,32 +224,7 @@ class _Signals:
             return ""
         return (
             f"{100.0 * effort.static_share:.4g} % of the effort is a function of position and "
-            f"direction, and of {expected:.2g} {self._torque} (rms) that the nominal masses "
+            f"direction, and of {expected:.2g} {self.torque} (rms) that the nominal masses "
             f"need to accelerate it holds {effort.shown:.2g}: a friction or gravity compensation, "
             "not the whole torque; record that"
         )
-
-    @property
-    def _in_newton_metres(self) -> bool:
-        return self.effort_unit == "N m" and self.model.robot.has_inertials
-
-    @property
-    def _torque(self) -> str:
-        return unit_at("N m", self.model.robot.joint_types[self.joint])
-
-    @property
-    def _position(self) -> FloatArray:
-        return np.concatenate([motion.position[motion.span, self.joint] for motion in self.motions])
-
-    @property
-    def _speed(self) -> FloatArray:
-        return np.concatenate(
-            [
-                np.gradient(motion.position[motion.span, self.joint], 1.0 / motion.signals.rate)
-                for motion in self.motions
-            ]
-        )
-
-    @property
-    def _effort(self) -> FloatArray:
-        return np.concatenate([motion.signals.torque[:, self.joint] for motion in self.motions])

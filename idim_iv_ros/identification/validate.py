@@ -19,7 +19,8 @@ from idim_iv_ros.estimation.least_squares import LinearEstimate
 from idim_iv_ros.estimation.observation import CHUNK, observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.signals import AutoregressiveModel, Motion, coarser, torque_noise
+from idim_iv_ros.signals import AutoregressiveModel, Motion, torque_noise
+from idim_iv_ros.signals.motion import decimated_motion
 from idim_iv_ros.statistics import (
     HypothesisTest,
     ResidualDiagnosis,
@@ -164,10 +165,12 @@ def _tested(
     ):
         return as_it_is  # gains so low that the loop takes longer than the recording
     motions = tuple(
-        coarser(
-            motion,
-            motion.decimation.factor * times,
+        decimated_motion(
+            motion.signals,
+            motion.position,
+            motion.span,
             prepared.configuration.processing,
+            (motion.cutoff, motion.decimation.factor * times),
             prepared.minimum_speed,
             prepared.model.regressor.layout.coupling_joints,
         )

@@ -13,7 +13,6 @@ from idim_iv_ros.signals.joint_side import JointSignals, JointTransform, joint_s
 from idim_iv_ros.signals.motion import (
     REVERSAL_MARGIN,
     Motion,
-    coarser,
     difference_order,
     fast_samples,
     filter_motion,
@@ -31,7 +30,6 @@ __all__ = [
     "butterworth_samples",
     "central_differences",
     "choose_cutoffs",
-    "coarser",
     "common_factors",
     "decimation_factor",
     "difference_order",

@@ -174,25 +174,6 @@ def filter_motion(
     return motions, minimum_speed, tuple(what for what, _ in at_rest), reasons
 
 
-def coarser(
-    motion: Motion,
-    factor: int,
-    processing: ProcessingSection,
-    minimum_speed: FloatArray,
-    couplings: Sequence[tuple[int, int]] = (),
-) -> Motion:
-    """Return the same filtered motion, decimated by `factor` instead."""
-    return decimated_motion(
-        motion.signals,
-        motion.position,
-        motion.span,
-        processing,
-        (motion.cutoff, factor),
-        minimum_speed,
-        couplings,
-    )
-
-
 def _still_joints(
     signals: Sequence[JointSignals], still: BoolArray, joints: Sequence[str]
 ) -> list[tuple[str, str]]:

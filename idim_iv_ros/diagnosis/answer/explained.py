@@ -12,13 +12,11 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Te
 from idim_iv_ros.diagnosis.comparison.probability import features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
-from idim_iv_ros.diagnosis.identifiability import floor_noise_models
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _MORE_STEPS = 2  # of the noise models, from those of the model before
@@ -98,10 +96,6 @@ class Explained:
         """Coefficients of one of the effects in a fit with all of them."""
         start = sum(self.regression.widths[:number])
         return slice(start, start + self.regression.widths[number])
-
-    def noise_of_refit(self) -> tuple[AutoregressiveModel, ...]:
-        """Noise models of the refit, no larger than the noise floor."""
-        return floor_noise_models(self.fits[0], [floor.sigma for floor in self.floors])
 
 
 def matters(term: Term) -> bool:
