@@ -72,14 +72,8 @@ def detectability(
 
     An effect that shows only from an implausible size on (`Effect.plausible`) is not shown.
 
-    Parameters
-    ----------
-    absorption
-        By the refit.
-    shapes
-        Some of the effect, each with its columns.
-    rows
-        Of the joint.
+    `absorption`: by the refit; `shapes`: some of the effect, each with its columns; `rows`: of the
+    joint.
     """
     if not shapes:
         return "no shape of it is possible on this motion", ""

@@ -67,13 +67,8 @@ def motion_at_rows(data: Baseline, joint: int) -> FloatArray:
 class Axis:
     """A quantity by which the energy of a joint's residual is split.
 
-    Attributes
-    ----------
-    values : (r,)
-        At each row, or at each line of the spectra.
-    edges : (k + 1,)
-    unit : str
-        Of both, of a joint that turns.
+    `values` (r,): at each row, or at each line of the spectra; `edges` (k + 1,); `unit`: of both,
+    of a joint that turns.
     """
 
     name: str

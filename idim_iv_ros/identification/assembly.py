@@ -54,14 +54,8 @@ _FAR_APART = 3.0
 class Identified:
     """All estimates and tests of an identification, with the rows that they are made of.
 
-    Attributes
-    ----------
-    linear : LinearEstimate
-        The one that is reported.
-    weighted : LinearEstimate
-        Joint-weighted IDIM-LS.
-    iteration, sources
-        None for IDIM-LS.
+    `linear`: the one that is reported; `weighted`: joint-weighted IDIM-LS; `iteration`, `sources`:
+    None for IDIM-LS.
     """
 
     prepared: PreparedRegression

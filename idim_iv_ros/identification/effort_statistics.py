@@ -36,14 +36,9 @@ _LEAST_OF_A_SIGN = 0.05  # of the rows
 class Share:
     """Coefficient of one column of a regression.
 
-    Attributes
-    ----------
-    value, deviation : float
-        The standard deviation is that of batch means: residuals may be autocorrelated.
-    of_variance : float
-        Share of the effort's variance that it explains.
-    of_rest : float
-        Share of the variance that is left beside the other columns.
+    `value`, `deviation`: the standard deviation is that of batch means: residuals may be
+    autocorrelated; `of_variance`: share of the effort's variance that it explains; `of_rest`: share
+    of the variance that is left beside the other columns.
     """
 
     value: float

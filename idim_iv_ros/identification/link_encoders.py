@@ -17,15 +17,8 @@ _STANDS_STILL = 0.01  # of the motor's motion
 class LinkEncoder:
     """One joint's encoder behind the gear.
 
-    Attributes
-    ----------
-    joint : str
-    ratio : float
-        How far the link turns beside its motor.
-    apart : float
-        RMS of their difference, less its mean in each recording, rad (m).
-    unit : str
-        Of that.
+    `ratio`: how far the link turns beside its motor; `apart`: RMS of their difference, less its
+    mean in each recording, rad (m); `unit`: of that.
     """
 
     joint: str

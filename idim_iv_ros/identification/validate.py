@@ -72,14 +72,8 @@ def validate(
 ) -> Validation:
     """Run the revised Durbin-Wu-Hausman test and the residual analysis (paper, section IV).
 
-    Parameters
-    ----------
-    observed
-        The rows that count, with the instruments of the estimate.
-    linear
-        The estimate that is judged.
-    estimate
-        The IDIM-IV iteration, None for IDIM-LS.
+    `observed`: the rows that count, with the instruments of the estimate; `linear`: the estimate
+    that is judged; `estimate`: the IDIM-IV iteration, None for IDIM-LS.
     """
     alpha = prepared.configuration.identification.significance
     rows, values = observed, linear.values

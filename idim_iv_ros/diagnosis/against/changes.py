@@ -53,14 +53,9 @@ def changes_between(
 ) -> Changes:
     """Search with free numbers for all recordings, so that errors of the nominal model cancel.
 
-    Parameters
-    ----------
-    scopes, number_scopes
-        Recordings in which effects, and numbers, may differ from all others.
-    without
-        Effects that are left out of the catalogue.
-    taken_out
-        Terms of another search whose torque is taken out first.
+    `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from all others;
+    `without`: effects that are left out of the catalogue; `taken_out`: terms of another search
+    whose torque is taken out first.
     """
     catalogue = Catalogue(data, regression, without, scopes=scopes, number_scopes=number_scopes)
     ledger = torque_ledger(data, regression, free=True)
@@ -191,14 +186,8 @@ def agreement(
 
     Of two recordings that differ the second is named: nothing says which of them is right.
 
-    Parameters
-    ----------
-    regression
-        Of the refit.
-    taken_out
-        Structural causes, whose torque is taken out first.
-    without
-        Effects that are left out of the catalogue.
+    `regression`: of the refit; `taken_out`: structural causes, whose torque is taken out first;
+    `without`: effects that are left out of the catalogue.
     """
     count = len(data.motions)
     if count < 2:

@@ -32,14 +32,9 @@ from idim_iv_ros.types import BoolArray, FloatArray
 class TwoSets:
     """Rows of both sets, those of the reference first.
 
-    Attributes
-    ----------
-    data : Baseline
-        Of all recordings: motions, rows and their recordings. Its estimate is the reference's.
-    regression : Regression
-        On the smooth motion.
-    refits : (Refit, Refit)
-        Of reference and second set by themselves.
+    `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
+    `regression`: on the smooth motion; `refits` (Refit, Refit): of reference and second set by
+    themselves.
     """
 
     data: Baseline

@@ -235,14 +235,9 @@ def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) 
 def _why_no_cause(term: Term, odds: float, beyond: float, times: str) -> tuple[str, bool]:
     """Why a term is no cause, empty where it is one; whether its torque is that of something else.
 
-    Parameters
-    ----------
-    odds
-        Probability that one of its set is a cause.
-    beyond
-        What remains beyond the noise at its joint, as a share of the torque.
-    times
-        In how many searches without a part of the time it is chosen.
+    `odds`: probability that one of its set is a cause; `beyond`: what remains beyond the noise at
+    its joint, as a share of the torque; `times`: in how many searches without a part of the time it
+    is chosen.
     """
     if term.presence < settings.PRESENCE:
         return "it may be misfit of the model", False
