@@ -93,16 +93,14 @@ def validate(
             tested.motions, tested.instruments, prepared.model.robot.joint_types
         )
         note = tested.note
-    tests = wald_test_of_instruments(
-        rows, values, alpha=alpha, not_simulated=untested, simulation_errors=errors
-    )
-    exogeneity = exogeneity_test(rows, values, alpha=alpha, not_simulated=untested)
+    tests = wald_test_of_instruments(rows, values, not_simulated=untested, simulation_errors=errors)
+    exogeneity = exogeneity_test(rows, values, not_simulated=untested)
     specification = iter(
         specification_tests(rows, values, candidates, alpha=alpha, not_simulated=untested)
     )
     return Validation(
-        tests=_together(tests),
-        exogeneity=_together(exogeneity),
+        tests=_together(tests, alpha),
+        exogeneity=_together(exogeneity, alpha),
         specification=tuple(
             tuple(islice(specification, len(candidate))) for candidate in candidates
         ),
@@ -111,7 +109,7 @@ def validate(
     )
 
 
-def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
+def _together(tests: tuple[HypothesisTest, ...], alpha: float) -> tuple[HypothesisTest, ...]:
     """Share α: half for all rows, half among the n joints (Bonferroni).
 
     A right model is then accused anywhere with probability α at most.
@@ -119,8 +117,8 @@ def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
     joints = max(len(tests) - 1, 1)
     first, others = tests[0], tests[1:]
     return (
-        replace(first, alpha=first.alpha / 2.0),
-        *(replace(test, alpha=test.alpha / (2.0 * joints)) for test in others),
+        replace(first, alpha=alpha / 2.0),
+        *(replace(test, alpha=alpha / (2.0 * joints)) for test in others),
     )
 
 

@@ -1,6 +1,6 @@
 """Test results that know their null hypothesis, and the F-test that makes most of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import scipy
 
@@ -74,7 +74,6 @@ def f_test(
     df: int,
     unexplained: float,
     df_denom: int,
-    alpha: float,
     max_deviation: float | None = None,
     torque_deviation_percent: float | None = None,
 ) -> HypothesisTest:
@@ -85,14 +84,5 @@ def f_test(
     """
     statistic = explained / df / (unexplained / df_denom)
     p_value = float(scipy.stats.f.sf(statistic, df, df_denom))
-    return HypothesisTest(
-        null,
-        scope,
-        statistic,
-        df,
-        df_denom,
-        p_value,
-        max_deviation,
-        alpha,
-        torque_deviation_percent=torque_deviation_percent,
-    )
+    made = HypothesisTest(null, scope, statistic, df, df_denom, p_value, max_deviation)
+    return replace(made, torque_deviation_percent=torque_deviation_percent)
