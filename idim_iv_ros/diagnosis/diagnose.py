@@ -21,7 +21,13 @@ from idim_iv_ros.diagnosis.answer.causes import (
     structural_causes,
     verdict_of,
 )
-from idim_iv_ros.diagnosis.answer.explained import Explained, explained, matters
+from idim_iv_ros.diagnosis.answer.explained import (
+    Explained,
+    explained,
+    matters,
+    unexplained,
+    unexplained_residual,
+)
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
@@ -34,7 +40,6 @@ from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, GapSeries
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
-from idim_iv_ros.diagnosis.unexplained import unexplained, unexplained_residual
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import UsageError

@@ -33,7 +33,7 @@ from idim_iv_ros.diagnosis.transmission.twist import (
 from idim_iv_ros.effects.cause import Part
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.effects.two_masses import transmitted
-from idim_iv_ros.identification.link_encoders import LinkEncoder, link_encoders
+from idim_iv_ros.identification.sanity import LinkEncoder, link_encoders
 
 _LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
 _LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
