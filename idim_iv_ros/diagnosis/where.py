@@ -137,16 +137,8 @@ def spectral_lines(
 
     Nothing where there are too few rows in a second.
 
-    Parameters
-    ----------
-    residual
-        (r,) N m (N).
-    runs
-        Rows without a gap in time.
-    row_rate
-        Hz.
-    edge
-        Share of the rows' Nyquist frequency that the decimation passes.
+    `residual`: (r,) N m (N); `runs`: rows without a gap in time; `row_rate`: Hz; `edge`: share of
+    the rows' Nyquist frequency that the decimation passes.
     """
     length = int(_PIECE * row_rate)
     starts = [

@@ -31,15 +31,8 @@ def essential_parameters(
     / (b - b_e) of the parameters that are left out; that form also holds for instrumental
     variables. It is judged against F(b - b_e, r - b).
 
-    Parameters
-    ----------
-    values : (b,)
-    covariance : (b, b)
-        That of whitened rows, for r must count independent rows.
-    rows : int
-        r.
-    alpha : float
-        Level at which the null hypothesis is rejected and the elimination stops.
+    `values` (b,); `covariance` (b, b): that of whitened rows, for r must count independent rows;
+    `rows`: r; `alpha`: level at which the null hypothesis is rejected and the elimination stops.
     """
     parameters = len(values)
     kept = list(range(parameters))

@@ -222,12 +222,7 @@ class _Iteration:
 class RefinedIdimIv:
     """Refined estimate with its covariance.
 
-    Attributes
-    ----------
-    values : (b,)
-    covariance : (b, b)
-    models : one AutoregressiveModel for each joint
-        Ĉ(z⁻¹), fitted on the unfiltered IV residual.
+    `values` (b,); `covariance` (b, b); `models`: Ĉ(z⁻¹), fitted on the unfiltered IV residual.
     """
 
     values: FloatArray

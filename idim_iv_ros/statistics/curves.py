@@ -115,11 +115,7 @@ def order_spectrum(
     OrderSpectrum or None
         None where the joint hardly moves.
 
-    Parameters
-    ----------
-    position, speed : (r,)
-    residuals : (r,) each
-    step : s
+    `position`, `speed` (r,); `residuals` (r,) each; `step` s.
     """
     sound = np.isfinite(position) & np.isfinite(speed)
     for residual in residuals:

@@ -230,14 +230,8 @@ def torque_deviation(
 ) -> float:
     """‖Z δ̂‖² less its expectation under δ = 0, at least 0, in N² m².
 
-    Parameters
-    ----------
-    coefficients : (c,)
-        δ̂ of (X − Z) β̂ = Z δ + v.
-    covariance_root : (c, k)
-        covariance_root @ covariance_root.T is the covariance of δ̂.
-    instruments : (r, c)
-        Unfiltered.
+    `coefficients` (c,): δ̂ of (X − Z) β̂ = Z δ + v; `covariance_root` (c, k): covariance_root @
+    covariance_root.T is the covariance of δ̂; `instruments` (r, c): unfiltered.
     """
     explained = instruments @ coefficients
     by_noise = instruments @ covariance_root
@@ -287,14 +281,8 @@ def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> Hypothesis
     Columns of V̂ that vanish, or that the other columns of [X V̂] already hold, are dropped by
     QR with each column measured against the norm of its column of X.
 
-    Parameters
-    ----------
-    factor : (k, 2c + 1)
-        R factor of [Z X y]; rows may be weighted and whitened.
-    n_rows : int
-        How many rows it was made of.
-    scope : str
-        "all" or the name of a joint.
+    `factor` (k, 2c + 1): R factor of [Z X y]; rows may be weighted and whitened. `n_rows`: how many
+    rows it was made of; `scope`: "all" or the name of a joint.
     """
     width = (factor.shape[1] - 1) // 2
     instruments, regressor = factor[:, :width], factor[:, width:-1]

@@ -97,14 +97,7 @@ def diagnose_residual(
 ) -> ResidualDiagnosis:
     """Diagnose the residual y_j − X_j β̂ of one joint (paper, section IV).
 
-    Parameters
-    ----------
-    rows : JointRows
-        Unfiltered rows.
-    parameters : (b,)
-        β̂.
-    alpha : float
-        Level of each test.
+    `rows`: unfiltered rows; `parameters` (b,): β̂; `alpha`: level of each test.
     """
     residual = rows.residual(parameters)
     count = len(residual)
