@@ -98,22 +98,21 @@ def diagnose(
                 f"--against {bag}: it is among the reference recordings, too; "
                 "a set cannot differ from itself"
             )
-    identified = None if nominal is None else read_nominal_model(nominal, configuration)
+    given_model = None if nominal is None else read_nominal_model(nominal, configuration)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(given, configuration, progress)
         others = read_configured(second, configuration, progress) if second else ()
         return_freed_memory()
         watch.stage("refit", 0.1)
-        with_given = None if identified is None else partial(with_nominal, identified=identified)
+        with_given = None if given_model is None else partial(with_nominal, nominal=given_model)
         refit = refitted(recordings, configuration, excluded, with_given)
         return_freed_memory()
         watch.stage("attribution", 0.2)
         explanation = compared(refit, excluded)
         return_freed_memory()
         result = concluded(refit, explanation, configuration, excluded, watch)
-        if identified is not None:
-            result = replace(result, nominal=identified.nominal)
+        result = replace(result, nominal=given_model)
         if second:
             watch.stage("contrast", 0.97)
             # Of the configuration with gravity, where it was missing and found.

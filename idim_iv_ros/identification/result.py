@@ -140,7 +140,12 @@ class InstrumentReport:
 class JointTests:
     """One kind of test at every joint.
 
-    `accepted`: the outcome over all rows, whatever is given; None where there is none.
+    Attributes
+    ----------
+    accepted : bool or None
+        The outcome over all rows, whatever is given; None where there is none.
+    alpha : float
+    tests : tuple of HypothesisTest
     """
 
     accepted: bool | None = None

@@ -95,9 +95,13 @@ class SimulationGap(Gap):
 class JointChange:
     """What one cause takes of the torque gap at one joint.
 
-    `before`, `after`: RMS of the torque gap, beside the causes before it, N m (N).
-    `share_of_torque`: root of before² − after², as a share of the joint's torque (rms); negative
-    where the gap grows.
+    Attributes
+    ----------
+    before, after : float
+        RMS of the torque gap, beside the causes before it, N m (N).
+    share_of_torque : float
+        Root of before² − after², as a share of the joint's torque (rms); negative where the gap
+        grows.
     """
 
     joint: str
