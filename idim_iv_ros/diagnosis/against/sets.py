@@ -14,12 +14,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import (
-    Baseline,
-    refit_of,
-    smooth_regression,
-    with_offsets,
-)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, smooth_regression, with_offsets
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.estimation.rows import JointRows
