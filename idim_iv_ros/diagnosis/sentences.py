@@ -132,10 +132,7 @@ def commands_late(delay: EffectParameter, period: float) -> str:
 
 
 def beyond_the_law(
-    data: Baseline,
-    joint: int,
-    sizes: tuple[float, float],
-    events: Sequence[LawEvent],
+    data: Baseline, joint: int, sizes: tuple[float, float], events: Sequence[LawEvent]
 ) -> str:
     """What a joint's commands hold beyond the law and its changes.
 

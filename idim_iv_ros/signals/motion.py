@@ -158,13 +158,7 @@ def filter_motion(
     minimum_speed, why = choose_minimum_speed(processing, peaks)
     motions = tuple(
         decimated_motion(
-            record,
-            position,
-            span,
-            processing,
-            (cutoffs.position, factor),
-            minimum_speed,
-            couplings,
+            record, position, span, processing, (cutoffs.position, factor), minimum_speed, couplings
         )
         for record, position, span, factor in zip(
             signals, filtered, spans, cutoffs.factors, strict=True

@@ -239,10 +239,7 @@ def torque_deviation(
 
 
 def exogeneity_test(
-    joints: Sequence[JointRows],
-    parameters: FloatArray,
-    *,
-    not_simulated: str | None = None,
+    joints: Sequence[JointRows], parameters: FloatArray, *, not_simulated: str | None = None
 ) -> tuple[HypothesisTest, ...]:
     """Test whether X is exogenous, for all rows and joint by joint.
 

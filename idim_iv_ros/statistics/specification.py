@@ -120,11 +120,7 @@ def specification_tests(
 
 
 def _test(
-    rows: JointRows,
-    parameters: FloatArray,
-    functions: FloatArray,
-    scope: str,
-    null: str,
+    rows: JointRows, parameters: FloatArray, functions: FloatArray, scope: str, null: str
 ) -> HypothesisTest:
     residual = rows.residual(parameters)
     beyond, spare = _directions(rows.instruments, functions)

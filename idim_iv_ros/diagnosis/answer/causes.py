@@ -269,8 +269,7 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
         place = places[0]
     ordered = [*others[:place], *laws, *others[place:]]
     return sorted(
-        ordered,
-        key=lambda cause: not (BY_NAME[cause.effect].put_in_first and cause.joint is None),
+        ordered, key=lambda cause: not (BY_NAME[cause.effect].put_in_first and cause.joint is None)
     )
 
 
