@@ -111,16 +111,9 @@ def _smallest(
 ) -> tuple[FloatArray, float] | None:
     """Coefficients (k,) at which one column is just seen, and their torque, N m (N), if one is.
 
-    Parameters
-    ----------
-    rest
-        (k,) energy of unit columns that the model leaves.
-    shown
-        (k,) columns that the model does not absorb.
-    largest
-        (k,) largest torque of unit columns at the joint, N m (N).
-    needed
-        Energy at which an effect is seen.
+    `rest`: (k,) energy of unit columns that the model leaves; `shown`: (k,) columns that the model
+    does not absorb; `largest`: (k,) largest torque of unit columns at the joint, N m (N); `needed`:
+    energy at which an effect is seen.
     """
     if effect.size_in == "shape":
         return (np.ones(1), 0.0) if shown[0] and rest[0] >= needed else None
