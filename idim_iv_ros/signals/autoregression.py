@@ -229,7 +229,8 @@ def fit_autoregression(
     """
     residual = np.asarray(residual, dtype=float)
     place = _place_in_segment(segments, len(residual))
-    with_past = _rows_with_past(place)
+    # n_k for k = 0 … : how many rows have at least k predecessors in their segment.
+    with_past = np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
     if max_order is None:
         enough = with_past[1:] >= _ROWS_PER_COEFFICIENT * np.arange(1, len(with_past))
         max_order = min(_LARGEST_ORDER, int(np.count_nonzero(enough)))
@@ -274,11 +275,6 @@ def _place_in_segment(segments: Sequence[slice], n_rows: int) -> IntArray:
     """(r,) how many predecessors each row has in its segment."""
     starts = _starts(segments, n_rows)
     return np.arange(n_rows) - np.repeat(starts[:-1], np.diff(starts))
-
-
-def _rows_with_past(place: IntArray) -> IntArray:
-    """n_k for k = 0 … : how many rows have at least k predecessors in their segment."""
-    return np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
 
 
 def _starts(segments: Sequence[slice], n_rows: int) -> IntArray:
