@@ -127,10 +127,18 @@ def effort_statistics(
         drive = [parameter.kind == "Ia" and parameter.joint == joint for parameter in standard]
         of_drive = np.any(model.base.grouping[:, np.array(drive)] != 0.0, axis=1)
         kept = counting[:, joint]
-        tables = moving[joint][kept], resting[joint][kept]
-        of_columns = given[columns], friction[columns], of_drive[columns]
-        of_rows = speed[kept, joint], effort[kept, joint], noise[kept, joint]
-        statistics.append(_statistics(*tables, *of_columns, *of_rows))
+        statistics.append(
+            _statistics(
+                moving[joint][kept],
+                resting[joint][kept],
+                given[columns],
+                friction[columns],
+                of_drive[columns],
+                speed[kept, joint],
+                effort[kept, joint],
+                noise[kept, joint],
+            )
+        )
     return tuple(statistics)
 
 
