@@ -14,6 +14,7 @@ the refit, and one of what comes after keeps both.
 
 import argparse
 import json
+import re
 import shlex
 import sys
 from collections.abc import Iterator
@@ -27,8 +28,7 @@ from benchmarks.withheld_effects.generate import cell_name, write_cell
 from idim_iv_ros import load_configuration
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.assembly import concluded
-from idim_iv_ros.diagnosis.diagnose import compared
+from idim_iv_ros.diagnosis.diagnose import compared, concluded
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.progress import Stopwatch
@@ -36,16 +36,26 @@ from idim_iv_ros.progress import Stopwatch
 SEED = 20260117
 CELLS = 60
 # What only these read changes what is shown beside the causes, and neither verdict nor cause.
-_SHOWN = ("assembly.py", "tracking.py", "where.py")
+_SHOWN = ("diagnose.py", "tracking.py", "where.py")
 _REFIT = ("refit/", "likelihood.py")
 _SEARCH = ("identifiability.py", "comparison/", "answer/explained.py")
 
 Answer = dict[str, object]
 
 
+def readers() -> dict[str, list[str]]:
+    """Files of the diagnosis that read each setting, by its name."""
+    folder = Path(settings.__file__).parent
+    files: dict[str, list[str]] = {name: [] for name in settings.all_settings()}
+    for file in sorted(folder.rglob("*.py")):
+        for name in dict.fromkeys(re.findall(r"\bsettings\.([A-Z][A-Z0-9_]+)", file.read_text())):
+            files[name].append(str(file.relative_to(folder)))
+    return files
+
+
 def chosen() -> list[str]:
     """Names of the settings that were chosen by hand and can change an answer."""
-    files = settings.readers()
+    files = readers()
     return [
         name
         for name, setting in settings.all_settings().items()
@@ -53,20 +63,20 @@ def chosen() -> list[str]:
     ]
 
 
-def variants(name: str) -> tuple[settings.Setting | settings.Count, ...]:
+def variants(name: str) -> tuple[float, ...]:
     """Return a setting at half and at twice its value; a large share by its distance from 1."""
     setting = settings.all_settings()[name]
+    if isinstance(setting, int):
+        return max(1, round(0.5 * setting)), 2 * setting
     if 0.5 < setting < 1.0:
         rest = 1.0 - setting
-        half, twice = (1.0 - 0.5 * rest) / setting, (1.0 - 2.0 * rest) / setting
-    else:
-        half, twice = 0.5, 2.0
-    return setting.times(half), setting.times(twice)
+        return 1.0 - 0.5 * rest, 1.0 - 2.0 * rest
+    return 0.5 * setting, 2.0 * setting
 
 
 def first_step(name: str) -> str:
     """Return the first step of a diagnosis that reads a setting."""
-    steps = [_step(file) for file in settings.readers()[name]]
+    steps = [_step(file) for file in readers()[name]]
     return min(steps, key=("refit", "search", "conclusion").index)
 
 
@@ -77,7 +87,7 @@ def _step(file: str) -> str:
 
 
 @contextmanager
-def changed(name: str, value: settings.Setting | settings.Count) -> Iterator[None]:
+def changed(name: str, value: float) -> Iterator[None]:
     """Give a setting another value for a while."""
     kept = getattr(settings, name)
     setattr(settings, name, value)

@@ -5,22 +5,53 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.diagnosis import sentences, settings
+from idim_iv_ros.diagnosis.against.changes import agreement
 from idim_iv_ros.diagnosis.against.contrast import contrasted
-from idim_iv_ros.diagnosis.answer.explained import Explained, explained
-from idim_iv_ros.diagnosis.assembly import concluded
+from idim_iv_ros.diagnosis.answer.causes import (
+    hints_of,
+    parametric_causes,
+    remaining,
+    signal_notes,
+    strongest_first,
+    structural_causes,
+    verdict_of,
+)
+from idim_iv_ros.diagnosis.answer.explained import (
+    Explained,
+    explained,
+    matters,
+    unexplained,
+    unexplained_residual,
+)
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
+from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
+from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
 from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
+from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
-from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
+from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
+from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, GapSeries
+from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
+from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
+from idim_iv_ros.diagnosis.where import motion_at_rows, where
+from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, FilePaths
-from idim_iv_ros.identification.prepare import read_configured
+from idim_iv_ros.identification.assembly import software_versions
+from idim_iv_ros.identification.identify import consistent_parameters
+from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
 from idim_iv_ros.memory import return_freed_memory
+from idim_iv_ros.model import kinematics_digest
+from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.progress import Progress, Stopwatch
+from idim_iv_ros.types import FloatArray
 
 
 def diagnose(
@@ -56,58 +87,43 @@ def diagnose(
         As `identify`.
     """
     excluded = tuple(without)
-    given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
-    second = [against] if isinstance(against, (str, os.PathLike)) else list(against)
-    _require_two_sets(given, second)
-    identified = None if nominal is None else read_nominal_model(nominal, configuration)
+    given, second = (
+        [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+        for paths in (bags, against)
+    )
+    of_both = {os.path.realpath(bag) for bag in given} & {os.path.realpath(bag) for bag in second}
+    for bag in second:
+        if os.path.realpath(bag) in of_both:
+            raise UsageError(
+                f"--against {bag}: it is among the reference recordings, too; "
+                "a set cannot differ from itself"
+            )
+    given_model = None if nominal is None else read_nominal_model(nominal, configuration)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(given, configuration, progress)
         others = read_configured(second, configuration, progress) if second else ()
         return_freed_memory()
         watch.stage("refit", 0.1)
-        with_given = None if identified is None else partial(with_nominal, identified=identified)
+        with_given = None if given_model is None else partial(with_nominal, nominal=given_model)
         refit = refitted(recordings, configuration, excluded, with_given)
         return_freed_memory()
         watch.stage("attribution", 0.2)
         explanation = compared(refit, excluded)
         return_freed_memory()
         result = concluded(refit, explanation, configuration, excluded, watch)
-        if identified is not None:
-            result = replace(result, nominal=identified.nominal)
+        result = replace(result, nominal=given_model)
         if second:
             watch.stage("contrast", 0.97)
             # Of the configuration with gravity, where it was missing and found.
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
             contrast = contrasted(recordings, others, same, excluded)
-            result = _with_contrast(result, contrast)
+            by_itself = f"The reference ({', '.join(result.bags)}) by itself: {result.summary}"
+            summary = f"{contrast.sentence} {by_itself}"
+            result = replace(result, contrast=contrast, summary=summary)
     result.timing.update(watch.timing)
     return result
-
-
-def _require_two_sets(reference: Sequence[FilePath], against: Sequence[FilePath]) -> None:
-    """Refuse a recording that is in both sets.
-
-    Raises
-    ------
-    UsageError
-        It names the recording.
-    """
-    first_set = {os.path.realpath(recording) for recording in reference}
-    for recording in against:
-        if os.path.realpath(recording) in first_set:
-            raise UsageError(
-                f"--against {recording}: it is among the reference recordings, too; "
-                "a set cannot differ from itself"
-            )
-
-
-def _with_contrast(result: GapResult, contrast: ContrastResult) -> GapResult:
-    """Return the diagnosis of the reference set with what changed, first in its summary."""
-    listed = ", ".join(result.bags)
-    summary = f"{contrast.sentence} The reference ({listed}) by itself: {result.summary}"
-    return replace(result, contrast=contrast, summary=summary)
 
 
 def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
@@ -116,3 +132,208 @@ def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
     catalogue = Catalogue(data, regression, without, refit.hidden)
     selection = select(catalogue, torque_ledger(data, regression))
     return explained(data, regression, selection)
+
+
+def concluded(
+    refit: Refit,
+    explanation: Explained,
+    configuration: Configuration,
+    without: tuple[str, ...],
+    watch: Stopwatch,
+) -> GapResult:
+    """Take the steps after the search and build the document; `configuration`: as it was given."""
+    data, regression, prepared = refit.data, refit.regression, refit.data.prepared
+    watch.stage("simulated motion", 0.85)
+    tracked = tracked_stages(data, explanation)
+    stages = tuple(
+        replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
+        for stage, errors in zip(explanation.tested.stages(), tracked, strict=True)
+    )
+
+    effects = [effect.term for effect in explanation.effects]
+    recordings = agreement(data, regression, effects, without)
+    numbers, errors = parametric_causes(data, explanation)
+    law = check_law(data, without, shift=refit.shift.shift).not_shown_by_torque(
+        data, numbers, effects
+    )
+    causes = [
+        *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),
+        *numbers,
+        *law.causes,
+        *refit.gravity_causes(explanation.tested),
+        *(refit.delays or law.delay),
+    ]
+    transmissions = measured_transmissions(data, regression)
+    causes, shafts, excluded = with_transmissions(data, regression, transmissions, causes, without)
+    causes = strongest_first(causes, data)
+    hints = hints_of(data, explanation)
+
+    watch.stage("where", 0.95)
+    gaps, findings = where(data, regression, explanation.fits[0], explanation.floors)
+    structural = [effect for effect in STRUCTURAL if effect.name not in without]
+    sigmas = [floor.sigma for floor in explanation.floors]
+    noise = floor_noise_models(explanation.fits[0], sigmas)
+    not_testable = (*not_shown_by_motion(data, regression, structural, noise), *refit.not_testable)
+
+    outside = unexplained(data, explanation)
+    residual = unexplained_residual(data, explanation, stages)
+    not_named = remaining(errors, settings.LEAST_PARAMETER_ERROR)
+    small = not_named if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
+    nothing_shown = len(data.left_out) == len(data.joints)
+    verdict = verdict_of(
+        causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
+    )
+    more_errors = not_named or small
+    summary = [
+        sentences.disagreement([recording for recording in recordings if not recording.agrees]),
+        sentences.largest_gap(
+            [gap for gap in gaps.joints if data.joints.index(gap.joint) not in data.left_out],
+            "refit" if prepared.given is None else "nominal model",
+        ),
+        sentences.nothing_explains(remaining=bool(more_errors)) if verdict == "none" else "",
+        causes[0].sentence if causes else "",
+        sentences.further_causes(causes[1:]),
+        sentences.not_in_catalogue(outside),
+        sentences.unexplained_residual(data, residual),
+        sentences.remaining_parameter_errors(data, more_errors, hints),
+        sentences.next_step(causes, unknown=verdict == "unknown", remaining=bool(more_errors)),
+        sentences.left_out(data),
+        *law.beyond,
+        *(cause.sentence for cause in causes[1:] if cause in shafts),
+        f"left out of the catalogue on request: {', '.join(without)}" * bool(without),
+        ARMATURE_MISSING * prepared.armature_missing,
+    ]
+    speed = None if law.speed is None else law.speed.words
+    seconds = sum(recording.duration for recording in prepared.recordings)
+    unchecked = why_not_checked(data)
+    notes = [
+        refit.shift.sentence(data.joints),
+        *signal_notes(data.joints, explanation.selection.terms),
+        refit.softened and refit.softened.sentence(data.joints),
+        speed and f"the speed in the control law: {speed}",
+        *(sentences.transmission(measured.result) for measured in transmissions),
+        *excluded,
+        explanation.tested.note and f"held-out gaps: {explanation.tested.note}",
+        *(floor.note and f"noise floor: {floor.note}" for floor in explanation.floors),
+        f"only {seconds:.3g} s were recorded: effects may pass for one another, or for noise; "
+        "record a minute or more"
+        if seconds < settings.SHORT_RECORDING
+        else "",
+        *law.beyond,
+        *(
+            f"{data.joints[finding.joint]} is left out: {finding.sentence}"
+            for finding in prepared.joint_findings
+            if finding.left_out
+        ),
+        ARMATURE_MISSING * prepared.armature_missing,
+        prepared.why_no_given,
+        *data.sources.controller,
+        unchecked and f"commands not compared with the control law: {unchecked}",
+        *(tracking.note or tracking.caveat for tracking in tracked),
+        *prepared.warnings,
+        *prepared.advice,
+        *prepared.reasons,
+        *(sentences.small_nonparametric(data, t) for t in explanation.outside if not matters(t)),
+    ]
+    named = {(cause.effect, cause.joint) for cause in causes}
+    physical, why_not = _consistent(refit, explanation)
+    base, values = prepared.model.base, explanation.fit.values
+    deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0))
+    leads = () if refit.softened is None else zip(data.joints, refit.softened.leads, strict=True)
+    if refit.weightless is not None:
+        with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
+        stages = (refit.weightless, with_gravity, *stages[1:])
+    return GapResult(
+        robot=prepared.model.robot.name,
+        joints=data.joints,
+        joint_types=prepared.model.robot.joint_types,
+        bags=tuple(part.bag for part in prepared.session.parts),
+        session=prepared.session.parts,
+        software=software_versions(),
+        configuration=configuration.model_dump(mode="json", exclude_none=True),
+        without=without,
+        verdict=verdict,
+        summary=sentences.summary(summary),
+        causes=tuple(causes),
+        hints=hints,
+        unexplained=outside,
+        where=gaps,
+        findings=findings,
+        not_testable=tuple(
+            effect for effect in not_testable if (effect.effect, effect.joint) not in named
+        ),
+        stages=stages,
+        series=_series(refit, explanation),
+        tracking=tracking_series(data, tracked[0], tracked[-1]),
+        notes=tuple(dict.fromkeys(note for note in notes if note)),
+        extended_parameters={
+            name: EffectParameter(float(values[k]), float(deviations[k]), base.units[k])
+            for k, name in enumerate(base.names)
+        },
+        physical=physical,
+        why_no_physical=why_not,
+        kinematics=kinematics_digest(prepared.model.robot),
+        parameter_errors=errors,
+        signal_chain=refit.shift.part_of_result(data.joints, speed),
+        friction_leads={joint: float(lead) for joint, lead in leads if lead > LEAST_LEAD},
+        recordings=recordings,
+        transmissions=tuple(measured.result for measured in transmissions),
+        twists=tuple(m.series for m in transmissions if m.series is not None),
+    )
+
+
+def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
+    """Measured torque and that of three models for the figures, one series for each joint."""
+    data, regression, fit = refit.data, refit.regression, explanation.fit
+    residuals, given = nominal_residuals(data, regression), data.prepared.given
+    made = []
+    for joint, name in enumerate(data.joints):
+        torque = regression.joints[joint].torque
+        time, position, speed, load, since_reversal = motion_at_rows(data, joint)
+        friction = _friction(refit, joint, fit.values)
+        for number, effect in enumerate(explanation.effects):
+            columns = effect.term.columns
+            if effect.term.effect.part == "friction" and joint in columns:
+                friction = friction + columns[joint] @ fit.coefficients[explanation.block(number)]
+        made.append(
+            GapSeries(
+                joint=name,
+                time=time,
+                torque=torque,
+                given=None if residuals is None else torque - residuals[joint],
+                refit=torque - explanation.fits[0].residuals[joint],
+                extended=torque - fit.residuals[joint],
+                friction=friction,
+                given_friction=None if given is None else _friction(refit, joint, given),
+                position=position,
+                speed=speed,
+                load=load,
+                since_reversal=since_reversal,
+                step=1.0 / data.row_rate,
+            )
+        )
+    return tuple(made)
+
+
+def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
+    """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
+    rows, names = refit.regression.joints[joint], refit.data.prepared.model.base.names
+    kinds = {f"{kind}{joint + 1}" for kind in ("Fv", "Fc", "off")}
+    chosen = [place for place, column in enumerate(rows.columns) if names[column] in kinds]
+    return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
+
+
+def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameters | None, str]:
+    """Physical parameters nearest to the extended model, judged on torques without its effects."""
+    fit, parameters = explanation.fit, len(explanation.fit.values)
+    rows = [
+        replace(joint, torque=joint.prediction(fit.values) + residual)
+        for joint, residual in zip(refit.regression.joints, fit.residuals, strict=True)
+    ]
+    sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
+    covariance = fit.covariance[:parameters, :parameters]
+    # Effects of friction share their joint's Fv and Fc: only the sum is friction.
+    terms = [effect.term for effect in explanation.effects if effect.term.effect.part == "friction"]
+    joints = {joint for term in terms for joint in term.columns}
+    shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
+    return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)

@@ -72,14 +72,8 @@ def detectability(
 
     An effect that shows only from an implausible size on (`Effect.plausible`) is not shown.
 
-    Parameters
-    ----------
-    absorption
-        By the refit.
-    shapes
-        Some of the effect, each with its columns.
-    rows
-        Of the joint.
+    `absorption`: by the refit; `shapes`: some of the effect, each with its columns; `rows`: of the
+    joint.
     """
     if not shapes:
         return "no shape of it is possible on this motion", ""
@@ -117,16 +111,9 @@ def _smallest(
 ) -> tuple[FloatArray, float] | None:
     """Coefficients (k,) at which one column is just seen, and their torque, N m (N), if one is.
 
-    Parameters
-    ----------
-    rest
-        (k,) energy of unit columns that the model leaves.
-    shown
-        (k,) columns that the model does not absorb.
-    largest
-        (k,) largest torque of unit columns at the joint, N m (N).
-    needed
-        Energy at which an effect is seen.
+    `rest`: (k,) energy of unit columns that the model leaves; `shown`: (k,) columns that the model
+    does not absorb; `largest`: (k,) largest torque of unit columns at the joint, N m (N); `needed`:
+    energy at which an effect is seen.
     """
     if effect.size_in == "shape":
         return (np.ones(1), 0.0) if shown[0] and rest[0] >= needed else None
@@ -185,12 +172,8 @@ def not_shown_by_motion(
 ) -> tuple[NotTestable, ...]:
     """Say which effects the motion cannot show, joint by joint.
 
-    Parameters
-    ----------
-    regression
-        Of the refit; only its regressor is used, not its torque.
-    noise_models
-        Noise of each joint, given beforehand or bounded from below (`floor_noise_models`).
+    `regression`: of the refit; only its regressor is used, not its torque. `noise_models`: noise of
+    each joint, given beforehand or bounded from below (`floor_noise_models`).
     """
     covered = operating_range(data)
     absorption = Absorption(regression, noise_models)

@@ -59,14 +59,8 @@ class Fit:
 class Regression:
     """Rows of all joints, and blocks of columns that were added to them.
 
-    Attributes
-    ----------
-    joints : tuple of JointRows
-        Without the added columns.
-    parameters : int
-        b.
-    added : tuple of Columns
-        Columns by joint (r_j, k); a joint that is missing in a block has zeros.
+    `joints`: without the added columns; `parameters`: b. `added`: columns by joint (r_j, k); a
+    joint that is missing in a block has zeros.
     """
 
     joints: tuple[JointRows, ...]

@@ -1,6 +1,6 @@
 """An identified model in the place of the URDF's values: `diagnose --nominal FILE`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +18,7 @@ from idim_iv_ros.types import FloatArray
 _LARGEST_FILE = 50.0  # MB
 
 
-@dataclass(frozen=True)
-class IdentifiedModel:
-    """A nominal model as its file holds it; `kinematics`: digest of its geometry, if it has one."""
-
-    nominal: NominalModel
-    kinematics: str
-
-
-def read_nominal_model(path: FilePath, configuration: Configuration) -> IdentifiedModel:
+def read_nominal_model(path: FilePath, configuration: Configuration) -> NominalModel:
     """Read the base parameters of a result.json or gap.json.
 
     Of a gap.json they are those of its extended model. Its effects are no part of the nominal
@@ -61,8 +53,7 @@ def read_nominal_model(path: FilePath, configuration: Configuration) -> Identifi
             f"configuration of {', '.join(wanted)}; give a result of this robot"
         )
     _check_settings(name, document.configuration, configuration)
-    nominal = NominalModel(name, document.robot, left_out, parameters)
-    return IdentifiedModel(nominal, document.kinematics)
+    return NominalModel(name, document.robot, left_out, parameters, document.kinematics)
 
 
 def _check_settings(name: str, settings: dict[str, Any], configuration: Configuration) -> None:
@@ -81,7 +72,7 @@ def _check_settings(name: str, settings: dict[str, Any], configuration: Configur
                 )
 
 
-def with_nominal(data: Baseline, identified: IdentifiedModel) -> Baseline:
+def with_nominal(data: Baseline, nominal: NominalModel) -> Baseline:
     """Return the refit beside another nominal model.
 
     Raises
@@ -89,8 +80,8 @@ def with_nominal(data: Baseline, identified: IdentifiedModel) -> Baseline:
     UsageError
         The file's base parameters are not those of this robot.
     """
-    prepared, nominal = data.prepared, identified.nominal
-    if identified.kinematics not in ("", kinematics_digest(prepared.model.robot)):
+    prepared = data.prepared
+    if nominal.kinematics not in ("", kinematics_digest(prepared.model.robot)):
         raise UsageError(
             f"--nominal {nominal.file}: the geometry is another than that of this URDF; give a "
             "result of this robot"
@@ -120,9 +111,9 @@ def _values(nominal: NominalModel, model: InverseModel) -> FloatArray:
     missing = [
         name for name in base.names if name not in nominal.parameters and not name.startswith("off")
     ]
-    if unknown or missing:
-        said = [f"it lacks {', '.join(missing)}"] if missing else []
-        said += [f"this robot has no {', '.join(unknown)}"] if unknown else []
+    said = [f"it lacks {', '.join(missing)}"] if missing else []
+    said += [f"this robot has no {', '.join(unknown)}"] if unknown else []
+    if said:
         raise UsageError(
             f"--nominal {nominal.file}: other base parameters than those of the configuration: "
             f"{'; '.join(said)}; give a result of this robot, identified with the same "

@@ -19,11 +19,9 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
     Unexplained,
 )
-from idim_iv_ros.diagnosis.where import Finding
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, name_of, parameter_words
-from idim_iv_ros.recording import SessionPart, in_recordings
 
 MOST_EVENTS = 5  # that are listed
 _MOST_CAUSES = 4  # after the first, in a summary
@@ -35,12 +33,8 @@ _RIGID = 1e12
 def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     """Where an effect is, how large, how probable, and how far the gap shrinks.
 
-    Parameters
-    ----------
-    cause
-        All of it but its sentence.
-    meaning
-        Which kind of the effect it is, in words; empty where there is one kind only.
+    `cause`: all of it but its sentence. `meaning`: which kind of the effect it is, in words; empty
+    where there is one kind only.
     """
     assert cause.joint is not None
     where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
@@ -138,19 +132,12 @@ def commands_late(delay: EffectParameter, period: float) -> str:
 
 
 def beyond_the_law(
-    data: Baseline,
-    joint: int,
-    sizes: tuple[float, float],
-    events: Sequence[LawEvent],
+    data: Baseline, joint: int, sizes: tuple[float, float], events: Sequence[LawEvent]
 ) -> str:
     """What a joint's commands hold beyond the law and its changes.
 
-    Parameters
-    ----------
-    sizes
-        RMS of that and of the command, N m (N).
-    events
-        The largest first; empty where it acts all the time.
+    `sizes`: RMS of that and of the command, N m (N). `events`: the largest first; empty where it
+    acts all the time.
     """
     beyond, command = sizes
     text = (
@@ -305,10 +292,8 @@ def events(
 ) -> str:
     """Short events that hold a share of a residual's energy.
 
-    Parameters
-    ----------
-    largest, every
-        (recording, s since its start) of the largest sample; of all events, the largest first.
+    `largest`, `every`: (recording, s since its start) of the largest sample; of all events, the
+    largest first.
     """
     bags = [part.bag for part in data.prepared.session.parts]
     text = (
@@ -323,47 +308,11 @@ def events(
     return text
 
 
-def finding(placed: Finding, session: Sequence[SessionPart]) -> str:
-    """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
-
-    Parameters
-    ----------
-    session
-        The recordings: a time is that of one of them.
-    """
-    regime = placed.regime
-    low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
-    part = f"between {low} and {high}"
-    if regime.axis == "direction":
-        part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
-    elif regime.axis == "reversal" and placed.first:
-        part = f"within {high} after a reversal"
-    elif regime.axis == "time":
-        part = f"from {in_recordings(session, regime.low, regime.high)}"
-    elif placed.first and regime.axis != "position":
-        part = f"below {high}"
-    elif placed.last and regime.axis != "position":
-        part = f"above {low} {regime.unit}"
-    what = {
-        "load": "load ",
-        "reversal": "" if placed.first else "displacement since reversal ",
-        "frequency": "residual ",
-    }.get(regime.axis, "")
-    whole = "bandwidth" if regime.axis == "frequency" else "samples"
-    return (
-        f"{'after a refit, ' if placed.after_refit else ''}{regime.joint}, {what}{part}: "
-        f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
-        f"{whole}"
-    )
-
-
 def summary(sentences: Sequence[str]) -> str:
     """Join the first of some sentences, as many as a reader takes in (`WORDS_OF_SUMMARY`).
 
-    Parameters
-    ----------
-    sentences
-        The weightiest first; empty ones are left out. What does not fit stands in the tables.
+    `sentences`: the weightiest first; empty ones are left out. What does not fit stands in the
+    tables.
     """
     kept: list[str] = []
     words = 0

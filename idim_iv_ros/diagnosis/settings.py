@@ -13,8 +13,6 @@ decides only what is shown or listed, or is a matter of arithmetic (steps, tests
 against overflow).
 """
 
-import re
-from pathlib import Path
 from typing import Self
 
 PAPER = "paper"
@@ -41,17 +39,9 @@ class _Declared:
 class Setting(_Declared, float):
     """A threshold that is measured."""
 
-    def times(self, factor: float) -> "Setting":
-        """Return the setting with another value."""
-        return Setting(factor * self, self.unit, self.decides, self.origin)
-
 
 class Count(_Declared, int):
     """A threshold that is counted."""
-
-    def times(self, factor: float) -> "Count":
-        """Return the setting with another value, rounded, at least 1."""
-        return Count(max(1, round(factor * self)), self.unit, self.decides, self.origin)
 
 
 # fmt: off
@@ -220,13 +210,3 @@ SHORT_RECORDING = Setting(10.0, "s", "length below which a note asks for more", 
 def all_settings() -> dict[str, Setting | Count]:
     """Every setting by its name, in the order of this file."""
     return {name: value for name, value in globals().items() if isinstance(value, Setting | Count)}
-
-
-def readers() -> dict[str, list[str]]:
-    """Files of this folder that read each setting, by its name."""
-    folder = Path(__file__).parent
-    files: dict[str, list[str]] = {name: [] for name in all_settings()}
-    for file in sorted(folder.rglob("*.py")):
-        for name in dict.fromkeys(re.findall(r"\bsettings\.([A-Z][A-Z0-9_]+)", file.read_text())):
-            files[name].append(str(file.relative_to(folder)))
-    return files

@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.result import SimulationGap, Stage, TrackingSeries
+from idim_iv_ros.diagnosis.result import SimulationGap, TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.simulation import SimulatedEffect
@@ -68,19 +68,19 @@ def simulated_tracking(
 ) -> Tracking:
     """Simulate the references of every recording and compare with the measured positions.
 
-    Parameters
-    ----------
-    values
-        (b,) base parameters of the stage.
-    effects
-        Of the stage, with the parameters of the catalogue.
+    `values`: (b,) base parameters of the stage; `effects`: of the stage, with the parameters of the
+    catalogue.
     """
     source = data.sources.sources[0]
     rates = tuple(motion.signals.rate for motion in data.prepared.motions)
+
+    def failed(note: str) -> Tracking:
+        return Tracking(data.joints, (), (), rates, note)
+
     if not isinstance(source, SimulatedLoop):
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
-        return Tracking(data.joints, (), (), rates, f"not simulated: {reason}")
-    model, positions, errors, problem = data.prepared.model, [], [], ""
+        return failed(f"not simulated: {reason}")
+    model, positions, errors = data.prepared.model, [], []
     parts = data.prepared.session.parts
     for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
         dynamics, name = model.dynamic_parameters(values), motion.signals.name
@@ -89,30 +89,17 @@ def simulated_tracking(
                 model.robot, dynamics, law, motion, effects=effects, start_time=part.start
             )
         except UsageError as error:
-            problem = f"not simulated: {error}"
-            break
+            return failed(f"not simulated: {error}")
         if simulated.diverged is not None:
-            problem = f"the simulation diverges: {name}: {simulated.diverged}"
-            break
+            return failed(f"the simulation diverges: {name}: {simulated.diverged}")
         measured = motion.position[motion.span]
         positions.append(motion.filtered(simulated.position)[motion.span])
         errors.append(positions[-1] - measured)
         spread = np.maximum(np.ptp(measured, axis=0), 1e-3)
         lost = np.flatnonzero(np.abs(errors[-1]).max(axis=0) > settings.SIMULATION_LOST * spread)
         if len(lost):
-            problem = f"{name}: simulated {data.joints[lost[0]]} leaves the motion"
-            break
-    if problem:
-        return Tracking(data.joints, (), (), rates, problem)
+            return failed(f"{name}: simulated {data.joints[lost[0]]} leaves the motion")
     return Tracking(data.joints, tuple(positions), tuple(errors), rates, "")
-
-
-def with_tracking(stages: Sequence[Stage], tracked: Sequence[Tracking]) -> tuple[Stage, ...]:
-    """Put the tracking errors into the stages."""
-    return tuple(
-        replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
-        for stage, errors in zip(stages, tracked, strict=True)
-    )
 
 
 def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationGap | None:
@@ -181,10 +168,8 @@ def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
 
 def _simulated_effect(data: Baseline, explanation: Explained, number: int) -> SimulatedEffect:
     """One of the effects as the simulator takes it, with the coefficients beside all others."""
-    term, coefficients = (
-        explanation.effects[number].term,
-        explanation.fit.coefficients[explanation.block(number)],
-    )
+    term = explanation.effects[number].term
+    coefficients = explanation.fit.coefficients[explanation.block(number)]
     numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
     return SimulatedEffect(
         term.effect.name,

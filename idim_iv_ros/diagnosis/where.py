@@ -1,6 +1,6 @@
 """Where the gap lies: its share in parts of the samples, against the share of the samples."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
+from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray, IntArray
 
 _BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows; they end between two lines
@@ -27,12 +28,8 @@ _LEAST_PIECE = 16  # rows in it
 def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -> FloatArray:
     """Path since the last reversal (since the start, before the first): (s,) rad (m).
 
-    Parameters
-    ----------
-    position, velocity
-        (s,) rad, rad/s.
-    slowest
-        A joint has turned once it is faster than this the other way: noise does not turn it.
+    `position`, `velocity`: (s,) rad, rad/s; `slowest`: a joint has turned once it is faster than
+    this the other way: noise does not turn it.
     """
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
     ways = np.where(np.abs(velocity) >= slowest, np.sign(velocity), 0.0)
@@ -47,51 +44,31 @@ def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -
     return np.asarray(path - path[last])
 
 
-@dataclass(frozen=True)
-class MotionAtRows:
-    """What one joint does at its rows, over all recordings; (r,) each.
+def motion_at_rows(data: Baseline, joint: int) -> FloatArray:
+    """Smooth motion of one joint at the rows that count, over all recordings.
 
-    Attributes
-    ----------
-    time : s
-    position, velocity : rad, rad/s (m, m/s)
-    load : N m (N)
-        Torque of the rigid bodies alone.
-    since_reversal : rad (m)
-        Distance since the last reversal.
+    Returns
+    -------
+    (5, r)
+        Time (s), position (rad, m), velocity, torque of the rigid bodies alone (N m, N), and
+        distance since the last reversal (rad, m).
     """
-
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    load: FloatArray
-    since_reversal: FloatArray
-
-
-def motion_at_rows(data: Baseline, joint: int) -> MotionAtRows:
-    """Take the smooth motion of one joint at the rows that count."""
     slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
-
     tables = []
     for motion in data.motions:
         position, velocity = motion.position[:, joint], motion.velocity[:, joint]
         distance = since_reversal(position, velocity, slowest)
         values = (motion.time, position, velocity, motion.load[:, joint], distance)
         tables.append(np.column_stack(values)[motion.decimation.kept])
-    return MotionAtRows(*data.counting(joint, tables).T)
+    return data.counting(joint, tables).T
 
 
 @dataclass(frozen=True)
 class Axis:
     """A quantity by which the energy of a joint's residual is split.
 
-    Attributes
-    ----------
-    values : (r,)
-        At each row, or at each line of the spectra.
-    edges : (k + 1,)
-    unit : str
-        Of both, of a joint that turns.
+    `values` (r,): at each row, or at each line of the spectra; `edges` (k + 1,); `unit`: of both,
+    of a joint that turns.
     """
 
     name: str
@@ -100,19 +77,16 @@ class Axis:
     unit: str = ""
 
 
-def axes_of(motion: MotionAtRows, starts: Sequence[float]) -> list[Axis]:
-    """Every quantity of a joint's motion by which its samples are split.
+def axes_of(motion: FloatArray, starts: Sequence[float]) -> list[Axis]:
+    """Every quantity of a joint's motion (5, r) by which its samples are split.
 
-    Parameters
-    ----------
-    starts
-        Of the recordings in the time of the session, s.
+    `starts`: of the recordings in the time of the session, s.
     """
-    speed, load = np.abs(motion.velocity), np.abs(motion.load)
-    position, time, distance = motion.position, motion.time, motion.since_reversal
+    time, position, velocity, load, distance = motion
+    speed, load = np.abs(velocity), np.abs(load)
     return [
         Axis("speed", speed, _logarithmic(speed, 6), "rad/s"),
-        Axis("direction", np.sign(motion.velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
+        Axis("direction", np.sign(velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
         Axis("position", position, np.linspace(position.min(), position.max(), 9), "rad"),
         Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6)), "N m"),
         Axis("time", time, _in_recordings(time, starts, 6), "s"),
@@ -144,12 +118,8 @@ def _logarithmic(values: FloatArray, count: int) -> FloatArray:
 def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
     """Energy and number of the values of an axis in each bin and block of time: (b, k, 2).
 
-    Parameters
-    ----------
-    energy
-        (r,) of the residual at each value, (N m)² (N²).
-    blocks
-        (r,) block of each value (`time_blocks`).
+    `energy`: (r,) of the residual at each value, (N m)² (N²); `blocks`: (r,) block of each value
+    (`time_blocks`).
     """
     count = len(axis.edges) - 1
     bins = np.clip(np.searchsorted(axis.edges, axis.values, side="right") - 1, 0, count - 1)
@@ -167,16 +137,8 @@ def spectral_lines(
 
     Nothing where there are too few rows in a second.
 
-    Parameters
-    ----------
-    residual
-        (r,) N m (N).
-    runs
-        Rows without a gap in time.
-    row_rate
-        Hz.
-    edge
-        Share of the rows' Nyquist frequency that the decimation passes.
+    `residual`: (r,) N m (N); `runs`: rows without a gap in time; `row_rate`: Hz; `edge`: share of
+    the rows' Nyquist frequency that the decimation passes.
     """
     length = int(_PIECE * row_rate)
     starts = [
@@ -255,32 +217,47 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
     return max(large, key=lambda run: run.energy_share - run.occupancy, default=None)
 
 
-@dataclass(frozen=True)
-class Finding:
-    """A regime, or adjacent ones, in which much of the gap lies.
+def in_words(
+    regime: Regime,
+    edges: FloatArray,
+    session: Sequence[SessionPart] = (),
+    *,
+    after_refit: bool = False,
+) -> str:
+    """Say a regime, such as "joint_2, below 0.1 rad/s: 61 % of the gap in 9 % of the samples".
 
-    Attributes
-    ----------
-    regime : Regime
-    first, last : bool
-        Whether it begins or ends where the axis does.
-    after_refit : bool
-        Whether the gap is that of the refit.
-    excess : float
-        Energy share less occupancy, times the joint's share of the whole gap.
+    `edges`: of its axis; `session`: the recordings: a time is that of one of them.
     """
-
-    regime: Regime
-    first: bool
-    last: bool
-    after_refit: bool
-    excess: float
+    first, last = regime.low <= edges[0], regime.high >= edges[-1]
+    low, high = f"{regime.low:.2g}", f"{regime.high:.2g} {regime.unit}"
+    part = f"between {low} and {high}"
+    if regime.axis == "direction":
+        part = f"moving in the {'negative' if regime.high <= 0.0 else 'positive'} direction"
+    elif regime.axis == "reversal" and first:
+        part = f"within {high} after a reversal"
+    elif regime.axis == "time":
+        part = f"from {in_recordings(session, regime.low, regime.high)}"
+    elif first and regime.axis != "position":
+        part = f"below {high}"
+    elif last and regime.axis != "position":
+        part = f"above {low} {regime.unit}"
+    what = {
+        "load": "load ",
+        "reversal": "" if first else "displacement since reversal ",
+        "frequency": "residual ",
+    }.get(regime.axis, "")
+    whole = "bandwidth" if regime.axis == "frequency" else "samples"
+    return (
+        f"{'after a refit, ' if after_refit else ''}{regime.joint}, {what}{part}: "
+        f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
+        f"{whole}"
+    )
 
 
 def where(
     data: Baseline, regression: Regression, refit: Fit, floors: Sequence[NoiseFloor]
-) -> tuple[Where, tuple[Finding, ...]]:
-    """Find where the gap lies, and in which regimes much of it, the largest first.
+) -> tuple[Where, tuple[str, ...]]:
+    """Find where the gap lies, and say in which regimes much of it does, the largest first.
 
     The nominal model's gap is what the user sees: its shares and regimes are reported, those of the
     refit where no model is given. The residual of the refit shows missing effects: findings about
@@ -291,17 +268,13 @@ def where(
     gaps = _joint_gaps(data, regression, shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
-    regimes, large = _regimes(data, regression, shown, axes, gaps, after_refit=False)
-    used = {name for joint, name in enumerate(data.joints) if joint not in data.left_out}
-    findings = [finding for finding in large if finding.regime.joint in used][:_NOMINAL_FINDINGS]
+    used = set(range(len(data.joints))) - data.left_out
+    regimes, large = _regimes(data, regression, shown, axes, gaps, used, after_refit=False)
+    findings = large[:_NOMINAL_FINDINGS]
     if nominal is not None:
-        _, large = _regimes(data, regression, refit.residuals, axes, gaps, after_refit=True)
-        used &= {
-            name
-            for name, residual, floor in zip(data.joints, refit.residuals, floors, strict=True)
-            if above_noise(residual, floor)
-        }
-        findings += [finding for finding in large if finding.regime.joint in used][:_REFIT_FINDINGS]
+        used = {joint for joint in used if above_noise(refit.residuals[joint], floors[joint])}
+        _, large = _regimes(data, regression, refit.residuals, axes, gaps, used, after_refit=True)
+        findings += large[:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
 
 
@@ -342,12 +315,13 @@ def _regimes(
     residuals: Sequence[FloatArray],
     axes: Sequence[Sequence[Axis]],
     gaps: Sequence[JointGap],
+    used: Collection[int],
     *,
     after_refit: bool,
-) -> tuple[tuple[Regime, ...], list[Finding]]:
-    """Regimes whose interval excludes 1, and findings, the largest first."""
+) -> tuple[tuple[Regime, ...], list[str]]:
+    """Regimes whose interval excludes 1, and sentences of the joints `used`, the largest first."""
     regimes: list[Regime] = []
-    findings: list[Finding] = []
+    findings: list[tuple[float, str]] = []
     edge = data.prepared.configuration.processing.decimation_edge
     # A twentieth of the session: regimes may be events, and residuals are predictable for a while.
     rows = sum(len(motion.kept) for motion in data.motions)
@@ -362,15 +336,13 @@ def _regimes(
             regimes += unlike
             best = joined(unlike)
             # Most of what moves slowly is slow: no finding.
-            if best is None or (axis.name == "frequency" and best.low <= 0.0):
+            slow = axis.name == "frequency" and best is not None and best.low <= 0.0
+            if best is None or slow or joint not in used:
                 continue
             excess = (best.energy_share - best.occupancy) * gaps[joint].share
-            findings.append(Finding(best, *ends_of(best, axis.edges), after_refit, excess))
+            session = data.prepared.session.parts
+            said = in_words(best, axis.edges, session, after_refit=after_refit)
+            findings.append((excess, said))
     regimes.sort(key=lambda regime: -regime.lift)
-    findings.sort(key=lambda finding: -finding.excess)
-    return tuple(regimes), findings
-
-
-def ends_of(regime: Regime, edges: FloatArray) -> tuple[bool, bool]:
-    """Whether a regime begins, and ends, where the axis with these edges does."""
-    return bool(regime.low <= edges[0]), bool(regime.high >= edges[-1])
+    findings.sort(key=lambda finding: -finding[0])
+    return tuple(regimes), [said for _, said in findings]

@@ -23,12 +23,7 @@ def white_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: i
 
     With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹.
 
-    Parameters
-    ----------
-    sigma
-        (n_joints,) Standard deviation of each joint's residual.
-    parameters
-        b.
+    `sigma`: (n_joints,) Standard deviation of each joint's residual; `parameters`: b.
 
     Returns
     -------

@@ -13,12 +13,8 @@ from idim_iv_ros.types import FloatArray
 class EssentialParameters:
     """Outcome of the backward elimination.
 
-    Attributes
-    ----------
-    columns : (b_e,) int
-        Base parameters that stay.
-    statistic, p_value : float
-        F-test of the null hypothesis that all the others are zero.
+    `columns` (b_e,) int: base parameters that stay; `statistic`, `p_value`: F-test of the null
+    hypothesis that all the others are zero.
     """
 
     columns: NDArray[np.int64]
@@ -35,15 +31,8 @@ def essential_parameters(
     / (b - b_e) of the parameters that are left out; that form also holds for instrumental
     variables. It is judged against F(b - b_e, r - b).
 
-    Parameters
-    ----------
-    values : (b,)
-    covariance : (b, b)
-        That of whitened rows, for r must count independent rows.
-    rows : int
-        r.
-    alpha : float
-        Level at which the null hypothesis is rejected and the elimination stops.
+    `values` (b,); `covariance` (b, b): that of whitened rows, for r must count independent rows;
+    `rows`: r; `alpha`: level at which the null hypothesis is rejected and the elimination stops.
     """
     parameters = len(values)
     kept = list(range(parameters))

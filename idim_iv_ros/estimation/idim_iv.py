@@ -88,12 +88,8 @@ def idim_iv(
     The sources are tried in order, each from the starts in order: when the simulation diverges,
     the next takes over and the reason is kept.
 
-    Parameters
-    ----------
-    starts
-        Possible first simulations.
-    tolerance
-        Largest relative change of a parameter between the last two estimates.
+    `starts`: possible first simulations; `tolerance`: largest relative change of a parameter
+    between the last two estimates.
 
     Raises
     ------
@@ -226,12 +222,7 @@ class _Iteration:
 class RefinedIdimIv:
     """Refined estimate with its covariance.
 
-    Attributes
-    ----------
-    values : (b,)
-    covariance : (b, b)
-    models : one AutoregressiveModel for each joint
-        Ĉ(z⁻¹), fitted on the unfiltered IV residual.
+    `values` (b,); `covariance` (b, b); `models`: Ĉ(z⁻¹), fitted on the unfiltered IV residual.
     """
 
     values: FloatArray

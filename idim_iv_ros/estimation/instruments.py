@@ -88,14 +88,7 @@ class InstrumentSource(Protocol):
 class SimulatedLoop:
     """Instruments from the simulated closed loop (equations 7 and 8).
 
-    Attributes
-    ----------
-    model : InverseModel
-    motions : tuple of Motion
-        All with references.
-    laws : tuple of ControlLaw
-        One for each motion.
-    name : str
+    `motions`: all with references; `laws`: one for each motion.
     """
 
     model: InverseModel
@@ -130,11 +123,8 @@ class SimulatedLoop:
         The instruments are simulated with estimated parameters; a difference between X β̂ and
         Z β̂ of this size says nothing against the model.
 
-        Parameters
-        ----------
-        values, covariance
-            (b,) estimate and (b, b) covariance, that of the measurement noise alone: a model
-            error inflates the residual, and would otherwise hide itself.
+        `values`, `covariance`: (b,) estimate and (b, b) covariance, that of the measurement noise
+        alone: a model error inflates the residual, and would otherwise hide itself.
 
         Returns
         -------

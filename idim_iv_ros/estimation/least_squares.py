@@ -22,13 +22,8 @@ _WEIGHTINGS = 3
 class LinearEstimate:
     """Solution of a linear system in the base parameters.
 
-    Attributes
-    ----------
-    values : (b,)
-    residuals : one (r_j,) array for each joint
-        y - X β, N m.
-    sigma : (n_joints,)
-        Standard deviation of each joint's residual, N m.
+    `values` (b,); `residuals` one (r_j,) array for each joint: y - X β, N m; `sigma` (n_joints,):
+    standard deviation of each joint's residual, N m.
     """
 
     values: FloatArray

@@ -29,10 +29,7 @@ def row_blocks(
 
     The full-rate regressor is never held whole.
 
-    Parameters
-    ----------
-    states
-        (first, last) → q, dq, ddq of those samples of the motion's span.
+    `states`: (first, last) → q, dq, ddq of those samples of the motion's span.
     """
     done = 0
     for chunk in motion.decimation.chunks(CHUNK):
@@ -102,10 +99,7 @@ def instrument_rows(
 ) -> tuple[FloatArray, ...]:
     """Instruments Z (equation 8): the same rows and columns, from simulated states.
 
-    Parameters
-    ----------
-    states
-        One for each motion: (first, last) → q, dq, ddq of those samples of the span.
+    `states`: one for each motion: (first, last) → q, dq, ddq of those samples of the span.
 
     Returns
     -------

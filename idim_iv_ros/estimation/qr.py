@@ -60,13 +60,8 @@ def _triangular(rows: FloatArray) -> FloatArray:
 class Basis:
     """An orthonormal basis of the span of columns, and which of them it is made of.
 
-    Attributes
-    ----------
-    vectors : (r, rank)
-    kept : (rank,) int, increasing
-        The columns that carry the span; each other depends on those before it.
-    upper : (rank, rank)
-        vectors @ upper = columns[:, kept].
+    `vectors` (r, rank). `kept` (rank,) int, increasing: the columns that carry the span; each other
+    depends on those before it. `upper` (rank, rank): vectors @ upper = columns[:, kept].
     """
 
     vectors: FloatArray

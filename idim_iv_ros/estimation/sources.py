@@ -38,11 +38,7 @@ def reference(motion: Motion) -> FloatArray:
 class FilteredReference(InstrumentSource):
     """Instruments from the reference passed through a fitted closed-loop filter.
 
-    Attributes
-    ----------
-    model : InverseModel
-    motions : tuple of Motion
-        All with references.
+    `motions`: all with references.
     """
 
     model: InverseModel
@@ -131,14 +127,8 @@ class SmoothedMeasurement(InstrumentSource):
 class InstrumentSources:
     """Sources in the order in which they are tried, and where the iteration may start.
 
-    Attributes
-    ----------
-    sources : tuple of InstrumentSource
-    starts : tuple of Start
-    controller : tuple of str
-        What is known of the control law, one sentence each.
-    fits : tuple of ControllerFit
-        One for each motion where the law is unknown.
+    `controller`: what is known of the control law, one sentence each; `fits`: one for each motion
+    where the law is unknown.
     """
 
     sources: tuple[InstrumentSource, ...]

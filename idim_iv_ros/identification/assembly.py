@@ -40,7 +40,7 @@ from idim_iv_ros.identification.validate import Validation
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.signals import fit_autoregression, torque_noise
-from idim_iv_ros.statistics import OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.statistics import judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.statistics.residuals import mean_square_freedom
 
@@ -54,14 +54,8 @@ _FAR_APART = 3.0
 class Identified:
     """All estimates and tests of an identification, with the rows that they are made of.
 
-    Attributes
-    ----------
-    linear : LinearEstimate
-        The one that is reported.
-    weighted : LinearEstimate
-        Joint-weighted IDIM-LS.
-    iteration, sources
-        None for IDIM-LS.
+    `linear`: the one that is reported; `weighted`: joint-weighted IDIM-LS; `iteration`, `sources`:
+    None for IDIM-LS.
     """
 
     prepared: PreparedRegression
@@ -85,9 +79,8 @@ def assemble_result(
     configuration, base = prepared.configuration, prepared.model.base
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
-    essential = essential_parameters(
-        refined.values, refined.covariance, total, alpha=configuration.identification.significance
-    )
+    alpha = configuration.identification.significance
+    essential = essential_parameters(refined.values, refined.covariance, total, alpha=alpha)
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(identified, covariance, essential)
     verdicts = tuple(
@@ -100,7 +93,14 @@ def assemble_result(
             strict=True,
         )
     )
-    alpha = configuration.identification.significance
+    overall = judge_all(verdicts, validation.tests[0])
+    failures = () if estimate is None else estimate.failures
+    if failures:
+        # The loop could not be simulated with the estimates: a wrong model does that.
+        sentence = f"{overall.sentence} Tried first, and failed: {failures[0]}."
+        overall = replace(overall, sentence=sentence)
+    note = "" if estimate is None else estimate.instruments.note
+    outcomes = [test.accepted for test in validation.tests]
     autocorrelated = any(residual.white is False for residual in validation.residuals)
     series = _series(prepared, rows, linear)
     return IdentificationResult(
@@ -109,7 +109,7 @@ def assemble_result(
         joint_types=prepared.model.robot.joint_types,
         effort_unit=configuration.signals.effort_unit,
         bags=_bags(prepared),
-        software=_software(),
+        software={"python": platform.python_version(), **software_versions()},
         configuration=configuration.model_dump(mode="json", exclude_none=True),
         estimator=identified.estimator,
         iterations=1 if estimate is None else len(estimate.steps) + 1,
@@ -117,7 +117,14 @@ def assemble_result(
         convergence_note=_convergence(estimate, base.names, configuration),
         parameters=parameters,
         covariance=covariance.matrix,
-        instruments=_instruments(estimate, validation, alpha),
+        instruments=InstrumentReport(
+            accepted=False if False in outcomes else None if None in outcomes else True,
+            alpha=alpha,
+            source="none: least squares" if estimate is None else estimate.source.name,
+            failures=failures,
+            notes=tuple(text for text in (note, validation.note) if text),
+            tests=validation.tests,
+        ),
         specification=JointTests(
             alpha=alpha, tests=tuple(chain.from_iterable(validation.specification))
         ),
@@ -134,7 +141,7 @@ def assemble_result(
             )
             for residual, verdict, joint in zip(validation.residuals, verdicts, series, strict=True)
         ),
-        verdict=_overall(judge_all(verdicts, validation.tests[0]), estimate),
+        verdict=overall,
         fit=Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, identified.weighted),
@@ -240,31 +247,6 @@ def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimat
     return Refined(tuple(model.order for model in refined.models), estimates, moved)
 
 
-def _instruments(
-    estimate: IdimIvEstimate | None, validation: Validation, alpha: float
-) -> InstrumentReport:
-    outcomes = [test.accepted for test in validation.tests]
-    accepted = False if False in outcomes else None if None in outcomes else True
-    note = "" if estimate is None else estimate.instruments.note
-    return InstrumentReport(
-        accepted=accepted,
-        alpha=alpha,
-        source="none: least squares" if estimate is None else estimate.source.name,
-        failures=() if estimate is None else estimate.failures,
-        notes=tuple(text for text in (note, validation.note) if text),
-        tests=validation.tests,
-    )
-
-
-def _overall(verdict: OverallVerdict, estimate: IdimIvEstimate | None) -> OverallVerdict:
-    """Say so where the loop could not be simulated with the estimates: a wrong model does that."""
-    if estimate is None or not estimate.failures:
-        return verdict
-    failure = estimate.failures[0]
-    sentence = f"{verdict.sentence} Tried first, and failed: {failure}."
-    return replace(verdict, sentence=sentence)
-
-
 def _convergence(
     estimate: IdimIvEstimate | None, names: tuple[str, ...], configuration: Configuration
 ) -> str:
@@ -351,8 +333,6 @@ def _series(
     return tuple(series)
 
 
-def _software() -> dict[str, str]:
-    versions = {"python": platform.python_version()}
-    for package in _REPORTED:
-        versions[package] = metadata.version(package)
-    return versions
+def software_versions() -> dict[str, str]:
+    """Versions of the project and of the packages that its numbers depend on."""
+    return {package: metadata.version(package) for package in _REPORTED}

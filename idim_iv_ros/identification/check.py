@@ -19,9 +19,8 @@ from idim_iv_ros.estimation.observation import streamed_rows
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
-from idim_iv_ros.identification.link_encoders import link_encoders
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
-from idim_iv_ros.identification.sanity import Level
+from idim_iv_ros.identification.sanity import Level, link_encoders
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
@@ -227,11 +226,13 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         limited.append(f"moves over {np.ptp(position):.2g} {unit} only: gravity hardly changes")
     if reversals < _LEAST_REVERSALS:
         limited.append(f"{reversals} reversals: Coulomb friction and offset are hard to separate")
-    clipped = _clipped_share(torque)
+    size = np.abs(torque)
+    # At the largest size exactly; the share of one lone peak is negligible.
+    clipped = float(np.mean(size >= size.max() * (1.0 - 1e-9))) if size.max() > 0.0 else 0.0
     if clipped > _CLIPPED_SHARE:
         limited.append(
             f"{100 * clipped:.2g} % of the effort sits at its largest value "
-            f"{np.abs(torque).max():.3g}: clipped, or a torque limit"
+            f"{size.max():.3g}: clipped, or a torque limit"
         )
     noise = _noise(prepared, joint, order=2)
     if np.std(acceleration) < _ACCELERATION_NOISE * noise:
@@ -257,10 +258,8 @@ def _link_findings(prepared: PreparedRegression) -> list[Finding]:
         sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
         return [Finding(topic, "limited", sentence)]
     return [
-        Finding(encoder.joint, "limited", encoder.problem)
-        if encoder.problem
-        else Finding(encoder.joint, "good", encoder.sentence)
-        for encoder in encoders
+        Finding(one.joint, "limited" if one.problem else "good", one.problem or one.sentence)
+        for one in encoders
     ]
 
 
@@ -270,21 +269,11 @@ def count_reversals(speed: FloatArray, threshold: float) -> int:
     The noise of a joint at rest changes the sign of its speed all the time; a joint reverses where
     it moves the other way than it moved last.
 
-    Parameters
-    ----------
-    speed
-        (n_samples,) rad/s (m/s) of one recording.
-    threshold
-        Speed from which on the joint moves, rad/s (m/s).
+    `speed`: (n_samples,) rad/s (m/s) of one recording; `threshold`: speed from which on the joint
+    moves, rad/s (m/s).
     """
     moving = np.sign(speed[np.abs(speed) > threshold])
     return int(np.count_nonzero(np.diff(moving)))
-
-
-def _clipped_share(torque: FloatArray) -> float:
-    """Share of samples exactly at the largest magnitude; that of one lone peak is negligible."""
-    size = np.abs(torque)
-    return float(np.mean(size >= size.max() * (1.0 - 1e-9))) if size.max() > 0.0 else 0.0
 
 
 def _noise(prepared: PreparedRegression, joint: int, *, order: int) -> float:

@@ -16,16 +16,9 @@ _MOST_NAMES = 3  # in the sentence
 class ParameterPair:
     """One base parameter in both results.
 
-    Attributes
-    ----------
-    name, unit, expression : str
-    words : str
-        What the parameter of its name is.
-    first, first_std, second, second_std : float
-    deviations : float
-        Second less first, in standard deviations of the difference (`in_deviations`).
-    differs : bool
-        Whether that is beyond what chance does among all parameters.
+    `words`: what the parameter of its name is; `deviations`: second less first, in standard
+    deviations of the difference (`in_deviations`); `differs`: whether that is beyond what chance
+    does among all parameters.
     """
 
     name: str

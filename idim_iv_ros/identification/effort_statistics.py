@@ -36,14 +36,9 @@ _LEAST_OF_A_SIGN = 0.05  # of the rows
 class Share:
     """Coefficient of one column of a regression.
 
-    Attributes
-    ----------
-    value, deviation : float
-        The standard deviation is that of batch means: residuals may be autocorrelated.
-    of_variance : float
-        Share of the effort's variance that it explains.
-    of_rest : float
-        Share of the variance that is left beside the other columns.
+    `value`, `deviation`: the standard deviation is that of batch means: residuals may be
+    autocorrelated; `of_variance`: share of the effort's variance that it explains; `of_rest`: share
+    of the variance that is left beside the other columns.
     """
 
     value: float
@@ -129,21 +124,21 @@ def effort_statistics(
         if not enough[joint]:
             statistics.append(None)
             continue
-        drive = np.array(
-            [parameter.kind == "Ia" and parameter.joint == joint for parameter in standard]
-        )
+        drive = [parameter.kind == "Ia" and parameter.joint == joint for parameter in standard]
+        of_drive = np.any(model.base.grouping[:, np.array(drive)] != 0.0, axis=1)
         kept = counting[:, joint]
-        rows = _Rows(
-            matrix=moving[joint][kept],
-            weight=resting[joint][kept],
-            given=given[columns],
-            friction=friction[columns],
-            drive=np.any(model.base.grouping[:, drive] != 0.0, axis=1)[columns],
-            speed=speed[kept, joint],
-            effort=effort[kept, joint],
-            noise=noise[kept, joint],
+        statistics.append(
+            _statistics(
+                moving[joint][kept],
+                resting[joint][kept],
+                given[columns],
+                friction[columns],
+                of_drive[columns],
+                speed[kept, joint],
+                effort[kept, joint],
+                noise[kept, joint],
+            )
         )
-        statistics.append(rows.statistics())
     return tuple(statistics)
 
 
@@ -171,51 +166,51 @@ def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
     return made
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Rows of one joint, of the moving and of the resting robot, and which columns are which."""
+def _statistics(
+    moving: FloatArray,
+    weight: FloatArray,
+    given: FloatArray,
+    friction: BoolArray,
+    drive: BoolArray,
+    speed: FloatArray,
+    effort: FloatArray,
+    noise: FloatArray,
+) -> EffortStatistics:
+    """Statistics of one joint from its rows (r, c) of the moving and of the resting robot.
 
-    matrix: FloatArray
-    weight: FloatArray
-    given: FloatArray
-    friction: BoolArray
-    drive: BoolArray
-    speed: FloatArray
-    effort: FloatArray
-    noise: FloatArray
-
-    def statistics(self) -> EffortStatistics:
-        effort, bodies = self.effort, ~self.friction
-        direction, constant = np.sign(self.speed), np.ones(len(effort))
-        dissipative = np.column_stack([direction, self.speed])
-        of_friction = np.column_stack([self.matrix[:, self.friction], dissipative, constant])
-        weight, of_bodies = self.weight[:, bodies], self.matrix[:, bodies]
-        inertial = of_bodies - weight
-        static = _Span(weight, of_friction)
-        residual = _Span(weight, of_friction, inertial).without(effort)
-        everything = _Span(of_bodies, of_friction)
-        slow = _Span(weight, direction, constant).without(effort)
-        energies = [
-            float(np.mean(static.without(torque) ** 2))
-            for torque in (inertial @ self.given[bodies], self.noise)
-        ]
-        clear = energies[1] < _MOST_NOISE * energies[0]
-        needed = of_bodies @ self.given[bodies]
-        free = _Span(of_friction, self.matrix[:, self.drive])
-        peak = np.quantile(np.abs(_Span(dissipative).without(effort)), 1.0 - TAIL)
-        return EffortStatistics(
-            torque=_share(needed, free, effort),
-            friction=_share(direction, _Span(of_bodies, constant), effort),
-            peak=float(peak),
-            static_share=1.0 - float(np.mean(slow**2)) / max(float(np.var(effort)), 1e-300),
-            expected=float(np.sqrt(energies[0] - energies[1])) if clear else 0.0,
-            shown=_rms(static.without(effort) - residual),
-            residual=_rms(residual),
-            given_friction=_rms(self.matrix[:, self.friction] @ self.given[self.friction]),
-            size=_rms(effort),
-            signed=_rms(everything.without(effort)),
-            unsigned=_unsigned(everything, effort, (direction, np.sign(needed))),
-        )
+    `given` (c,): nominal values; `friction`, `drive` (c,): columns of these; `noise` (r,): torque
+    that the noise of the positions makes.
+    """
+    bodies = ~friction
+    direction, constant = np.sign(speed), np.ones(len(effort))
+    dissipative = np.column_stack([direction, speed])
+    of_friction = np.column_stack([moving[:, friction], dissipative, constant])
+    weight, of_bodies = weight[:, bodies], moving[:, bodies]
+    inertial = of_bodies - weight
+    static = _Span(weight, of_friction)
+    residual = _Span(weight, of_friction, inertial).without(effort)
+    everything = _Span(of_bodies, of_friction)
+    slow = _Span(weight, direction, constant).without(effort)
+    energies = [
+        float(np.mean(static.without(torque) ** 2)) for torque in (inertial @ given[bodies], noise)
+    ]
+    clear = energies[1] < _MOST_NOISE * energies[0]
+    needed = of_bodies @ given[bodies]
+    free = _Span(of_friction, moving[:, drive])
+    peak = np.quantile(np.abs(_Span(dissipative).without(effort)), 1.0 - TAIL)
+    return EffortStatistics(
+        torque=_share(needed, free, effort),
+        friction=_share(direction, _Span(of_bodies, constant), effort),
+        peak=float(peak),
+        static_share=1.0 - float(np.mean(slow**2)) / max(float(np.var(effort)), 1e-300),
+        expected=float(np.sqrt(energies[0] - energies[1])) if clear else 0.0,
+        shown=_rms(static.without(effort) - residual),
+        residual=_rms(residual),
+        given_friction=_rms(moving[:, friction] @ given[friction]),
+        size=_rms(effort),
+        signed=_rms(everything.without(effort)),
+        unsigned=_unsigned(everything, effort, (direction, np.sign(needed))),
+    )
 
 
 class _Span:

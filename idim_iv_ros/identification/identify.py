@@ -143,14 +143,9 @@ def consistent_parameters(
 ) -> tuple[PhysicalParameters | None, str]:
     """Return the nearest physical parameters and nothing, or None and why there are none.
 
-    Parameters
-    ----------
-    values, covariance : (b,), (b, b)
-        The refined estimate.
-    rows, sigma
-        On which the torque is judged, and the residual's standard deviation of each joint.
-    shared
-        Friction parameters that effects share.
+    `values`, `covariance` (b,), (b, b): the refined estimate; `rows`, `sigma`: on which the torque
+    is judged, and the residual's standard deviation of each joint; `shared`: friction parameters
+    that effects share.
     """
     unit = prepared.configuration.signals.effort_unit
     if unit != "N m":

@@ -270,12 +270,8 @@ class ProcessingSummary:
 class JointSeries:
     """Torque of one joint over time, for plots.
 
-    Attributes
-    ----------
-    time : (n,) s
-        Of the session (`recording.session`): it increases.
-    measured, predicted : (n,) N m
-        Decimated torque and X β̂ of the rows that count; the others are gaps in time.
+    `time` (n,) s: of the session (`recording.session`): it increases. `measured`, `predicted` (n,)
+    N m: decimated torque and X β̂ of the rows that count; the others are gaps in time.
     """
 
     joint: str

@@ -20,7 +20,6 @@ from idim_iv_ros.identification.effort_statistics import (
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Cutoffs, Motion
-from idim_iv_ros.types import FloatArray
 
 Level = Literal["good", "limited", "unusable"]
 
@@ -37,20 +36,17 @@ _ABSENT = 0.2  # of the torque of accelerations that the nominal masses need
 _BETTER_WITH_SIGNS = 0.7  # of the residual
 _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
+# A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
+_TURNS = 0.1
+_STANDS_STILL = 0.01  # of the motor's motion
 
 
 @dataclass(frozen=True)
 class JointFinding:
     """What is wrong with the signals of one joint.
 
-    Attributes
-    ----------
-    joint : int
-    level : str
-        ``unusable`` where numbers identified with it mean nothing.
-    sentence : str
-    left_out : bool
-        Whether the joint's torque says nothing of its links and drive.
+    `level`: ``unusable`` where numbers identified with it mean nothing; `left_out`: whether the
+    joint's torque says nothing of its links and drive.
     """
 
     joint: int
@@ -64,10 +60,8 @@ def joint_findings(
 ) -> tuple[JointFinding, ...]:
     """Say what is wrong with the signals, joint by joint; empty where nothing is.
 
-    Parameters
-    ----------
-    effort_unit
-        ``N m``, ``A`` or ``V``: only torques are compared with those of the nominal model.
+    `effort_unit`: ``N m``, ``A`` or ``V``: only torques are compared with those of the nominal
+    model.
     """
     statistics = effort_statistics(model, motions, cutoffs)
     findings: list[JointFinding] = []
@@ -108,23 +102,31 @@ def _too_few_rows(
     yield JointFinding(joint, "limited", sentence, left_out=rows < FEWEST_ROWS_PER_COLUMN * columns)
 
 
-@dataclass(frozen=True)
 class _Signals:
     """The signals of one joint of all recordings."""
 
-    model: InverseModel
-    motions: Sequence[Motion]
-    joint: int
-    effort_unit: str
+    def __init__(
+        self, model: InverseModel, motions: Sequence[Motion], joint: int, effort_unit: str
+    ) -> None:
+        self.robot, self.joint = model.robot, joint
+        self.angle, self.torque = (
+            unit_at(unit, model.robot.joint_types[joint]) for unit in ("rad", "N m")
+        )
+        self.in_newton_metres = effort_unit == "N m" and model.robot.has_inertials
+        positions = [motion.position[motion.span, joint] for motion in motions]
+        rates = [motion.signals.rate for motion in motions]
+        speeds = [np.gradient(of, 1.0 / rate) for of, rate in zip(positions, rates, strict=True)]
+        self.position, self.speed = np.concatenate(positions), np.concatenate(speeds)
+        self.effort = np.concatenate([motion.signals.torque[:, joint] for motion in motions])
 
     def positions(self) -> Iterator[JointFinding]:
         """Positions and speeds that the URDF excludes."""
-        limits = self.model.robot.limits
+        limits = self.robot.limits
         lower, upper = float(limits.lower[self.joint]), float(limits.upper[self.joint])
         fastest = float(limits.velocity[self.joint]) or np.inf
-        angle = unit_at("rad", self.model.robot.joint_types[self.joint])
-        low, high = np.quantile(self._position, [TAIL, 1.0 - TAIL])
-        speed = float(np.quantile(np.abs(self._speed), 1.0 - TAIL))
+        angle = self.angle
+        low, high = np.quantile(self.position, [TAIL, 1.0 - TAIL])
+        speed = float(np.quantile(np.abs(self.speed), 1.0 - TAIL))
         span, room = high - low, _BEYOND * (upper - lower)
         moved = f"positions from {low:.3g} to {high:.3g} {angle}"
         given = f"{lower:.3g} to {upper:.3g} {angle} of the URDF"
@@ -158,7 +160,7 @@ class _Signals:
 
     def outliers(self) -> Iterator[JointFinding]:
         """Efforts far above all others."""
-        size = np.abs(self._effort)
+        size = np.abs(self.effort)
         usual = float(np.quantile(size, 1.0 - TAIL))
         count = int(np.count_nonzero(size > _OUTLIER * usual))
         if usual > 0.0 and count:
@@ -174,20 +176,20 @@ class _Signals:
         sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
         if sentence:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
-        elif self._in_newton_metres and effort.given_friction > _FRICTION * effort.size:
-            given = self.model.robot.given
+        elif self.in_newton_metres and effort.given_friction > _FRICTION * effort.size:
+            given = self.robot.given
             sentence = (
                 f"damping {given.viscous[self.joint]:.3g} and friction "
                 f"{given.coulomb[self.joint]:.3g} of the nominal model would take "
-                f"{effort.given_friction:.3g} {self._torque} (rms) of a measured "
+                f"{effort.given_friction:.3g} {self.torque} (rms) of a measured "
                 f"{effort.size:.3g}: are they the gains of a simulated servo? Correct them in the "
                 "robot's file"
             )
             yield JointFinding(self.joint, "limited", sentence)
 
     def _unsigned(self, effort: EffortStatistics) -> str:
-        low, high = np.quantile(self._effort, [TAIL, 1.0 - TAIL])
-        turning = np.mean(self._speed > 0.0)
+        low, high = np.quantile(self.effort, [TAIL, 1.0 - TAIL])
+        turning = np.mean(self.speed > 0.0)
         if low < 0.0 < high or not _BOTH_WAYS < turning < 1.0 - _BOTH_WAYS:
             return ""
         if effort.unsigned > _BETTER_WITH_SIGNS * effort.signed:
@@ -216,7 +218,7 @@ class _Signals:
         )
 
     def _static(self, effort: EffortStatistics) -> str:
-        if not self._in_newton_metres or effort.static_share < _STATIC:
+        if not self.in_newton_metres or effort.static_share < _STATIC:
             return ""
         expected, torque = effort.expected, effort.torque
         if torque is not None and torque.certainty > _SIGNIFICANT:  # another unit than N m
@@ -225,32 +227,75 @@ class _Signals:
             return ""
         return (
             f"{100.0 * effort.static_share:.4g} % of the effort is a function of position and "
-            f"direction, and of {expected:.2g} {self._torque} (rms) that the nominal masses "
+            f"direction, and of {expected:.2g} {self.torque} (rms) that the nominal masses "
             f"need to accelerate it holds {effort.shown:.2g}: a friction or gravity compensation, "
             "not the whole torque; record that"
         )
 
-    @property
-    def _in_newton_metres(self) -> bool:
-        return self.effort_unit == "N m" and self.model.robot.has_inertials
+
+@dataclass(frozen=True)
+class LinkEncoder:
+    """One joint's encoder behind the gear.
+
+    `ratio`: how far the link turns beside its motor; `apart`: RMS of their difference, less its
+    mean in each recording, rad (m); `unit`: of that.
+    """
+
+    joint: str
+    ratio: float
+    apart: float
+    unit: str
 
     @property
-    def _torque(self) -> str:
-        return unit_at("N m", self.model.robot.joint_types[self.joint])
+    def problem(self) -> str:
+        """What is wrong with it; empty where nothing is."""
+        if abs(self.ratio) < _STANDS_STILL:
+            return "the encoder behind the gear stands still while the motor turns"
+        if abs(self.ratio - 1.0) > _TURNS:
+            return (
+                f"the encoder behind the gear turns {self.ratio:.3g} times as far as the motor: "
+                "look at its unit and sign, and at the gear ratio"
+            )
+        return ""
 
     @property
-    def _position(self) -> FloatArray:
-        return np.concatenate([motion.position[motion.span, self.joint] for motion in self.motions])
-
-    @property
-    def _speed(self) -> FloatArray:
-        return np.concatenate(
-            [
-                np.gradient(motion.position[motion.span, self.joint], 1.0 / motion.signals.rate)
-                for motion in self.motions
-            ]
+    def sentence(self) -> str:
+        """What it shows."""
+        return (
+            f"an encoder behind the gear: it differs from the motor by {1e3 * self.apart:.3g} "
+            f"m{self.unit} rms, twist, play and time offset together; diagnose tells them apart"
         )
 
-    @property
-    def _effort(self) -> FloatArray:
-        return np.concatenate([motion.signals.torque[:, self.joint] for motion in self.motions])
+
+def link_encoders(
+    motions: Sequence[Motion], joints: Sequence[str], joint_types: Sequence[str]
+) -> tuple[LinkEncoder, ...]:
+    """Describe every joint that has an encoder behind its gear in all recordings."""
+    encoders = []
+    for joint, name in enumerate(joints):
+        pairs = []
+        for motion in motions:
+            signals, span = motion.signals, motion.span
+            if signals.link_position is None or signals.link_valid is None:
+                break
+            valid = signals.link_valid[span, joint]
+            if not valid.any():
+                break
+            motor = signals.position[span, joint][valid]
+            link = signals.link_position[span, joint][valid]
+            pairs.append((motor - motor.mean(), link - link.mean()))
+        if len(pairs) < len(motions):
+            continue
+        motor, link = (np.concatenate(signals_of) for signals_of in zip(*pairs, strict=True))
+        energy = float(motor @ motor)
+        if energy <= 0.0:
+            continue
+        encoders.append(
+            LinkEncoder(
+                joint=name,
+                ratio=float(motor @ link) / energy,
+                apart=float(np.sqrt(np.mean((motor - link) ** 2))),
+                unit=unit_at("rad", joint_types[joint]),
+            )
+        )
+    return tuple(encoders)

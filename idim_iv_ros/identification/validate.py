@@ -19,7 +19,8 @@ from idim_iv_ros.estimation.least_squares import LinearEstimate
 from idim_iv_ros.estimation.observation import CHUNK, observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.signals import AutoregressiveModel, Motion, coarser, torque_noise
+from idim_iv_ros.signals import AutoregressiveModel, Motion, torque_noise
+from idim_iv_ros.signals.motion import decimated_motion
 from idim_iv_ros.statistics import (
     HypothesisTest,
     ResidualDiagnosis,
@@ -71,14 +72,8 @@ def validate(
 ) -> Validation:
     """Run the revised Durbin-Wu-Hausman test and the residual analysis (paper, section IV).
 
-    Parameters
-    ----------
-    observed
-        The rows that count, with the instruments of the estimate.
-    linear
-        The estimate that is judged.
-    estimate
-        The IDIM-IV iteration, None for IDIM-LS.
+    `observed`: the rows that count, with the instruments of the estimate; `linear`: the estimate
+    that is judged; `estimate`: the IDIM-IV iteration, None for IDIM-LS.
     """
     alpha = prepared.configuration.identification.significance
     rows, values = observed, linear.values
@@ -98,16 +93,14 @@ def validate(
             tested.motions, tested.instruments, prepared.model.robot.joint_types
         )
         note = tested.note
-    tests = wald_test_of_instruments(
-        rows, values, alpha=alpha, not_simulated=untested, simulation_errors=errors
-    )
-    exogeneity = exogeneity_test(rows, values, alpha=alpha, not_simulated=untested)
+    tests = wald_test_of_instruments(rows, values, not_simulated=untested, simulation_errors=errors)
+    exogeneity = exogeneity_test(rows, values, not_simulated=untested)
     specification = iter(
         specification_tests(rows, values, candidates, alpha=alpha, not_simulated=untested)
     )
     return Validation(
-        tests=_together(tests),
-        exogeneity=_together(exogeneity),
+        tests=_together(tests, alpha),
+        exogeneity=_together(exogeneity, alpha),
         specification=tuple(
             tuple(islice(specification, len(candidate))) for candidate in candidates
         ),
@@ -116,7 +109,7 @@ def validate(
     )
 
 
-def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
+def _together(tests: tuple[HypothesisTest, ...], alpha: float) -> tuple[HypothesisTest, ...]:
     """Share α: half for all rows, half among the n joints (Bonferroni).
 
     A right model is then accused anywhere with probability α at most.
@@ -124,8 +117,8 @@ def _together(tests: tuple[HypothesisTest, ...]) -> tuple[HypothesisTest, ...]:
     joints = max(len(tests) - 1, 1)
     first, others = tests[0], tests[1:]
     return (
-        replace(first, alpha=first.alpha / 2.0),
-        *(replace(test, alpha=test.alpha / (2.0 * joints)) for test in others),
+        replace(first, alpha=alpha / 2.0),
+        *(replace(test, alpha=alpha / (2.0 * joints)) for test in others),
     )
 
 
@@ -164,10 +157,12 @@ def _tested(
     ):
         return as_it_is  # gains so low that the loop takes longer than the recording
     motions = tuple(
-        coarser(
-            motion,
-            motion.decimation.factor * times,
+        decimated_motion(
+            motion.signals,
+            motion.position,
+            motion.span,
             prepared.configuration.processing,
+            (motion.cutoff, motion.decimation.factor * times),
             prepared.minimum_speed,
             prepared.model.regressor.layout.coupling_joints,
         )

@@ -25,10 +25,9 @@ from idim_iv_ros.signals import (
     Motion,
     ParallelDecimation,
     butterworth_samples,
-    fast_samples,
     zero_phase_butterworth,
 )
-from idim_iv_ros.signals.motion import decimated_motion
+from idim_iv_ros.signals.motion import decimated_motion, fast_samples
 from idim_iv_ros.types import FloatArray, IntArray
 
 CURVE_TOLERANCE = 0.01  # share of an impulse response that curves, and decimation, do not wait for

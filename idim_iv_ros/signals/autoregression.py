@@ -44,13 +44,9 @@ class Segments(tuple[slice, ...]):
 class AutoregressiveModel:
     """ε = H(z⁻¹) ε_N with H = 1/C, C = 1 + c₁ z⁻¹ + … + c_p z⁻ᵖ (paper, equation 11, D = 1).
 
-    Attributes
-    ----------
-    reflections : (p,)
-        κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable. They hold the
-        predictors of every lower order too, and those start a segment exactly.
-    innovation_variance : float
-        σ² of the white noise ε_N, in the squared unit of the residual.
+    `reflections` (p,): κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable.
+    They hold the predictors of every lower order too, and those start a segment exactly.
+    `innovation_variance`: σ² of the white noise ε_N, in the squared unit of the residual.
     """
 
     reflections: FloatArray
@@ -141,13 +137,9 @@ class AutoregressiveModel:
         The row at place k < p of a segment is predicted by the order-k predictor and scaled by
         σ/σ_k, so that every whitened row of the residual has the innovation variance.
 
-        Parameters
-        ----------
-        rows : (r,) or (r, k)
-            y, or columns of X or Z, of one joint.
-        segments : sequence of slice
-            Rows that are contiguous in time. They must cover every row in order; rows of
-            different segments are taken as independent.
+        `rows` (r,) or (r, k): y, or columns of X or Z, of one joint. `segments`: rows that are
+        contiguous in time. They must cover every row in order; rows of different segments are taken
+        as independent.
 
         Returns
         -------
@@ -178,14 +170,9 @@ class AutoregressiveModel:
         estimate needs that did not filter its rows. Dropped rows stay zero: the residual
         exists there, only nobody weighs it.
 
-        Parameters
-        ----------
-        rows : (r, k)
-            Columns of Z of one joint, unfiltered.
-        positions : (r,) increasing int
-            Place of each row on the regular grid of the series. Places further apart than the
-            memory of the filter are taken as independent, so that recordings may be kept
-            apart by any large step.
+        `rows` (r, k): columns of Z of one joint, unfiltered. `positions` (r,) increasing int: place
+        of each row on the regular grid of the series. Places further apart than the memory of the
+        filter are taken as independent, so that recordings may be kept apart by any large step.
 
         Returns
         -------
@@ -253,7 +240,8 @@ def fit_autoregression(
     """
     residual = np.asarray(residual, dtype=float)
     place = _place_in_segment(segments, len(residual))
-    with_past = _rows_with_past(place)
+    # n_k for k = 0 … : how many rows have at least k predecessors in their segment.
+    with_past = np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
     if max_order is None:
         enough = with_past[1:] >= _ROWS_PER_COEFFICIENT * np.arange(1, len(with_past))
         max_order = min(_LARGEST_ORDER, int(np.count_nonzero(enough)))
@@ -298,11 +286,6 @@ def _place_in_segment(segments: Sequence[slice], n_rows: int) -> IntArray:
     """(r,) how many predecessors each row has in its segment."""
     starts = _starts(segments, n_rows)
     return np.arange(n_rows) - np.repeat(starts[:-1], np.diff(starts))
-
-
-def _rows_with_past(place: IntArray) -> IntArray:
-    """n_k for k = 0 … : how many rows have at least k predecessors in their segment."""
-    return np.cumsum(np.bincount(place, minlength=1)[::-1])[::-1]
 
 
 def _starts(segments: Sequence[slice], n_rows: int) -> IntArray:

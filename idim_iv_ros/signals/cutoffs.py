@@ -51,12 +51,7 @@ def choose_cutoffs(
     The cut-offs hold for all recordings, so that the slowest one limits them. Each recording is
     decimated by its own factor, to one rate of the rows.
 
-    Parameters
-    ----------
-    records
-        All recordings.
-    source
-        The configuration file, for messages.
+    `records`: all recordings; `source`: the configuration file, for messages.
 
     Raises
     ------
@@ -169,10 +164,7 @@ def choose_minimum_speed(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Speed below which a joint is in its reversal regime, (n_joints,) rad/s, and why.
 
-    Parameters
-    ----------
-    peak_speed
-        (n_joints,) largest filtered speed of each joint, rad/s.
+    `peak_speed`: (n_joints,) largest filtered speed of each joint, rad/s.
     """
     if processing.minimum_speed is not None:
         return np.array(processing.minimum_speed), ()

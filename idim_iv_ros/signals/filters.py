@@ -21,14 +21,8 @@ def zero_phase_butterworth(
 ) -> FloatArray:
     """Low-pass a signal forward and backward, so that it is not delayed.
 
-    Parameters
-    ----------
-    signal
-        (n_samples, n_joints).
-    rate, cutoff
-        Hz; `cutoff` is that of one pass.
-    order
-        Of one pass.
+    `signal`: (n_samples, n_joints). `rate`, `cutoff`: Hz; `cutoff` is that of one pass. `order`: of
+    one pass.
 
     Returns
     -------
@@ -65,12 +59,8 @@ def settling_samples(sections: FloatArray, tolerance: float) -> int:
     by that of the motion). With that sum below `tolerance`, a sample that waits for L agrees with
     the filter over the whole recording to twice that share.
 
-    Parameters
-    ----------
-    sections : (n, 6)
-        Second-order sections of one pass, as of SciPy.
-    tolerance
-        Share of Σ |h_k|.
+    `sections` (n, 6): second-order sections of one pass, as of SciPy; `tolerance`: share of Σ
+    |h_k|.
     """
     poles = np.abs(np.concatenate([np.roots(section[3:]) for section in sections]))
     length = int(_LONGEST / -np.log(min(poles.max(), 1.0 - 1e-9))) + 2
@@ -100,16 +90,8 @@ def central_differences(
     (order 2, as in the paper) a motion at f loses (2π f / rate)² / 6 of its velocity and twice that
     of its acceleration: 12 % at a tenth of the rate. Over five (order 4) that is 1 %.
 
-    Parameters
-    ----------
-    signal
-        (n_samples, n_joints).
-    rate
-        Hz.
-    start, stop
-        Samples to return; neighbours outside are used where there are any.
-    order
-        Of the error, in the time between two samples.
+    `signal`: (n_samples, n_joints); `rate`: Hz. `start`, `stop`: samples to return; neighbours
+    outside are used where there are any. `order`: of the error, in the time between two samples.
 
     Returns
     -------

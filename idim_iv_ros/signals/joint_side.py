@@ -57,11 +57,8 @@ class JointSignals:
 class JointTransform:
     """From the side of what is recorded to the joints.
 
-    Attributes
-    ----------
-    to_joint, to_torque : (n_joints, n_joints)
-        q = to_joint · q_recorded + offset, τ = to_torque · effort, with the scale of the efforts.
-    offset : (n_joints,) rad or m
+    `to_joint`, `to_torque` (n_joints, n_joints): q = to_joint · q_recorded + offset, τ = to_torque
+    · effort, with the scale of the efforts; `offset` (n_joints,) rad or m.
     """
 
     to_joint: FloatArray

@@ -158,13 +158,7 @@ def filter_motion(
     minimum_speed, why = choose_minimum_speed(processing, peaks)
     motions = tuple(
         decimated_motion(
-            record,
-            position,
-            span,
-            processing,
-            (cutoffs.position, factor),
-            minimum_speed,
-            couplings,
+            record, position, span, processing, (cutoffs.position, factor), minimum_speed, couplings
         )
         for record, position, span, factor in zip(
             signals, filtered, spans, cutoffs.factors, strict=True
@@ -172,25 +166,6 @@ def filter_motion(
     )
     reasons = tuple(f"{what}: {ignored} is not taken for motion" for what, ignored in at_rest) + why
     return motions, minimum_speed, tuple(what for what, _ in at_rest), reasons
-
-
-def coarser(
-    motion: Motion,
-    factor: int,
-    processing: ProcessingSection,
-    minimum_speed: FloatArray,
-    couplings: Sequence[tuple[int, int]] = (),
-) -> Motion:
-    """Return the same filtered motion, decimated by `factor` instead."""
-    return decimated_motion(
-        motion.signals,
-        motion.position,
-        motion.span,
-        processing,
-        (motion.cutoff, factor),
-        minimum_speed,
-        couplings,
-    )
 
 
 def _still_joints(

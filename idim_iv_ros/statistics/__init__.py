@@ -13,11 +13,10 @@ from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.instruments import exogeneity_test, wald_test_of_instruments
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
 from idim_iv_ros.statistics.specification import specification_tests
-from idim_iv_ros.statistics.verdict import JointVerdict, OverallVerdict, judge_all, judge_joint
+from idim_iv_ros.statistics.verdict import OverallVerdict, judge_all, judge_joint
 
 __all__ = [
     "HypothesisTest",
-    "JointVerdict",
     "OverallVerdict",
     "ResidualDiagnosis",
     "diagnose_residual",

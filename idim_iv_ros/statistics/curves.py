@@ -40,10 +40,8 @@ def smooth(x: FloatArray, y: FloatArray, time: FloatArray) -> SmoothCurve:
     The standard error of the ratio m = Σ_b S_b / Σ_b N_b of kernel sums over blocks b is
     √(B/(B−1) Σ_b (S_b − m N_b)²) / Σ_b N_b.
 
-    Parameters
-    ----------
-    x, y, time : (r,)
-        Abscissa (in the scale that is drawn), ordinate, and the increasing time of the session, s.
+    `x`, `y`, `time` (r,): abscissa (in the scale that is drawn), ordinate, and the increasing time
+    of the session, s.
     """
     grid, cell = _cells(x)
     if len(grid) == 0:
@@ -95,12 +93,8 @@ def _blocks(time: FloatArray) -> NDArray[np.int64]:
 class OrderSpectrum:
     """Amplitudes of sin and cos (k q) that fit each residual.
 
-    Attributes
-    ----------
-    wave_number : (n,)
-        k in 1/rad, which is periods per turn (2πk in 1/m periods per metre).
-    amplitudes : tuple of (n,)
-        One for each residual, in its unit.
+    `wave_number` (n,): k in 1/rad, which is periods per turn (2πk in 1/m periods per metre);
+    `amplitudes`: one for each residual, in its unit.
     """
 
     wave_number: FloatArray
@@ -121,11 +115,7 @@ def order_spectrum(
     OrderSpectrum or None
         None where the joint hardly moves.
 
-    Parameters
-    ----------
-    position, speed : (r,)
-    residuals : (r,) each
-    step : s
+    `position`, `speed` (r,); `residuals` (r,) each; `step` s.
     """
     sound = np.isfinite(position) & np.isfinite(speed)
     for residual in residuals:

@@ -58,14 +58,8 @@ def gls_regression(
     iteration: Burg's energies are those of the residual plus those that estimating δ took out
     of it, those of the columns of regressors @ covariance_root.
 
-    Parameters
-    ----------
-    target : (r,)
-        What may or may not contain something of the regressors.
-    regressors : (r, c)
-        May be rank deficient.
-    segments : sequence of slice
-        Rows that are contiguous in time.
+    `target` (r,): what may or may not contain something of the regressors; `regressors` (r, c): may
+    be rank deficient; `segments`: rows that are contiguous in time.
     """
     errors = fit_autoregression(target, segments)
     order = errors.order

@@ -1,6 +1,6 @@
 """Test results that know their null hypothesis, and the F-test that makes most of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import scipy
 
@@ -74,27 +74,15 @@ def f_test(
     df: int,
     unexplained: float,
     df_denom: int,
-    alpha: float,
     max_deviation: float | None = None,
     torque_deviation_percent: float | None = None,
 ) -> HypothesisTest:
     """F-test that what `df` directions explain is no more than noise.
 
-    Parameters
-    ----------
-    explained, unexplained
-        Sums of squares in the `df` directions and in the `df_denom` that are left for the noise.
+    `explained`, `unexplained`: sums of squares in the `df` directions and in the `df_denom` that
+    are left for the noise.
     """
     statistic = explained / df / (unexplained / df_denom)
     p_value = float(scipy.stats.f.sf(statistic, df, df_denom))
-    return HypothesisTest(
-        null,
-        scope,
-        statistic,
-        df,
-        df_denom,
-        p_value,
-        max_deviation,
-        alpha,
-        torque_deviation_percent=torque_deviation_percent,
-    )
+    made = HypothesisTest(null, scope, statistic, df, df_denom, p_value, max_deviation)
+    return replace(made, torque_deviation_percent=torque_deviation_percent)

@@ -32,7 +32,6 @@ def wald_test_of_instruments(
     joints: Sequence[JointRows],
     parameters: FloatArray,
     *,
-    alpha: float = 0.05,
     not_simulated: str | None = None,
     simulation_errors: Sequence[FloatArray] | None = None,
 ) -> tuple[HypothesisTest, ...]:
@@ -44,8 +43,6 @@ def wald_test_of_instruments(
         Unfiltered rows; the test whitens them itself.
     parameters : (b,)
         The IDIM-IV estimate β̂.
-    alpha : float
-        Level of each test.
     not_simulated : str, optional
         Why the instruments do not come from a simulation of the loop. Such instruments share
         the noise of X by construction, and no test is run.
@@ -67,19 +64,24 @@ def wald_test_of_instruments(
     for rows, errors in zip(joints, draws, strict=True):
         reason = not_simulated or _obstacle(rows, parameters)
         if reason is not None:
-            tests.append(HypothesisTest.not_run(VALID, rows.name, reason, alpha))
+            tests.append(HypothesisTest.not_run(VALID, rows.name, reason))
             continue
         difference = rows.prediction(parameters) - rows.instruments @ parameters[rows.columns]
         fit = gls_regression(difference, rows.instruments, rows.segments)
         columns = np.column_stack([rows.instruments, difference, errors])
         whitened = r_factor(fit.errors.whiten(columns, rows.segments))
         fits.append(_Fit(rows, fit, whitened))
-        tests.append(_test_of_joint(fits[-1], parameters, alpha))
+        energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
+        percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters)))
+        largest, width = largest_deviation(_both(rows), fit.n_rows), rows.instruments.shape[1]
+        tests.append(
+            _satterthwaite_f_test(rows.name, whitened, width, fit.n_rows, largest, percent)
+        )
     if fits:
-        return (_test_of_all(fits, parameters, alpha), *tests)
+        return (_test_of_all(fits, parameters), *tests)
     reasons = {test.reason for test in tests if test.reason}
     reason = reasons.pop() if len(reasons) == 1 else "no joint can be tested"
-    return (HypothesisTest.not_run(VALID, "all", reason, alpha), *tests)
+    return (HypothesisTest.not_run(VALID, "all", reason), *tests)
 
 
 def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
@@ -98,21 +100,7 @@ def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
     return None
 
 
-def _test_of_joint(fitted: "_Fit", parameters: FloatArray, alpha: float) -> HypothesisTest:
-    rows, fit = fitted.rows, fitted.regression
-    energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
-    return _satterthwaite_f_test(
-        rows.name,
-        fitted.whitened,
-        rows.instruments.shape[1],
-        fit.n_rows,
-        largest_deviation(_both(rows), fit.n_rows),
-        100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters))),
-        alpha,
-    )
-
-
-def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -> HypothesisTest:
+def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray) -> HypothesisTest:
     """Stack the whitened joints, each divided by its σ of v, with one δ for all."""
     width = len(parameters)
     n_rows = sum(fitted.regression.n_rows for fitted in fits)
@@ -140,7 +128,6 @@ def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray, alpha: float) -
         n_rows,
         largest_deviation(stacked_r_factor(both, both_places, 2 * width), n_rows),
         100.0 * float(np.sqrt(np.mean(shares))),
-        alpha,
     )
 
 
@@ -165,7 +152,6 @@ def _satterthwaite_f_test(
     n_rows: int,
     deviation: float | None,
     torque_percent: float,
-    alpha: float,
 ) -> HypothesisTest:
     """F-test of δ = 0 from the R factor of the whitened [Z, (X − Z) β̂, draws].
 
@@ -179,7 +165,7 @@ def _satterthwaite_f_test(
     rank, dof = basis.rank, n_rows - basis.rank
     unexplained = float(rest @ rest)
     if rank == 0 or dof <= 0 or unexplained <= 0.0:
-        return HypothesisTest.not_run(VALID, scope, "no error V is left to judge by", alpha)
+        return HypothesisTest.not_run(VALID, scope, "no error V is left to judge by")
     variance = unexplained / dof
     trace, trace_of_square = _draws_energy(basis.vectors.T @ factor[:, width + 1 :], rank)
     mean = rank * variance + trace
@@ -194,7 +180,6 @@ def _satterthwaite_f_test(
         df=freedom,
         unexplained=unexplained,
         df_denom=dof,
-        alpha=alpha,
         max_deviation=deviation,
         torque_deviation_percent=torque_percent,
     )
@@ -219,12 +204,7 @@ def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
     what of column i, in parts of its rms, goes with column k beyond Π = I. Entries whose
     standard error (taken as if rows were white) exceeds 0.05 are left out; None if all do.
 
-    Parameters
-    ----------
-    factor : (k, 2c)
-        R factor of [Z X].
-    n_rows : int
-        How many rows it was made of.
+    `factor` (k, 2c): R factor of [Z X]; `n_rows`: how many rows it was made of.
     """
     width = factor.shape[1] // 2
     instruments, regressor = factor[:, :width], factor[:, width:]
@@ -250,14 +230,8 @@ def torque_deviation(
 ) -> float:
     """‖Z δ̂‖² less its expectation under δ = 0, at least 0, in N² m².
 
-    Parameters
-    ----------
-    coefficients : (c,)
-        δ̂ of (X − Z) β̂ = Z δ + v.
-    covariance_root : (c, k)
-        covariance_root @ covariance_root.T is the covariance of δ̂.
-    instruments : (r, c)
-        Unfiltered.
+    `coefficients` (c,): δ̂ of (X − Z) β̂ = Z δ + v; `covariance_root` (c, k): covariance_root @
+    covariance_root.T is the covariance of δ̂; `instruments` (r, c): unfiltered.
     """
     explained = instruments @ coefficients
     by_noise = instruments @ covariance_root
@@ -265,11 +239,7 @@ def torque_deviation(
 
 
 def exogeneity_test(
-    joints: Sequence[JointRows],
-    parameters: FloatArray,
-    *,
-    alpha: float = 0.05,
-    not_simulated: str | None = None,
+    joints: Sequence[JointRows], parameters: FloatArray, *, not_simulated: str | None = None
 ) -> tuple[HypothesisTest, ...]:
     """Test whether X is exogenous, for all rows and joint by joint.
 
@@ -281,9 +251,7 @@ def exogeneity_test(
     """
     if not_simulated is not None:
         scopes = ("all", *(rows.name for rows in joints))
-        return tuple(
-            HypothesisTest.not_run(EXOGENOUS, scope, not_simulated, alpha) for scope in scopes
-        )
+        return tuple(HypothesisTest.not_run(EXOGENOUS, scope, not_simulated) for scope in scopes)
     width = len(parameters)
     factors, places, tests, n_rows = [], [], [], 0
     for rows in joints:
@@ -292,36 +260,26 @@ def exogeneity_test(
         model = gls_regression(rows.residual(parameters), rows.matrix, rows.segments).errors
         white = rows.whitened(model).reduced
         factor = np.column_stack([white.instruments, white.matrix, white.torque])
-        tests.append(exogeneity_f_test(factor, len(rows), rows.name, alpha))
+        tests.append(exogeneity_f_test(factor, len(rows), rows.name))
         sigma = float(np.linalg.norm(white.residual(parameters)) / np.sqrt(max(1, len(rows))))
         if sigma > 0.0:
             factors.append(factor / sigma)
             places.append(np.concatenate([rows.columns, rows.columns + width, [2 * width]]))
             n_rows += len(rows)
     if not factors:
-        return (HypothesisTest.not_run(EXOGENOUS, "all", "there is no residual", alpha), *tests)
+        return (HypothesisTest.not_run(EXOGENOUS, "all", "there is no residual"), *tests)
     whole = stacked_r_factor(factors, places, 2 * width + 1)
-    return (exogeneity_f_test(whole, n_rows, "all", alpha), *tests)
+    return (exogeneity_f_test(whole, n_rows, "all"), *tests)
 
 
-def exogeneity_f_test(
-    factor: FloatArray, n_rows: int, scope: str, alpha: float = 0.05
-) -> HypothesisTest:
+def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> HypothesisTest:
     """F-test of γ = 0 from the R factor of [Z X y], equal to the Wu-Hausman statistic.
 
     Columns of V̂ that vanish, or that the other columns of [X V̂] already hold, are dropped by
     QR with each column measured against the norm of its column of X.
 
-    Parameters
-    ----------
-    factor : (k, 2c + 1)
-        R factor of [Z X y]; rows may be weighted and whitened.
-    n_rows : int
-        How many rows it was made of.
-    scope : str
-        "all" or the name of a joint.
-    alpha : float
-        Level of the test.
+    `factor` (k, 2c + 1): R factor of [Z X y]; rows may be weighted and whitened. `n_rows`: how many
+    rows it was made of; `scope`: "all" or the name of a joint.
     """
     width = (factor.shape[1] - 1) // 2
     instruments, regressor = factor[:, :width], factor[:, width:-1]
@@ -332,17 +290,17 @@ def exogeneity_f_test(
     augmented = independent_basis(span.remove(error), norms)
     if augmented.rank == 0:
         reason = "the instruments reproduce the regressor, which is exogenous"
-        return HypothesisTest.not_run(EXOGENOUS, scope, reason, alpha)
+        return HypothesisTest.not_run(EXOGENOUS, scope, reason)
     dof = n_rows - span.rank - augmented.rank
     if dof <= 0:
         columns = span.rank + augmented.rank
         reason = f"{n_rows} rows for {columns} columns are too few"
-        return HypothesisTest.not_run(EXOGENOUS, scope, reason, alpha)
+        return HypothesisTest.not_run(EXOGENOUS, scope, reason)
     restricted = span.remove(torque)
     free = augmented.remove(restricted)
     unexplained = float(free @ free)
     if unexplained <= np.finfo(float).eps * float(torque @ torque):
-        return HypothesisTest.not_run(EXOGENOUS, scope, "the residual vanishes", alpha)
+        return HypothesisTest.not_run(EXOGENOUS, scope, "the residual vanishes")
     gained = augmented.vectors.T @ restricted
     return f_test(
         EXOGENOUS,
@@ -351,5 +309,4 @@ def exogeneity_f_test(
         df=augmented.rank,
         unexplained=unexplained,
         df_denom=dof,
-        alpha=alpha,
     )

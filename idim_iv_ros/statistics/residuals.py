@@ -97,14 +97,7 @@ def diagnose_residual(
 ) -> ResidualDiagnosis:
     """Diagnose the residual y_j − X_j β̂ of one joint (paper, section IV).
 
-    Parameters
-    ----------
-    rows : JointRows
-        Unfiltered rows.
-    parameters : (b,)
-        β̂.
-    alpha : float
-        Level of each test.
+    `rows`: unfiltered rows; `parameters` (b,): β̂; `alpha`: level of each test.
     """
     residual = rows.residual(parameters)
     count = len(residual)
@@ -116,7 +109,7 @@ def diagnose_residual(
     harmless = (
         model.predictable_share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
     )
-    skewness, kurtosis = _shape(whitened)
+    skewness, kurtosis, normality = _normality(whitened, rows.name, alpha)
     energy = float(rows.torque @ rows.torque)
     acf_whitened = autocorrelation(whitened, rows.segments, n_lags)
     return ResidualDiagnosis(
@@ -134,7 +127,7 @@ def diagnose_residual(
         whiteness_after=ljung_box(
             whitened, rows.segments, WHITENED, rows.name, n_lags, model.order, alpha=alpha
         ),
-        normality=_jarque_bera(count, skewness, kurtosis, rows.name, alpha),
+        normality=normality,
         autoregression=model,
         acf=autocorrelation(residual, rows.segments, n_lags),
         acf_whitened=acf_whitened,
@@ -226,26 +219,22 @@ def excess_kurtosis(values: FloatArray) -> float:
     return float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
 
 
-def _shape(series: FloatArray) -> tuple[float, float]:
-    """Skewness and excess kurtosis; 0 where the series does not vary."""
-    centred = series - series.mean() if len(series) else series
-    variance = float(np.mean(centred**2)) if len(series) else 0.0
-    if variance == 0.0:
-        return 0.0, 0.0
-    unit = centred / np.sqrt(variance)
-    return float(np.mean(unit**3)), float(np.mean(unit**4)) - 3.0
-
-
-def _jarque_bera(
-    count: int, skewness: float, kurtosis: float, scope: str, alpha: float
-) -> HypothesisTest:
-    """JB = r/6 (S² + K²/4) against χ²(2)."""
+def _normality(series: FloatArray, scope: str, alpha: float) -> tuple[float, float, HypothesisTest]:
+    """Skewness S, excess kurtosis K (0 of a constant), and r/6 (S² + K²/4) against χ²(2)."""
+    count, skewness, kurtosis = len(series), 0.0, 0.0
+    centred = series - series.mean() if count else series
+    variance = float(np.mean(centred**2)) if count else 0.0
+    if variance != 0.0:
+        unit = centred / np.sqrt(variance)
+        skewness, kurtosis = float(np.mean(unit**3)), float(np.mean(unit**4)) - 3.0
     if count < _LEAST_ROWS:
-        return HypothesisTest.not_run(NORMAL, scope, f"{count} rows are too few", alpha)
+        few = HypothesisTest.not_run(NORMAL, scope, f"{count} rows are too few", alpha)
+        return skewness, kurtosis, few
     statistic = count / 6.0 * (skewness**2 + kurtosis**2 / 4.0)
     deviation = max(abs(skewness), abs(kurtosis))
     p_value = float(scipy.stats.chi2.sf(statistic, 2))
-    return HypothesisTest(NORMAL, scope, statistic, 2, None, p_value, deviation, alpha)
+    test = HypothesisTest(NORMAL, scope, statistic, 2, None, p_value, deviation, alpha)
+    return skewness, kurtosis, test
 
 
 def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
@@ -256,11 +245,7 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
     number of lags), and the degrees of freedom of a χ² with the same mean and variance are
     2 m² n / v (Satterthwaite).
 
-    Parameters
-    ----------
-    time : (n,) s
-        Of the rows.
-    residual : (n,) N m (N)
+    `time` (n,) s: of the rows; `residual` (n,) N m (N).
 
     Returns
     -------

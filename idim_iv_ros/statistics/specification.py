@@ -112,20 +112,15 @@ def specification_tests(
         for family, functions in families.items():
             scope, null = f"{rows.name}: {family}", NULL.format(family=family)
             if not_simulated is not None:
-                tests.append(HypothesisTest.not_run(null, scope, not_simulated, alpha))
+                tests.append(HypothesisTest.not_run(null, scope, not_simulated))
             else:
-                tests.append(_test(rows, parameters, functions, scope, null, alpha))
+                tests.append(_test(rows, parameters, functions, scope, null))
     run = max(sum(test.p_value is not None for test in tests), 1)
     return tuple(replace(test, alpha=_CAUTION * alpha / run) for test in tests)
 
 
 def _test(
-    rows: JointRows,
-    parameters: FloatArray,
-    functions: FloatArray,
-    scope: str,
-    null: str,
-    alpha: float,
+    rows: JointRows, parameters: FloatArray, functions: FloatArray, scope: str, null: str
 ) -> HypothesisTest:
     residual = rows.residual(parameters)
     beyond, spare = _directions(rows.instruments, functions)
@@ -136,9 +131,9 @@ def _test(
             if spare > 0
             else f"{len(residual)} rows for {rows.instruments.shape[1]} columns are too few"
         )
-        return HypothesisTest.not_run(null, scope, reason, alpha)
+        return HypothesisTest.not_run(null, scope, reason)
     if not np.any(residual):
-        return HypothesisTest.not_run(null, scope, "the residual vanishes", alpha)
+        return HypothesisTest.not_run(null, scope, "the residual vanishes")
     both = np.column_stack([rows.instruments, beyond])
     fit = gls_regression_from_rest(residual, both, rows.segments)
     instruments = independent_basis(fit.whitened[:, : -width - 1])
@@ -149,7 +144,7 @@ def _test(
     dof = fit.n_rows - instruments.rank - added.rank
     unexplained = float(rest @ rest)
     if added.rank == 0 or dof <= 0 or unexplained <= 0.0:
-        return HypothesisTest.not_run(null, scope, "nothing is left to judge by", alpha)
+        return HypothesisTest.not_run(null, scope, "nothing is left to judge by")
     energy = float(gained @ gained)
     coefficients = added.solve(left, width)
     explained = float(np.linalg.norm(beyond @ coefficients)) ** 2
@@ -162,7 +157,6 @@ def _test(
         df=added.rank,
         unexplained=unexplained,
         df_denom=dof,
-        alpha=alpha,
         torque_deviation_percent=100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque)),
     )
 

@@ -1,7 +1,7 @@
 """The paper's verdict in words: may the estimates of a joint be believed (section IV.C)?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -33,9 +33,9 @@ class JointVerdict:
     joint: str
     verdict: Verdict
     sentence: str
+    note: str = ""
     torque_percent: float | None = None
     rejected_percent: float = 0.0
-    note: str = ""
     rejected: bool = False
 
 
@@ -76,10 +76,11 @@ def judge_joint(
         share = 1.0 - min(noise / residual.rms, 1.0) ** 2
         beyond = float(residual.relative_percent * np.sqrt(share))
     tests = [test for test in (instruments, *specification) if test.accepted is False]
-    return replace(
-        _judged(instruments, residual, specification, beyond),
+    return JointVerdict(
+        residual.joint,
+        *_judged(instruments, residual, specification, beyond),
         torque_percent=beyond,
-        rejected_percent=max((test.torque_deviation_percent or 0.0 for test in tests), default=0.0),
+        rejected_percent=max(map(_percent, tests), default=0.0),
         rejected=instruments.accepted is False,
     )
 
@@ -89,15 +90,15 @@ def _judged(
     residual: ResidualDiagnosis,
     specification: Sequence[HypothesisTest],
     beyond: float | None,
-) -> JointVerdict:
+) -> tuple[Verdict, str, str]:
+    """Verdict, sentence, and what was rejected and is too small for a verdict."""
     joint = residual.joint
     if instruments.accepted is None:
-        return JointVerdict(
-            joint,
-            "inconclusive",
+        sentence = (
             f"{joint}: the instruments were not tested ({instruments.reason}), so this recording "
-            "does not show whether the model is right at this joint.",
+            "does not show whether the model is right at this joint."
         )
+        return "inconclusive", sentence, ""
     rejecting = [test for test in specification if test.accepted is False]
     left = [test for test in rejecting if _percent(test) >= LEAST_LEFT_PERCENT]
     deviation = instruments.torque_deviation_percent
@@ -107,31 +108,29 @@ def _judged(
         sentence = _rejected(instruments, joint)
         if left:
             sentence += f" The residual follows {_families(left)}."
-        return JointVerdict(joint, "misspecified", sentence)
+        return "misspecified", sentence, ""
     if left:
-        return JointVerdict(
-            joint,
-            "misspecified",
+        sentence = (
             f"{joint}: the instruments are valid, but the residual follows {_families(left)}. The "
             "loop holds the motion whatever the model is; the torque says that an effect is "
             "missing here, and the estimates are biased by what it shares with the terms of the "
-            "model.",
+            "model."
         )
+        return "misspecified", sentence, ""
     note = _small_deviations(instruments, rejecting)
     head = f"{joint}: {'the instruments are valid' if instruments.accepted else note}"
     more = f" Small beside the torque: {note}." if note and instruments.accepted else ""
     if residual.white is None:
-        return JointVerdict(
-            joint,
-            "inconclusive",
+        sentence = (
             f"{head}, but the autocorrelation of the residual was not tested "
-            f"({residual.whiteness.reason}), so the standard deviations cannot be judged.{more}",
+            f"({residual.whiteness.reason}), so the standard deviations cannot be judged.{more}"
         )
+        return "inconclusive", sentence, ""
     if residual.white:
         hold = ": the estimates and their standard deviations hold" if not note else ""
         sentence = f"{head}, and the residual may be treated as white{hold}.{more}"
-        return JointVerdict(joint, "valid", sentence, note=note)
-    return JointVerdict(joint, "autocorrelated", _autocorrelated(residual, head) + more, note=note)
+        return "valid", sentence, note
+    return "autocorrelated", _autocorrelated(residual, head) + more, note
 
 
 def _percent(test: HypothesisTest) -> float:
@@ -214,12 +213,8 @@ def judge_all(
 ) -> OverallVerdict:
     """Join the verdicts on all joints with the instrument test of all rows.
 
-    Parameters
-    ----------
-    joints : sequence of JointVerdict
-        One for each joint.
-    instruments : HypothesisTest, optional
-        The Wald test of Π = I over all rows, scope "all"; it sees what no joint shows alone.
+    `joints`: one for each joint. `instruments`: the Wald test of Π = I over all rows, scope "all";
+    it sees what no joint shows alone.
     """
     wrong, inconclusive, autocorrelated = (
         [joint.joint for joint in joints if joint.verdict == kind]

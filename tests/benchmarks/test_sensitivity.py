@@ -9,11 +9,12 @@ from idim_iv_ros.diagnosis import settings
 def test_settings_are_halved_and_doubled_and_large_shares_by_their_distance_from_one() -> None:
     assert [float(value) for value in sensitivity.variants("LEAST_SUPPORT")] == [4.0, 16.0]
     assert sensitivity.variants("MEASURED_BELOW") == pytest.approx([0.8, 0.2])
+    assert sensitivity.variants("FOLDS") == (2, 8)
 
 
 def test_a_setting_is_changed_for_a_while_and_what_came_before_it_is_kept() -> None:
     before = settings.LEAST_SUPPORT
-    with sensitivity.changed("LEAST_SUPPORT", before.times(2.0)):
+    with sensitivity.changed("LEAST_SUPPORT", 2.0 * before):
         assert 2.0 * before == settings.LEAST_SUPPORT
     assert settings.LEAST_SUPPORT is before
     assert sensitivity.first_step("MEASURED_BELOW") == "refit"

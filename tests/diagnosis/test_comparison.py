@@ -10,7 +10,7 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.answer.causes import signal_notes, structural_causes
-from idim_iv_ros.diagnosis.answer.explained import explained
+from idim_iv_ros.diagnosis.answer.explained import explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
@@ -20,7 +20,6 @@ from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, operating_range
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.unexplained import unexplained
 from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift

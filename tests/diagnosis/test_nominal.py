@@ -11,7 +11,7 @@ import pytest
 
 from bags.simulated_arms import arm2, joint_topics, record
 from idim_iv_ros import diagnose, identify
-from idim_iv_ros.diagnosis.nominal import IdentifiedModel, read_nominal_model, with_nominal
+from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import EffectParameter, NominalModel
 from idim_iv_ros.effects.registry import STRUCTURAL
@@ -42,11 +42,11 @@ def result(bag: Path) -> Path:
     return path
 
 
-def model_of(data: Baseline, values: np.ndarray) -> IdentifiedModel:
+def model_of(data: Baseline, values: np.ndarray) -> NominalModel:
     base = data.prepared.model.base
     numbers = zip(base.names, base.units, values, strict=True)
     parameters = {name: EffectParameter(float(value), 0.1, unit) for name, unit, value in numbers}
-    return IdentifiedModel(NominalModel("result.json", "arm2", (), parameters), "")
+    return NominalModel("result.json", "arm2", (), parameters)
 
 
 def test_the_nominal_model_has_the_identified_base_parameters(data: Baseline) -> None:
@@ -79,8 +79,8 @@ def test_effects_of_a_diagnosis_are_listed_as_left_out(bag: Path, tmp_path: Path
     path = tmp_path / "gap.json"
     diagnosis.write(path)
     read = read_nominal_model(path, CONFIGURATION)
-    assert set(read.nominal.parameters) == set(diagnosis.extended_parameters)
-    assert read.nominal.left_out == ()
+    assert set(read.parameters) == set(diagnosis.extended_parameters)
+    assert read.left_out == ()
     assert read.kinematics == diagnosis.kinematics
 
 
@@ -113,7 +113,7 @@ def test_a_result_of_another_robot_is_refused_in_one_line(data, result, tmp_path
 def test_a_number_that_is_none_is_refused(data: Baseline) -> None:
     model = model_of(data, data.prepared.model.given)
     name = data.prepared.model.base.names[0]
-    parameters = {**model.nominal.parameters, name: EffectParameter(np.nan, None, "kg m²")}
-    broken = replace(model, nominal=replace(model.nominal, parameters=parameters))
+    parameters = {**model.parameters, name: EffectParameter(np.nan, None, "kg m²")}
+    broken = replace(model, parameters=parameters)
     with pytest.raises(UsageError, match="no finite number"):
         with_nominal(data, broken)

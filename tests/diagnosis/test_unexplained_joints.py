@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis import sentences
+from idim_iv_ros.diagnosis.answer.explained import unexplained_residual
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import Stage
-from idim_iv_ros.diagnosis.unexplained import unexplained_residual
 
 
 def missed(

@@ -6,13 +6,10 @@ import pytest
 from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
 from idim_iv_ros.diagnosis.result import Regime
-from idim_iv_ros.diagnosis.sentences import finding
 from idim_iv_ros.diagnosis.where import (
     Axis,
-    Finding,
-    MotionAtRows,
     axes_of,
-    ends_of,
+    in_words,
     joined,
     lifts,
     regimes_of,
@@ -85,7 +82,7 @@ def test_an_end_of_the_axis_is_left_out_of_the_words(low: float, high: float, wo
     bins = split(axis, residual**2, np.arange(4000) // 100)
     best = joined(regimes_of("joint_2", axis, bins, "rad/s"))
     assert best is not None
-    sentence = finding(Finding(best, *ends_of(best, axis.edges), False, 0.0), ())
+    sentence = in_words(best, axis.edges)
     assert sentence.startswith(f"joint_2, {words} rad/s: ")
 
 
@@ -169,7 +166,7 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     loud = time >= starts[-1] + 6.0
     residual = random.standard_normal(len(time)) * np.where(loud, 3.0, 1.0)
     other = random.uniform(0.1, 1.0, len(time))
-    axes = axes_of(MotionAtRows(time, other, other, other, other), starts)
+    axes = axes_of(np.array([time, other, other, other, other]), starts)
     axis = next(one for one in axes if one.name == "time")
     if 1 < recordings < 6:  # no bin holds rows of two recordings
         place = np.searchsorted(axis.edges, time, side="right")
@@ -178,7 +175,7 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     bins = split(axis, residual**2, blocks)
     best = joined(regimes_of("joint_2", axis, bins, "s"))
     assert best is not None
-    sentence = finding(Finding(best, *ends_of(best, axis.edges), False, 0.0), parts)
+    sentence = in_words(best, axis.edges, parts)
     assert f"s of run{recordings - 1}.mcap: " in sentence
     assert "session" not in sentence
     if recordings < 4:

@@ -13,9 +13,9 @@ from idim_iv_ros.prediction.rows import joint_levels
 from idim_iv_ros.signals import (
     ParallelDecimation,
     central_differences,
-    difference_order,
     zero_phase_butterworth,
 )
+from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray
 from tests.prediction.arm6 import PERIOD, START, play, samples
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import cheby1, decimate, sosfiltfilt
 
-from idim_iv_ros.signals import ParallelDecimation, common_factors, decimation_factor
+from idim_iv_ros.signals.decimation import ParallelDecimation, common_factors, decimation_factor
 
 
 def noise(samples: int) -> np.ndarray:

@@ -28,13 +28,9 @@ from idim_iv_ros.types import FloatArray, IntArray
 class Changes:
     """A search in which effects and numbers may act in some recordings only.
 
-    Attributes
-    ----------
-    selection : Selection
-    accepted, doubtful : dict of Term to str
-        Terms of some recordings: without how many parts of the time the search chooses them.
-        Those that are accepted matter, and are chosen without parts of the time, too. Of free
-        curves that is not asked.
+    `accepted`, `doubtful`: terms of some recordings: without how many parts of the time the search
+    chooses them. Those that are accepted matter, and are chosen without parts of the time, too. Of
+    free curves that is not asked.
     """
 
     selection: Selection
@@ -57,14 +53,9 @@ def changes_between(
 ) -> Changes:
     """Search with free numbers for all recordings, so that errors of the nominal model cancel.
 
-    Parameters
-    ----------
-    scopes, number_scopes
-        Recordings in which effects, and numbers, may differ from all others.
-    without
-        Effects that are left out of the catalogue.
-    taken_out
-        Terms of another search whose torque is taken out first.
+    `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from all others;
+    `without`: effects that are left out of the catalogue; `taken_out`: terms of another search
+    whose torque is taken out first.
     """
     catalogue = Catalogue(data, regression, without, scopes=scopes, number_scopes=number_scopes)
     ledger = torque_ledger(data, regression, free=True)
@@ -128,14 +119,7 @@ def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArr
 class NumberChange:
     """Numbers that differ in some recordings from all others.
 
-    Attributes
-    ----------
-    effect : ParametricEffect
-    joint : int or None
-    recordings : Scope
-    parameters : dict of str to EffectParameter
-        The difference, with its deviations.
-    terms : tuple of Term
+    `parameters`: the difference, with its deviations.
     """
 
     effect: ParametricEffect
@@ -175,10 +159,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Estimated]:
     """Add the changes of one name, with the deviations of their sums.
 
-    Parameters
-    ----------
-    parts
-        Terms, and the place of the first coefficient of each.
+    `parts`: terms, and the place of the first coefficient of each.
     """
     places: dict[str, list[int]] = {}
     changes = {}
@@ -205,14 +186,8 @@ def agreement(
 
     Of two recordings that differ the second is named: nothing says which of them is right.
 
-    Parameters
-    ----------
-    regression
-        Of the refit.
-    taken_out
-        Structural causes, whose torque is taken out first.
-    without
-        Effects that are left out of the catalogue.
+    `regression`: of the refit; `taken_out`: structural causes, whose torque is taken out first;
+    `without`: effects that are left out of the catalogue.
     """
     count = len(data.motions)
     if count < 2:

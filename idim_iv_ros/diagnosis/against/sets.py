@@ -14,12 +14,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import (
-    Baseline,
-    refit_of,
-    smooth_regression,
-    with_offsets,
-)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, smooth_regression, with_offsets
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.estimation.rows import JointRows
@@ -32,14 +27,9 @@ from idim_iv_ros.types import BoolArray, FloatArray
 class TwoSets:
     """Rows of both sets, those of the reference first.
 
-    Attributes
-    ----------
-    data : Baseline
-        Of all recordings: motions, rows and their recordings. Its estimate is the reference's.
-    regression : Regression
-        On the smooth motion.
-    refits : (Refit, Refit)
-        Of reference and second set by themselves.
+    `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
+    `regression`: on the smooth motion; `refits` (Refit, Refit): of reference and second set by
+    themselves.
     """
 
     data: Baseline

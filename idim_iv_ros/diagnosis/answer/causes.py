@@ -61,10 +61,7 @@ def structural_causes(
 ) -> list[Cause]:
     """One cause for each structural effect.
 
-    Parameters
-    ----------
-    simulations
-        Gap of the simulated motion before and after each effect.
+    `simulations`: gap of the simulated motion before and after each effect.
     """
     causes, tested = [], explanation.tested
     # The refit with the coefficients that effects have beside the errors of the nominal model.
@@ -272,8 +269,7 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
         place = places[0]
     ordered = [*others[:place], *laws, *others[place:]]
     return sorted(
-        ordered,
-        key=lambda cause: not (BY_NAME[cause.effect].put_in_first and cause.joint is None),
+        ordered, key=lambda cause: not (BY_NAME[cause.effect].put_in_first and cause.joint is None)
     )
 
 
@@ -303,12 +299,8 @@ def verdict_of(
 ) -> Verdict:
     """One word: causes of the catalogue count before what is outside it.
 
-    Parameters
-    ----------
-    parameters
-        Whether parameters are in error beyond the causes: it is not known which.
-    unexplained
-        Whether much of the gap remains.
+    `parameters`: whether parameters are in error beyond the causes: it is not known which;
+    `unexplained`: whether much of the gap remains.
     """
     kinds: set[str] = {cause.kind for cause in causes}
     if parameters and not kinds and not unexplained:

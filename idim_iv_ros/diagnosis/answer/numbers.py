@@ -45,14 +45,8 @@ def parameters_of(
 ) -> dict[str, EffectParameter]:
     """Parameters of one effect among all that were added.
 
-    Parameters
-    ----------
-    regression, fit
-        With all effects.
-    term
-        The effect.
-    start
-        Place of its first column among the added ones.
+    `regression`, `fit`: with all effects; `term`: the effect; `start`: place of its first column
+    among the added ones.
     """
     effect, shape = term.effect, term.shape
     assert shape is not None

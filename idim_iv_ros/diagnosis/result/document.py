@@ -173,6 +173,7 @@ class NominalModel:
     robot: str
     left_out: tuple[str, ...]
     parameters: dict[str, EffectParameter]
+    kinematics: Unsaved[str] = field(default="", compare=False)  # of the file, if it has one
 
 
 @dataclass(frozen=True)

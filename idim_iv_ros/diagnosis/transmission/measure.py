@@ -1,6 +1,6 @@
 """Shafts and play that encoders behind the gears measure, as results and as causes."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +33,7 @@ from idim_iv_ros.diagnosis.transmission.twist import (
 from idim_iv_ros.effects.cause import Part
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.effects.two_masses import transmitted
-from idim_iv_ros.identification.link_encoders import link_encoders
+from idim_iv_ros.identification.sanity import LinkEncoder, link_encoders
 
 _LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
 _LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
@@ -66,21 +66,19 @@ class Measured:
 
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
     """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
-    joints = [joint for joint in range(len(data.joints)) if _has_encoder(data, joint)]
-    return tuple(_measured(data, regression, joint) for joint in joints)
+    types = data.prepared.model.robot.joint_types
+    encoders = link_encoders(data.prepared.motions, data.joints, types)
+    return tuple(_measured(data, regression, encoder) for encoder in encoders)
 
 
-def _has_encoder(data: Baseline, joint: int) -> bool:
-    """Whether every recording holds positions of the joint behind its gear."""
-    return all(
-        motion.signals.link_valid is not None and bool(motion.signals.link_valid[:, joint].any())
-        for motion in data.prepared.motions
-    )
-
-
-def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
-    rows, name = twist_rows(data, regression, joint), data.joints[joint]
-    reason = _unusable(data, rows, joint)
+def _measured(data: Baseline, regression: Regression, encoder: LinkEncoder) -> Measured:
+    name, joint = encoder.joint, data.joints.index(encoder.joint)
+    rows, reason = twist_rows(data, regression, joint), encoder.problem
+    if len(rows.load) < settings.LEAST_ROWS:
+        reason = (
+            f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
+            "with this joint moving"
+        )
     if reason:
         return Measured(joint, Transmission(joint=name, reason=reason))
     fit = fit_twist(rows)
@@ -90,7 +88,7 @@ def _measured(data: Baseline, regression: Regression, joint: int) -> Measured:
         fit = fit_twist(_with_link_motion(data, regression, joint, fit))
         if SIDE in fit.terms:
             fit = fit_twist(fit.rows.away_from_side_changes())
-    return Measured(joint, transmission(fit, name, lambda unit: data.unit_at(joint, unit)), fit)
+    return Measured(joint, _transmission(data, joint, fit), fit)
 
 
 def _with_link_motion(
@@ -108,40 +106,21 @@ def _with_link_motion(
     return twist_rows(data, regression, joint, bending, fitted.values)
 
 
-def _unusable(data: Baseline, rows: TwistRows, joint: int) -> str:
-    """Say why nothing can be measured; empty where something can."""
-    if len(rows.load) < settings.LEAST_ROWS:
-        return (
-            f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
-            "with this joint moving"
-        )
-    types = data.prepared.model.robot.joint_types
-    encoders = link_encoders(data.prepared.motions, data.joints, types)
-    return next(
-        (encoder.problem for encoder in encoders if encoder.joint == data.joints[joint]), ""
-    )
-
-
-def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str) -> Transmission:
-    """Everything that the twist says, with what makes it unsure.
-
-    Parameters
-    ----------
-    unit_at
-        From a unit of a joint that turns to that of this one.
-    """
-    rows = fit.rows
+def _transmission(data: Baseline, joint: int, fit: TwistFit) -> Transmission:
+    """Everything that the twist of a joint says, with what makes it unsure."""
+    rows, angle = fit.rows, data.unit_at(joint, "rad")
     bending, std, test = compliance(fit)
     elastic = bending * rows.load
     clear = bending > settings.CLEAR_DEVIATIONS * std
     exceeds_step = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
     if LOAD in fit.terms and clear and exceeds_step:
-        stiffness = EffectParameter(1.0 / bending, std / bending**2, unit_at("N m/rad"))
-        damping = _damping(fit, stiffness, unit_at("N m s/rad"))
+        unit = data.unit_at(joint, "N m/rad")
+        stiffness = EffectParameter(1.0 / bending, std / bending**2, unit)
+        damping = _damping(fit, stiffness, data.unit_at(joint, "N m s/rad"))
     highest = bending + settings.NORMAL_95 * std
     gap, friction = (
-        EffectParameter(2.0 * fit.numbers[term][0], 2.0 * fit.numbers[term][1], unit_at("rad"))
+        EffectParameter(2.0 * fit.numbers[term][0], 2.0 * fit.numbers[term][1], angle)
         if fit.clear(term)
         else None
         for term in (SIDE, DIRECTION)
@@ -152,7 +131,7 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
         most = 2.0 * (max(side, 0.0) + settings.NORMAL_95 * side_std)
     total = float(np.var(fit.twist)) or 1e-300
     return Transmission(
-        joint=joint,
+        joint=data.joints[joint],
         stiffness=stiffness,
         stiffness_at_least=1.0 / highest if highest > 0.0 else None,
         damping=damping,
@@ -167,7 +146,7 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
         resolution=rows.resolution,
         rows=len(rows.load),
         tests=(test,),
-        unit=unit_at("rad"),
+        unit=angle,
         reason="" if stiffness else _undecided(fit, clear=clear, exceeds_step=exceeds_step),
     )
 
@@ -175,10 +154,8 @@ def transmission(fit: TwistFit, joint: str, unit_at: Callable[[str], str] = str)
 def _undecided(fit: TwistFit, *, clear: bool, exceeds_step: bool) -> str:
     """Why no stiffness is said.
 
-    Parameters
-    ----------
-    clear, exceeds_step
-        Whether the twist under the load differs from zero, and is larger than the encoders' step.
+    `clear`, `exceeds_step`: whether the twist under the load differs from zero, and is larger than
+    the encoders' step.
     """
     rows = fit.rows
     # Whether a twist of one step of the encoders would not have been significant.
@@ -224,12 +201,7 @@ def _without_twist(
 ) -> Regression:
     """Take off what a transmission changes of the torques against a rigid one.
 
-    Parameters
-    ----------
-    stiffness, gap
-        N m/rad, rad.
-    damping
-        N m s/rad; None: light, where none was measured.
+    `stiffness`, `gap`: N m/rad, rad. `damping`: N m s/rad; None: light, where none was measured.
     """
     if damping is None:
         critical = 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))

@@ -137,14 +137,9 @@ def twist_rows(
 ) -> TwistRows:
     """Rows of one joint, where both encoders were read.
 
-    Parameters
-    ----------
-    compliance
-        Of the shaft, rad/(N m), as far as it is known: the link needs the torque of its own motion,
-        which is the motor's less the twist.
-    values
-        (b,) base parameters of the links, where those of the refit are not: it takes the motor's
-        motion for theirs.
+    `compliance`: of the shaft, rad/(N m), as far as it is known: the link needs the torque of its
+    own motion, which is the motor's less the twist; `values`: (b,) base parameters of the links,
+    where those of the refit are not: it takes the motor's motion for theirs.
     """
     channels, parts, taken = [], [], []
     pairs = zip(data.prepared.motions, data.motions, strict=True)

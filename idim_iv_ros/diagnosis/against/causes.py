@@ -1,0 +1,266 @@
+"""What changed from a reference set of recordings to a second one, cause by cause and in words."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.against.changes import Changes, NumberChange, rms_of
+from idim_iv_ros.diagnosis.against.sets import TwoSets
+from idim_iv_ros.diagnosis.answer.causes import rivals_of
+from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
+from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
+from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
+from idim_iv_ros.diagnosis.result import ContrastCause, EffectParameter, Evidence, JointTorque
+from idim_iv_ros.diagnosis.sentences import listed_numbers, or_else, spaced, torque, with_interval
+from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
+from idim_iv_ros.simulation import ControlLaw
+
+Side = Literal["reference", "against"]
+WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
+
+
+def side_of(sets: TwoSets, term: Term) -> Side:
+    """The set whose recordings a term acts in."""
+    assert term.candidate.scope is not None
+    return "against" if term.candidate.scope <= sets.second else "reference"
+
+
+def torques_of(
+    sets: TwoSets, terms: Sequence[Term], recordings: frozenset[int] | None = None
+) -> tuple[JointTorque, ...]:
+    """RMS of their torque in the recordings where they act, at joints where it matters."""
+    data, place = sets.data, terms[0].candidate.place
+    inside = recordings or frozenset().union(*(t.candidate.scope or () for t in terms))
+    first = None if place is None else data.joints[place.joint]
+    sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
+    made = [
+        JointTorque(name, float(rms), float(rms / size))
+        for name, rms, size in sizes
+        if name == first or rms >= settings.LEAST_NONPARAMETRIC * size
+    ]
+    return tuple(sorted(made, key=lambda one: (one.joint != first, -one.share_of_torque)))
+
+
+def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
+    """One cause of every effect that one set has, or that the sets have otherwise."""
+    data, made = sets.data, []
+    places: dict[tuple[str, int | None, int | None], list[Term]] = {}
+    for term in changes.accepted:
+        if term.candidate.kind is Kind.EFFECT:
+            places.setdefault(term.key[:3], []).append(term)
+    for place, terms in sorted(places.items()):
+        numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
+        for term in terms:
+            fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
+            numbers[side_of(sets, term)] = data.in_units_at(term.place.joint, fitted)
+        one, other = numbers["reference"], numbers["against"]
+        joints = [data.joints[joint] for joint in terms[0].place.joints]
+        text = f"{spaced(place[0])} at {' and '.join(joints)}"
+        said, said_other = (listed_numbers(place[0], of_set) for of_set in (one, other))
+        change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
+        if one and other:
+            change = "changed"
+            text += f" changed: {said} in the reference, {said_other} in the second set"
+        elif any(term.key[:3] == place for term in changes.common):
+            change = "changed"
+            more = "reference recordings" if one else "second set"
+            text += f" changed: more of it in the {more} ({said or said_other})"
+        else:
+            text += f" {WHERE['reference' if one else 'against']}: {said or said_other}"
+        made.append(
+            _of_terms(
+                sets,
+                changes,
+                terms,
+                text,
+                kind="structural",
+                joint=joints[0],
+                other_joint=joints[1] if len(joints) > 1 else None,
+                change=change,
+                bags=sets.bags(sets.second),
+                parameters=_difference(other, one) if one and other else other or one,
+                reference=one,
+                against=other,
+            )
+        )
+    return made
+
+
+def parametric_causes(
+    sets: TwoSets, changes: Changes, numbers: Sequence[NumberChange]
+) -> list[ContrastCause]:
+    """One cause of all numbers of an effect that changed, with its recordings where they differ."""
+    several = len({change.recordings for change in numbers}) > 1
+    made = []
+    for number in numbers:
+        joint, parameters, bags = number.joint, number.parameters, sets.bags(number.recordings)
+        name, place = None, ""
+        if joint is not None:
+            name, parameters = sets.data.joints[joint], sets.data.in_units_at(joint, parameters)
+            place = f" of {name}{number.effect.which(joint)}"
+        text = (
+            f"{', '.join(bags) + ': ' if several else ''}{spaced(number.effect.name)}{place} "
+            "changed, second set less reference: "
+            f"{listed_numbers(number.effect.name, parameters)}"
+        )
+        made.append(
+            _of_terms(
+                sets,
+                changes,
+                number.terms,
+                text,
+                number.recordings,
+                kind="parametric",
+                joint=name,
+                change="changed",
+                bags=bags,
+                parameters=parameters,
+            )
+        )
+    return made
+
+
+def _of_terms(
+    sets: TwoSets,
+    changes: Changes,
+    terms: Sequence[Term],
+    text: str,
+    recordings: frozenset[int] | None = None,
+    **fields: Any,
+) -> ContrastCause:
+    """A cause that terms of the search make; `text`: what changed, without its torques."""
+    data, torques = sets.data, torques_of(sets, terms, recordings)
+    listed = ", ".join(
+        f"{torque(data, made.rms, made.joint)} at {made.joint} "
+        f"({100.0 * made.share_of_torque:.3g} % of its torque)"
+        for made in torques
+    )
+    others = rivals_of(data.joints, terms)
+    return ContrastCause(
+        effect=terms[0].key[0],
+        evidence=Evidence(
+            sum(max(2.0 * term.evidence, 0.0) for term in terms),
+            chosen_in_folds=min(changes.accepted[term] for term in terms),
+        ),
+        indistinguishable_from=others,
+        torques=torques,
+        sentence=f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
+        **fields,
+    )
+
+
+def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCause], str]:
+    """Compare the law that each set shows; and why not, where they cannot be compared.
+
+    The configured law is only the form: what both sets have otherwise than configured cancels.
+    """
+    if CONTROL_LAW.name in without:
+        return [], ""
+    for refit, name in zip(sets.refits, ("reference", "second set"), strict=True):
+        reason = why_not_checked(refit.data)
+        if reason:
+            return [], f"the control laws of the sets were not compared: {reason} ({name})"
+    one, other = (shown_law(refit.data) for refit in sets.refits)
+    causes = [
+        _law_cause(sets, one.law, joint, one.joints[joint][0].followed_by(other.joints[joint][0]))
+        for joint in sorted(set(one.joints) & set(other.joints))
+    ]
+    return [cause for cause in causes if cause is not None], ""
+
+
+def _law_cause(
+    sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows
+) -> ContrastCause | None:
+    """What one joint is controlled by otherwise in the second set; None where in nothing."""
+    change = law_change(rows)
+    differing = [term for term in change.terms if term.key[3] is not None]
+    if not differing:
+        return None
+    groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
+    command = np.zeros(len(rows.rest))
+    for term in differing:
+        name, value = term.key[0], float(term.coefficients[0])
+        common, std = change.changes.get(name, (0.0, 0.0))
+        groups[0][name] = common, std
+        groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))
+        command += value * rows.groups[name]
+    reference, against = (
+        sets.data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, group)) for group in groups
+    )
+    # What the change makes on the second set's motion.
+    rms = float(np.std(command[rows.second]))
+    made = JointTorque(sets.data.joints[joint], rms, rms / float(sets.sizes[joint]))
+    changed = ", ".join(
+        f"{spaced(name)} from {with_interval(reference[name])} to {with_interval(number)}"
+        for name, number in against.items()
+    )
+    sentence = (
+        f"control law of {made.joint} changed: {changed} "
+        f"({100.0 * made.share_of_torque:.3g} % of its torque)"
+    )
+    evidence = Evidence(2.0 * sum(term.evidence for term in differing))
+    return _of_both(
+        sets, CONTROL_LAW.name, made.joint, (reference, against), evidence, sentence, (made,)
+    )
+
+
+def delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:
+    """A shift of the effort that changed by more than recording makes of it."""
+    numbers = {"delay": shifts["reference"]}, {"delay": shifts["against"]}
+    delay = _difference(numbers[1], numbers[0])["delay"]
+    period = max(refit.shift.period for refit in sets.refits)
+    if delay.std is None or abs(delay.value) < max(
+        settings.CONTRAST_LEAST_DELAY * period, settings.CLEAR_DEVIATIONS * delay.std
+    ):
+        return []
+    sentence = (
+        f"the effort acts {1e3 * abs(delay.value):.2f} ± "
+        f"{1e3 * settings.NORMAL_95 * delay.std:.2g} ms "
+        f"{'later' if delay.value > 0.0 else 'earlier'} in the second set, at all joints"
+    )
+    evidence = Evidence((delay.value / delay.std) ** 2)
+    return [_of_both(sets, name_of("delay"), None, numbers, evidence, sentence)]
+
+
+def _of_both(
+    sets: TwoSets,
+    effect: str,
+    joint: str | None,
+    numbers: tuple[dict[str, EffectParameter], dict[str, EffectParameter]],
+    evidence: Evidence,
+    sentence: str,
+    torques: tuple[JointTorque, ...] = (),
+) -> ContrastCause:
+    """A cause that both sets have, with the numbers of the reference and of the second set."""
+    reference, against = numbers
+    return ContrastCause(
+        effect=effect,
+        kind="structural",
+        joint=joint,
+        change="changed",
+        bags=sets.bags(sets.second),
+        parameters=_difference(against, reference),
+        reference=reference,
+        against=against,
+        evidence=evidence,
+        torques=torques,
+        sentence=sentence,
+    )
+
+
+def _difference(
+    against: Mapping[str, EffectParameter], reference: Mapping[str, EffectParameter]
+) -> dict[str, EffectParameter]:
+    """Second set less reference, of the numbers that both have; no deviation unless both have."""
+    made = {}
+    for name, other in against.items():
+        if name not in reference:
+            continue
+        one, std = reference[name], None
+        if one.std is not None and other.std is not None:
+            std = float(np.hypot(one.std, other.std))
+        made[name] = EffectParameter(other.value - one.value, std, other.unit)
+    return made
