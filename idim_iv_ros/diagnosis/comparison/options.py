@@ -72,7 +72,7 @@ class Options:
 
     def inner_products(
         self,
-        weights: Sequence[float] | Sequence[RowNoise],
+        weights: Sequence[float | RowNoise],
         parts: Sequence[IntArray] | None = None,
     ) -> list[dict[int, FloatArray]]:
         """Products (m_w, w, w) of the columns of each option, over all joints, for each part.
@@ -106,7 +106,7 @@ class Options:
         """Lines (m, w, r) times a factor, or whitened."""
         if not isinstance(weight, RowNoise):
             return lines * np.float32(weight)
-        flat = lines.reshape(-1, lines.shape[2]).T
+        flat = lines.reshape(-1, lines.shape[2]).T.astype(float)
         white = weight.standardized(flat, self.ledger.joints[joint].segments)
         return white.T.astype(np.float32).reshape(lines.shape)
 
