@@ -2,10 +2,15 @@
 
 import ast
 import re
+import sys
 from importlib import import_module
 from pathlib import Path
 
+import pytest
+
 import idim_iv_ros
+from idim_iv_ros import effects
+from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.registry import BY_NAME
 
 PACKAGE = Path(idim_iv_ros.__file__).parent
@@ -64,3 +69,13 @@ def test_a_name_and_an_import_are_seen(tmp_path: Path) -> None:
         'print(f"time_delay of {y}: no spring shows")\n'
     )
     assert named(file) == {"spring", "joint_coupling", "backlash", "time_delay"}
+
+
+def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (Path(effects.__path__[0]) / "spring.py").read_text()
+    text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
+    (tmp_path / "rope.py").write_text(text)
+    monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
+    names = [cause.name for cause in registry._one_of_each(registry._modules())]
+    assert names.index("rope") == names.index("stribeck") - 1
+    del sys.modules["idim_iv_ros.effects.rope"]
