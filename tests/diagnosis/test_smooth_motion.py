@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from bags.simulated_arms import SimulatedArm, record
@@ -107,12 +108,17 @@ def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
         np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
 
 
-def test_band_is_as_wide_as_the_sampling_allows_whatever_the_noise_of_the_encoders(arm) -> None:
-    """25 Hz at most, and a fifth of the Nyquist frequency of the recorded positions or torques."""
-    for noise in (4e-4, 1.6e-3):
+def test_band_ends_where_noise_of_the_encoders_reaches_eight_times_that_of_the_torques(arm) -> None:
+    """(2πf)² = √5 · 8 σ_τ / (J σ_q), J the largest inertia along the motion; 25 Hz at most."""
+    model = arm.robot.pinocchio
+    links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
+    inertia = np.max(links, axis=0) + arm.truth.drive_inertia
+    for noise in (1e-4, 1.6e-3, 6.4e-3):
         wide = widened([recorded(arm, 1, position_noise=noise)], arm.configuration).processing
-        assert wide.decimation_cutoff == pytest.approx(25.0, rel=0.15)
-        assert wide.position_cutoff == pytest.approx(2.5 * wide.decimation_cutoff, rel=1e-6)
+        limit = np.sqrt(np.sqrt(5.0) * 8.0 * np.array([0.45, 0.175]) / (inertia * noise))
+        # Inertias and both noises are estimates, and one sample in a multiple of five is kept.
+        expected = min(float(limit.min()) / (2 * np.pi), 25.0)
+        assert wide.decimation_cutoff == pytest.approx(expected, rel=0.15)
     configured = changed(arm.configuration, "processing", decimation_cutoff=7.0)
     assert widened([recorded(arm, 1)], configured) is configured
 

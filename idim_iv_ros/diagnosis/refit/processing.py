@@ -10,14 +10,22 @@ friction, and the decimation filter smears that over the rows around.
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+from scipy.signal import welch
+
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
-from idim_iv_ros.identification.prepare import prepare
+from idim_iv_ros.estimation.least_squares import solve_least_squares
+from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN
+from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
+from idim_iv_ros.simulation import joint_inertia
+from idim_iv_ros.types import FloatArray
 
 _NYQUIST_MARGIN = 1.3  # of half of the sampling rate over the proposed cut-off of the positions
+_NOISE_SEGMENT = 2.0  # s of the spectrum from which the noise of the sensors is read
 _HIGHEST_CUTOFF = 0.4  # of the sampling rate: cut-off of the positions that is proposed at most
 
 
@@ -49,8 +57,10 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     """Propose a decimation cut-off for the diagnosis where the user names none.
 
     What distinguishes effects (ripple, shafts, play, delays) lies higher than what identifies
-    inertias. Encoders' noise, which grows as f² in the acceleration, costs nothing there: it is in
-    the noise by whose spectrum the rows are weighted.
+    inertias. Noise of encoders costs little there: it is in the noise by whose spectrum rows are
+    weighted. White noise of standard deviation σ_q at the positions gives the torque of an inertia
+    J the density J² σ_q² (2πf)⁴; the band ends where its power is s² times that of the torque's
+    noise, (2πf)² = √5 s σ_τ / (J σ_q): beyond, a coarse encoder's steps pass for a soft shaft.
     """
     processing = configuration.processing
     if processing.decimation_cutoff is not None:
@@ -59,6 +69,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     rate = min(motion.signals.rate for motion in prepared.motions)
     measured = min(rate, *map(_effort_rate, recordings))
     cutoff = min(
+        _noise_limit(prepared),
         settings.WIDEST_BAND,
         measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN),
     )
@@ -82,6 +93,33 @@ def _effort_rate(recording: Recording) -> float:
     """Hz at which efforts are measured: those of a slower topic are interpolated to the grid."""
     topic = recording.effort.origin.rpartition(" ")[0]
     return next((clock.rate for clock in recording.clocks if clock.topic == topic), recording.rate)
+
+
+def _noise_limit(prepared: PreparedRegression) -> float:
+    """Hz, the least over the joints."""
+    model, motions = prepared.model, prepared.motions
+    rows = observation_rows(model, motions)
+    require_excitation(prepared, rows)
+    values = solve_least_squares(rows, len(model.base.columns)).values
+    position = motions[0].position
+    sample = position[:: max(1, len(position) // 50)]
+    inertia = np.abs(joint_inertia(model.robot, model.dynamic_parameters(values), sample))
+    noise_of_inertia = np.maximum(inertia * _noise(motions, "position"), 1e-30)
+    ratio = _noise(motions, "torque") / noise_of_inertia
+    return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)
+
+
+def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
+    """Standard deviation (n_joints,) of the noise in single samples: the upper half of the band."""
+    variances = []
+    for motion in motions:
+        values = getattr(motion.signals, quantity)
+        rate = motion.signals.rate
+        segment = min(len(values), max(64, int(_NOISE_SEGMENT * rate)))
+        frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
+        upper = density[frequency > 0.25 * rate]
+        variances.append(np.median(upper, axis=0) * rate / 2.0)
+    return np.asarray(np.sqrt(np.mean(variances, axis=0)))
 
 
 def reason_for_margin(
