@@ -6,48 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
-from idim_iv_ros.diagnosis.comparison.options import Options
+from idim_iv_ros.diagnosis.comparison.prior import Prior
 from idim_iv_ros.types import FloatArray, IntArray
 
-_NOTHING = 0.5  # prior probability that there is nothing more
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
 _MOST_BANNED = 4  # places that are passed over because they are not visible
+_ROUNDING = 1e-5  # of the largest information of a direction: less is none
 _LOOKED_AT = 400  # options whose evidence is computed first: those with the highest bound
-_SHAPES_OF_PRIOR = 5  # more shapes than these cost no presence
-
-
-class Prior:
-    """Prior probability of every option: of its effect, its place, its shape."""
-
-    def __init__(self, options: Options) -> None:
-        names: dict[tuple[str, Scope | None], list[int]] = {}
-        for number, key in enumerate(options.keys):
-            curve = options.is_curve[np.flatnonzero(options.key == number)[0]]
-            name = "a free curve" if curve else key[0]
-            names.setdefault((name, key[3]), []).append(number)
-        weight = np.zeros(len(options.keys))
-        for numbers in names.values():
-            first = options.candidates[options.candidate[options.key == numbers[0]][0]]
-            likely = (
-                settings.PRIOR_OF_CURVE if first.kind is Kind.CURVE else first.effect.prior_weight
-            )
-            weight[numbers] = likely / len(numbers)
-        weight *= (1.0 - _NOTHING) / weight.sum()
-        shapes = np.bincount(options.key, minlength=len(options.keys))
-        self.log = np.log(weight[options.key] / shapes[options.key])
-        self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
-        self.nothing = float(np.log(_NOTHING))
-        self._keys = options.keys
-        self._of_key = np.array(
-            [self.of_presence[options.key == number][0] for number in range(len(options.keys))]
-        )
-
-    def odds_of_presence(self, key: Key) -> float:
-        """Logarithm of the prior odds of an effect at a place against nothing more."""
-        return float(self._of_key[self._keys.index(key)]) - self.nothing
 
 
 class Comparison:
@@ -87,11 +55,11 @@ class Comparison:
         return level - sum(self.prior.nothing - term.log_prior for term in terms)
 
     def weighed(self, term: Term, others: Sequence[Term]) -> Term:
-        """A term of any shape with its evidence, presence, size and dispersion beside others."""
+        """A term with the evidence, visible share and dispersion that it has beside others."""
         model = ModelWithTerms(self.nominal, tuple(others))
         inner, score, crossed = model.left_of(term)
         values, vectors = np.linalg.eigh(inner)
-        seen = values > 1e-5 * max(float(values[-1]), 1e-300)
+        seen = values > _ROUNDING * max(float(values[-1]), 1e-300)
         values, vectors = values[seen], vectors[:, seen]
         z = (vectors.T @ score) / np.sqrt(values)
         unit = vectors @ (z / np.sqrt(values))
@@ -214,7 +182,7 @@ class Comparison:
             sums += totals[ends] - totals[starts]
             inner += table.T @ table
         values, vectors = np.linalg.eigh(inner)
-        seen = values > 1e-5 * max(float(values[-1]), 1e-300)
+        seen = values > _ROUNDING * max(float(values[-1]), 1e-300)
         root = vectors[:, seen] / np.sqrt(values[seen])
         weights = (root.T @ (inner @ coefficients)) ** 2
         share = weights / max(float(weights.sum()), 1e-300)
@@ -419,7 +387,7 @@ class _Ranking:
         for (k, _), weight in zip(kept, weights / weights.sum(), strict=True):
             key = options.keys[options.key[k]]
             keys[key] = keys.get(key, 0.0) + float(weight)
-        odds = float(self.capped[row] + prior.of_presence[option] - prior.nothing)
+        odds = float(self.capped[row]) + prior.odds_of_presence(candidate.key)
         shape = int(options.shape[option])
         inverse = np.linalg.pinv(basis)
         lines = {joint: table @ inverse for joint, table in plain.items()}

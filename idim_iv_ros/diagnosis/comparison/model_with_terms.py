@@ -11,10 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger
+from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, products_with_model
 from idim_iv_ros.effects.effect import Effect, Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _ROUNDING = 1e-5  # of a direction's energy before the errors are taken out: single precision
@@ -107,17 +108,13 @@ class Torques:
 
     def __init__(self, options: Options) -> None:
         ledger = options.ledger
-        self.scales = [
-            1.0 / (np.sqrt(max(len(rows), 1)) * size)
-            for rows, size in zip(ledger.joints, ledger.sizes, strict=True)
-        ]
-
-        model = [
-            rows.matrix * scale for rows, scale in zip(ledger.joints, self.scales, strict=True)
-        ]
-        right = [table * scale for table, scale in zip(model, self.scales, strict=True)]
-        self.inner = options.inner_products(self.scales)[0]
-        self.normal, self.shared = products_with_model(options, model, right)
+        noise, model = [], []
+        for rows, size in zip(ledger.joints, ledger.sizes, strict=True):
+            flat = AutoregressiveModel(np.zeros(0), max(len(rows), 1) * float(size) ** 2)
+            noise.append(RowNoise(flat, np.ones(len(rows))))
+            model.append(flat.standardized(rows.matrix, rows.segments))
+        self.inner = options.inner_products(noise)[0]
+        self.normal, self.shared = products_with_model(options, model, noise)
 
 
 class NominalErrors:

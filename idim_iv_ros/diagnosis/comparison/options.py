@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
-from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _AT_ONCE = 256
 
@@ -71,16 +71,12 @@ class Options:
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
     def inner_products(
-        self,
-        weights: Sequence[float | RowNoise],
-        parts: Sequence[IntArray] | None = None,
+        self, noise: Sequence[RowNoise], parts: Sequence[IntArray] | None = None
     ) -> list[dict[int, FloatArray]]:
-        """Products (m_w, w, w) of the columns of each option, over all joints, for each part.
+        """Products (m_w, w, w) of the whitened columns of each option, over all joints, by part.
 
         Parameters
         ----------
-        weights
-            Of each joint: a factor of its rows, or the noise by which they are whitened.
         parts
             Part (r_j,) that each row of a joint belongs to; None: one for all.
         """
@@ -89,26 +85,19 @@ class Options:
             {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
             for _ in range(count)
         ]
-        for joint, (place, table, weight) in enumerate(
-            zip(self.at, self.lines, weights, strict=True)
-        ):
+        for joint, (place, table) in enumerate(zip(self.at, self.lines, strict=True)):
+            segments = self.ledger.joints[joint].segments
             for w, columns in self.columns.items():
                 there = np.flatnonzero(place[columns[:, 0]] >= 0)
                 for start in range(0, len(there), _AT_ONCE):
                     some = there[start : start + _AT_ONCE]
-                    rows = self._weighed(joint, table[place[columns[some]]], weight)
+                    plain = table[place[columns[some]].ravel()].astype(float)
+                    white = noise[joint].standardized(plain.T, segments).T
+                    rows = white.astype(np.float32).reshape(len(some), w, -1)
                     for k in range(count):
                         part = rows if parts is None else rows[:, :, parts[joint] == k]
                         made[k][w][some] += np.matmul(part, part.transpose(0, 2, 1))
         return made
-
-    def _weighed(self, joint: int, lines: SingleArray, weight: float | RowNoise) -> SingleArray:
-        """Lines (m, w, r) times a factor, or whitened."""
-        if not isinstance(weight, RowNoise):
-            return lines * np.float32(weight)
-        flat = lines.reshape(-1, lines.shape[2]).T.astype(float)
-        white = weight.standardized(flat, self.ledger.joints[joint].segments)
-        return white.T.astype(np.float32).reshape(lines.shape)
 
     def products(self, right: Sequence[FloatArray]) -> FloatArray:
         """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
@@ -164,7 +153,7 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
         both = kept * noise[joint].standardized(np.column_stack([rows.matrix, left]), rows.segments)
         model.append(both[:, :-1])
         gap.append(both[:, -1])
-    normal, shared = products_with_model(options, model, _drawn_back(options, noise, model))
+    normal, shared = products_with_model(options, model, noise)
     return Whitened(
         noise=tuple(noise),
         model=tuple(model),
@@ -179,7 +168,13 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
 def without_parts(
     options: Options, white: Whitened, parts: Sequence[IntArray]
 ) -> Iterator[Whitened]:
-    """Yield the same without the rows of each part in turn, whose numbers (r_j,) are given."""
+    """Yield whitened rows and products without one part of the rows, for every part in turn.
+
+    Parameters
+    ----------
+    parts
+        Number (r_j,) of the part that each row of a joint belongs to.
+    """
     inner = options.inner_products(white.noise, parts)
     for part, inner_of_part in enumerate(inner):
         kept = tuple(
@@ -187,9 +182,7 @@ def without_parts(
         )
         model = tuple(rows * some[:, None] for rows, some in zip(white.model, kept, strict=True))
         gap = tuple(left * some for left, some in zip(white.gap, kept, strict=True))
-        normal, shared = products_with_model(
-            options, model, _drawn_back(options, white.noise, model)
-        )
+        normal, shared = products_with_model(options, model, white.noise)
         left = {w: white.inner[w] - inner_of_part[w] for w in white.inner}
         yield replace(
             white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=left
@@ -207,13 +200,13 @@ def _drawn_back(
 
 
 def products_with_model(
-    options: Options, model: Sequence[FloatArray], right: Sequence[FloatArray]
+    options: Options, model: Sequence[FloatArray], noise: Sequence[RowNoise]
 ) -> tuple[FloatArray, FloatArray]:
-    """XᵀX (b, b) of the model (r_j, c_j), and the products (b, p) of all columns with `right`."""
+    """XᵀX (b, b) of the whitened model (r_j, c_j), and Xᵀ (b, p) with all whitened columns."""
     b = options.ledger.parameters
     normal, shared = np.zeros((b, b)), np.zeros((b, options.count))
     for joint, (rows, drawn, table, place) in enumerate(
-        zip(model, right, options.lines, options.at, strict=True)
+        zip(model, _drawn_back(options, noise, model), options.lines, options.at, strict=True)
     ):
         columns: IntArray = options.ledger.joints[joint].columns
         normal[np.ix_(columns, columns)] += rows.T @ rows

@@ -13,7 +13,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
-from idim_iv_ros.diagnosis.comparison.compare import Comparison, Prior
+from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import (
     ModelWithTerms,
@@ -23,6 +23,7 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import (
 )
 from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
+from idim_iv_ros.diagnosis.comparison.prior import Prior
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.types import BoolArray, FloatArray
 
@@ -79,7 +80,7 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
         if visit < _NOISE_VISITS - 1:
             model = ModelWithTerms(comparison.nominal, terms)
             noise = noise_of(ledger, model.residuals(white=False))
-            del white, comparison, model  # two copies of the whitened rows would be held
+            del white, comparison, model  # products of all options would be there twice
     curves: list[Term] = []
     while len(curves) < _MOST_CURVES:
         curve = comparison.curve([*terms, *curves])
