@@ -51,7 +51,6 @@ SERVO = "servo.json"
 FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
-VIDEOS = (".mp4", ".gif")
 PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
 NO_FILE = "a device, a pipe or a socket"
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
@@ -246,11 +245,9 @@ def _temporary(path: Path) -> Path:
     """Where a file is written before it is complete.
 
     Its name is short and of ASCII whatever that of the file: a name of 255 bytes is a name, too.
-    Of a video the ending stays, by which its writer knows what to write.
     """
     name = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
-    ending = path.suffix.lower() if path.suffix.lower() in VIDEOS else ""
-    return path.with_name(f".{name}.{os.getpid()}.tmp{ending}")
+    return path.with_name(f".{name}.{os.getpid()}.tmp")
 
 
 def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:

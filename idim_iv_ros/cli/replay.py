@@ -36,13 +36,6 @@ def replay_command(
     ] = None,
     out: shared.OutOrJson = None,
     picture: shared.Picture = None,
-    video: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.mp4|gif",
-            help="Write recorded and simulated robots side by side; needs something that draws.",
-        ),
-    ] = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -59,10 +52,8 @@ def replay_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     from idim_iv_ros.report.replay import error_rows, headline
-    from idim_iv_ros.simulators.mujoco_video import require_video, write_video
-    from idim_iv_ros.simulators.replay import replay_bags, replayed_robot
+    from idim_iv_ros.simulators.replay import replay_bags
 
-    require_video(video, force=force)
     result, numbers, page = output.produce(
         lambda progress: replay_bags(
             bags, configuration, model=model, effects=effects, progress=progress
@@ -74,8 +65,6 @@ def replay_command(
         config=config,
         bags=bags,
     )
-    if video is not None:
-        write_video(result, replayed_robot(bags, configuration), video)
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     columns = ["joint", *(f">{name}" for name in (*drawn, "noise"))]
     for kind, title in _TITLES.items():
@@ -86,5 +75,3 @@ def replay_command(
     output.console.print(headline(result))
     output.warn(result.notes)
     output.name_files(numbers, page)
-    if video is not None:
-        output.line(f"Video: {video}")

@@ -36,15 +36,11 @@ class Skeleton:
         return lines + [(self.origins[joint], end) for joint, end in self.ends]
 
 
-def skeleton(robot: RobotModel, position: FloatArray | None = None) -> Skeleton:
-    """Return the joints at a position (n_joints,); None: in the middle of their ranges.
-
-    Revolute ones are then a little bent.
-    """
+def skeleton(robot: RobotModel) -> Skeleton:
+    """Return the joints in the middle of their ranges, revolute ones a little bent."""
     model = robot.pinocchio
     data = model.createData()
-    posture = _posture(robot) if position is None else position[robot.order]
-    pin.framesForwardKinematics(model, data, posture)
+    pin.framesForwardKinematics(model, data, _posture(robot))
     # Joints of the tree are numbered from 1, in another order than those of the configuration.
     tree = np.argsort(robot.order) + 1
     place = {int(joint): k for k, joint in enumerate(tree)}

@@ -138,13 +138,7 @@ def replay_bags(
         series=comparison.series(done),
         positions={"recorded": runs[0].motion.position}
         | {name: ran.positions[0] for name, ran in done.items()},
-        rate=runs[0].motion.signals.rate,
     )
-
-
-def replayed_robot(bags: FilePaths, configuration: Configuration) -> RobotModel:
-    """Return the robot that a configuration and its recordings describe."""
-    return prepare(read_configured(bags, configuration), configuration).model.robot
 
 
 def _runs(

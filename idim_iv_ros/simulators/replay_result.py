@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from idim_iv_ros.documents import Document, Number, Unsaved
@@ -89,8 +88,6 @@ class ReplayResult(Document):
         Not saved.
     positions : dict of (n_samples, n_joints)
         Of the first recording, recorded and of each stage, rad (m); not saved.
-    rate : float
-        Of `positions`, Hz; not saved.
     """
 
     what: ClassVar[str] = "a replay"
@@ -112,7 +109,6 @@ class ReplayResult(Document):
     notes: tuple[str, ...] = ()
     series: Unsaved[tuple[ReplaySeries, ...]] = ()
     positions: Unsaved[dict[str, FloatArray]] = field(default_factory=dict)
-    rate: Unsaved[float] = float(np.nan)
 
     @property
     def best(self) -> ReplayStage:

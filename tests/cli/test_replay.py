@@ -52,20 +52,7 @@ def test_what_cannot_be_replayed_is_one_line_and_nothing_is_written(
     refused(run("replay", *common, "--model", other), 2, "other.xml", "no joint joint_1")
     effects.write_text(effects.read_text().replace("stribeck", "warp"))
     refused(run("replay", *common, "--effects", effects), 2, "effects.json", "warp")
-    refused(run("replay", *common, "--video", tmp_path / "v.avi"), 2, ".mp4 or .gif")
     assert not out.exists()
-
-
-def test_without_anything_that_draws_one_line_says_so(run, config, short, tmp_path, monkeypatch):
-    import mujoco
-
-    def fails(*_: object) -> None:
-        raise RuntimeError("no display\nanywhere")
-
-    monkeypatch.setattr(mujoco, "Renderer", fails)
-    monkeypatch.setenv("MUJOCO_GL", "egl")
-    out = run("replay", short, "--config", config(), "--json", "--video", tmp_path / "v.gif")
-    refused(out, 2, "nothing draws here", "no display anywhere", "leave --video out")
 
 
 def test_without_mujoco_one_line_names_the_extra(run, config, short, monkeypatch) -> None:
