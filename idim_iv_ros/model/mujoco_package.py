@@ -10,18 +10,7 @@ import numpy as np
 
 from idim_iv_ros.errors import UsageError
 
-# What MuJoCo says of a model, and what is meant; any other sentence of it is kept.
 _PREFIXES = re.compile(r"^((XML )?Error: |Schema violation: |ParseXML: )+")
-_PLACE = re.compile(r"\s*Element (?:name )?'(?P<name>[^']*)'(?:, id \d+)?, line (?P<line>\d+)\s*$")
-_NO_XML = re.compile(r"XML parse error.*Line number=(?P<line>\d+)", re.DOTALL)
-_SENTENCES = {
-    "mass and inertia of moving bodies must be larger than mjMINVAL": (
-        "a body that moves needs a mass and moments of inertia above zero"
-    ),
-    "inertia must satisfy A + B >= C; use 'balanceinertia' to fix": (
-        "no body has such moments of inertia: one is larger than the sum of the others"
-    ),
-}
 
 
 def load_mujoco(needed_for: str) -> Any:
@@ -79,18 +68,5 @@ def mujoco_reads(path: object) -> Iterator[None]:
     if any("NaN" in text for text in warned):
         raise UsageError(f"{path}: a number in it is NaN")
     if problem:
-        raise UsageError(f"{path}{_in_words(problem)}")
-
-
-def _in_words(problem: str) -> str:
-    """Where MuJoCo found what, behind the name of the file."""
-    broken = _NO_XML.search(problem)
-    if broken:
-        return f", line {broken['line']}: not XML"
-    place = _PLACE.search(problem)
-    where = ""
-    if place:
-        name = f" ({place['name']})" if place["name"] else ""
-        where, problem = f", line {place['line']}{name}", problem[: place.start()]
-    sentence = _PREFIXES.sub("", " ".join(problem.split()))
-    return f"{where}: {_SENTENCES.get(sentence, sentence)}"
+        sentence = _PREFIXES.sub("", " ".join(problem.split()))
+        raise UsageError(f"{path}: {sentence}")

@@ -191,7 +191,11 @@ def test_armature_and_damping_of_an_actuator_count_at_its_joint(tmp_path: Path) 
 
 @pytest.mark.parametrize(
     ("mass", "words"),
-    [("nan", "a number in it is NaN"), ("-1", "line 5 (link_1)"), ("abc", "attribute 'mass'")],
+    [
+        ("nan", "a number in it is NaN"),
+        ("-1", "'link_1', id 1, line 5"),
+        ("abc", "attribute 'mass'"),
+    ],
 )
 def test_what_mujoco_says_is_said_in_words_of_the_file(mass, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
