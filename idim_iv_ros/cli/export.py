@@ -46,8 +46,7 @@ def export_command(
         bool,
         typer.Option(
             "--randomize",
-            help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo, "
-            "EventCfg for Isaac Lab.",
+            help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo.",
         ),
     ] = False,
     force: shared.Force = False,

@@ -20,7 +20,7 @@ from idim_iv_ros.simulator_files.changes import changes_text
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
-from idim_iv_ros.simulator_files.randomization import EVENTS, RANDOMIZE, Randomization
+from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulators.effects_file import EffectsFile
 
@@ -36,8 +36,8 @@ class Exported:
     ----------
     urdf, mjcf, effects, isaac_lab, changes : Path
         Where the nominal model is an MJCF, `urdf` and `isaac_lab` are None.
-    ranges : tuple of Path
-        What draws other robots, for MuJoCo and for Isaac Lab; empty where that was not asked for.
+    ranges : Path or None
+        What draws other robots for MuJoCo, where that was asked for.
     not_native : tuple of str
         Effects that MuJoCo has no element for.
     notes : tuple of str
@@ -50,7 +50,7 @@ class Exported:
     effects: Path
     isaac_lab: Path | None
     changes: Path
-    ranges: tuple[Path, ...]
+    ranges: Path | None
     not_native: tuple[str, ...]
     notes: tuple[str, ...]
     bags: tuple[str, ...]
@@ -58,7 +58,7 @@ class Exported:
     @property
     def files(self) -> tuple[Path, ...]:
         """All of them."""
-        files = (self.urdf, self.mjcf, self.effects, self.isaac_lab, self.changes, *self.ranges)
+        files = (self.urdf, self.mjcf, self.effects, self.isaac_lab, self.changes, self.ranges)
         return tuple(file for file in files if file is not None)
 
 
@@ -98,7 +98,7 @@ def export(
     remainder
         Spread what no cause explains over links and joints as far as the recording asks for it.
     randomize
-        The same, and files that draw other robots which the recording cannot tell from this one.
+        The same, and a file that draws other robots which the recording cannot tell from this one.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def export(
         effects=out / EFFECTS,
         isaac_lab=None if of_mjcf else out / ISAAC_LAB,
         changes=out / CHANGES,
-        ranges=(out / RANDOMIZE, out / EVENTS) if randomize else (),
+        ranges=out / RANDOMIZE if randomize else None,
         not_native=(),
         notes=(),
         bags=answer.bags,
@@ -151,11 +151,9 @@ def export(
     )
     names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
     table: list[str] = []
-    if randomize:
+    if made.ranges is not None:
         ranges = Randomization.of(robot)
-        of_mujoco, of_isaac_lab = made.ranges
-        texts[of_mujoco] = ranges.mujoco_text(made.mjcf.name, robot.origin)
-        texts[of_isaac_lab] = ranges.isaac_lab_text(robot.origin)
+        texts[made.ranges] = ranges.mujoco_text(made.mjcf.name, robot.origin)
         table = ranges.table()
     texts[made.effects] = document.to_json()
     texts[made.changes] = changes_text(robot, effects, names, notes, ranges=table, file=kind)

@@ -15,35 +15,9 @@ from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.types import FloatArray
 
-RANDOMIZE, EVENTS = "randomize.py", "isaac_lab_events.py"
+RANDOMIZE = "randomize.py"
 _NORMAL = 1.96
-_EVENTS = '''"""Ranges for domain randomisation in Isaac Lab, from {origin}.
-
-Written from the functions of Isaac Lab 2.3 and 3.0, and not run there. Ranges are
-95 % intervals by themselves: what varies together does so in randomize.py alone.
-Viscous friction is scaled by the range of the dry friction. A payload is a body of
-its own with `merge_fixed_joints=False` of UrdfFileCfg.
-"""
-
-import isaaclab.envs.mdp as mdp
-from isaaclab.managers import EventTermCfg, SceneEntityCfg
-from isaaclab.utils import configclass
-
-
-@configclass
-class EventCfg:
-{terms}
-'''
-_TERM = """    {name} = EventTermCfg(
-        func=mdp.{function},
-        mode="startup",
-        params={{
-            "asset_cfg": SceneEntityCfg("robot", {members}),
-{parameters}
-        }},
-    )"""
 _FIELDS = {"Ia": "dof_armature", "Fv": "dof_damping", "Fc": "dof_frictionloss"}
-_SCALED = {"dof_armature": "armature", "dof_frictionloss": "friction"}
 _FILE = '''"""Other robots like {model} by `sample(model, rng)`; from {origin}."""
 
 import copy
@@ -135,10 +109,9 @@ def _map(model, drawn, data, part, mapping, turn, origin):
 
 @dataclass(frozen=True)
 class BodyRange:
-    """What one joint carries, or a payload, as the exported link of a name."""
+    """What one joint carries, by its name, or a payload, by that of its link."""
 
     name: str
-    link: str
     payload: bool
     # mass, mass_std: kg
     mass: float
@@ -171,25 +144,21 @@ class Randomization:
     @classmethod
     def of(cls, exported: ExportedRobot) -> "Randomization":
         """Take what is exported, with what no cause explains spread."""
-        answer, joints_of = exported.answer, exported.urdf.joints
+        answer = exported.answer
         robot, values, remainder = answer.robot, answer.model.values, answer.model.remainder
         assert remainder is not None
         uncertainty = remainder.uncertainty
         coordinates = uncertainty.coordinates
-        carried = [
-            (name, joints_of[name].child, False, body) for name, body in exported.bodies.items()
-        ]
-        mounted = [
-            (load.name, link, True, load.parameters) for link, (_, load) in exported.mounted.items()
-        ]
+        carried = [(name, False, body) for name, body in exported.bodies.items()]
+        mounted = [(link, True, load.parameters) for link, (_, load) in exported.mounted.items()]
         bodies = []
-        for number, (name, link, payload, body) in enumerate([*carried, *mounted]):
+        for number, (name, payload, body) in enumerate([*carried, *mounted]):
             reference = coordinates.links[number]
             spread = reference.to_parameters @ uncertainty.root[10 * number : 10 * number + 10]
             mass, centre = float(body[9]), body[6:9] / body[9]
             shift = np.linalg.norm((spread[6:9] - np.outer(centre, spread[9])) / mass, axis=1)
             std = float(np.linalg.norm(spread[9]))
-            bodies.append(BodyRange(name, link, payload, mass, std, shift, reference.factor))
+            bodies.append(BodyRange(name, payload, mass, std, shift, reference.factor))
         joints, rows = [], list(range(10 * len(bodies)))
         for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
             name = answer.model.parameters[place].name
@@ -205,10 +174,10 @@ class Randomization:
         """Return `sample(model, rng)` as a file; `model`: name of the exported MJCF."""
         bodies = []
         for body in self.bodies:
-            kind, name = ("load", body.link) if body.payload else ("joint", body.name)
+            kind = "load" if body.payload else "joint"
             rows = (", ".join(f"{value:.9g}" for value in row) for row in body.factor)
             numbers = ", ".join(f"[{row}]" for row in rows)
-            bodies.append(f'    ("{kind}", "{name}", np.array([{numbers}])),')
+            bodies.append(f'    ("{kind}", "{body.name}", np.array([{numbers}])),')
         return _FILE.format(
             model=model,
             origin=origin,
@@ -222,43 +191,6 @@ class Randomization:
             sampler=_SAMPLER,
         )
 
-    def isaac_lab_text(self, origin: str) -> str:
-        """Return terms of an `EventCfg` with independent ranges of 95 %."""
-        terms = []
-        for number, body in enumerate(self.bodies, start=1):
-            half = _NORMAL * body.mass_std / body.mass
-            shift = ", ".join(
-                f'"{axis}": ({-_NORMAL * std:.3g}, {_NORMAL * std:.3g})'
-                for axis, std in zip("xyz", body.shift_std, strict=True)
-            )
-            mass = {
-                "mass_distribution_params": f"({max(1.0 - half, 0.01):.4g}, {1.0 + half:.4g})",
-                "operation": '"scale"',
-            }
-            members = f'body_names=["{body.link}"]'
-            terms += [
-                _term(f"mass_{number}", "randomize_rigid_body_mass", members, mass),
-                _term(
-                    f"centre_{number}",
-                    "randomize_rigid_body_com",
-                    members,
-                    {"com_range": f"{{{shift}}}"},
-                ),
-            ]
-        numbers = {body.name: number for number, body in enumerate(self.bodies, start=1)}
-        for name in dict.fromkeys(joint.joint for joint in self.joints):
-            ranges = {}
-            for joint in self.joints:
-                if joint.joint == name and joint.field in _SCALED and joint.value > 0.0:
-                    half = _NORMAL * joint.std / joint.value
-                    scale = f"({max(1.0 - half, 0.0):.4g}, {1.0 + half:.4g})"
-                    ranges[f"{_SCALED[joint.field]}_distribution_params"] = scale
-            if ranges:
-                ranges["operation"] = '"scale"'
-                function, members = "randomize_joint_parameters", f'joint_names=["{name}"]'
-                terms.append(_term(f"joint_{numbers[name]}", function, members, ranges))
-        return _EVENTS.format(origin=origin, terms="\n".join(terms))
-
     def table(self) -> list[str]:
         """Lines for changes.md."""
         lines = [
@@ -267,7 +199,7 @@ class Randomization:
             "95 % intervals of what each joint carries, and of its drive. What no motion shows is "
             f"taken to be off by {100.0 * self.link:.1f} % (links) and {100.0 * self.drive:.1f} % "
             "(drives and friction): as nominal numbers prove to be elsewhere, at least 1 %. "
-            f"Many vary only together: {RANDOMIZE} draws them so, {EVENTS} each by itself.",
+            f"Many vary only together: {RANDOMIZE} draws them so.",
             "",
             "| | mass, kg | centre, mm | armature | damping | friction |",
             "|---|---|---|---|---|---|",
@@ -285,8 +217,3 @@ class Randomization:
                 + " |"
             )
         return [*lines, ""]
-
-
-def _term(name: str, function: str, members: str, parameters: dict[str, str]) -> str:
-    lines = "\n".join(f'            "{key}": {value},' for key, value in parameters.items())
-    return _TERM.format(name=name, function=function, members=members, parameters=lines)
