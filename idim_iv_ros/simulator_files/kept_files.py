@@ -25,11 +25,9 @@ from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
 from idim_iv_ros.simulator_files.xml_text import (
     comment_text,
     elements,
+    insert,
     number_text,
     numbers_text,
-    put_before,
-    put_first,
-    put_last,
     read_xml,
     set_values,
     tag_text,
@@ -221,7 +219,7 @@ class _Mjcf:
         values = inertial_of(new, self._anchor(link))
         element = next(_of_body(self._body(link), "inertial"), None)
         if element is None:
-            put_first(self._body(link), [tag_text("inertial", values)])
+            insert(self._body(link), [tag_text("inertial", values)], first=True)
             return False
         full = values.pop("fullinertia")
         set_values(element, values, zeros=True)
@@ -246,7 +244,7 @@ class _Mjcf:
             f"  {tag_text('inertial', inertial_of(load.body))}",
             "</body>",
         ]
-        put_first(self._body(link), lines)
+        insert(self._body(link), lines, first=True)
 
     def _anchor(self, link: str) -> FloatArray:
         """From the frame of a body to that of its link, m, as `mjcf_as_urdf` places it."""
@@ -327,7 +325,7 @@ def with_values(
             f"  {tag_text('child', {'link': name})}",
             "</joint>",
         ]
-        put_last(robot, lines)
+        insert(robot, lines, first=False)
     return written_xml(document, content)
 
 
@@ -350,7 +348,7 @@ def _set_inertial(link: Any, body: LinkBody) -> None:
     """Mass, centre and moments of a link."""
     inertial = next(elements(link, "inertial"), None)
     if inertial is None:
-        put_first(link, _inertial(body))
+        insert(link, _inertial(body), first=True)
         return
     mass, inertia = (next(elements(inertial, tag)) for tag in ("mass", "inertia"))
     set_values(mass, {"value": number_text(body.mass)})
@@ -358,7 +356,7 @@ def _set_inertial(link: Any, body: LinkBody) -> None:
     centre = {"xyz": numbers_text(body.centre)}
     origin = next(elements(inertial, "origin"), None)
     if origin is None:
-        put_before(mass, tag_text("origin", {**centre, "rpy": "0 0 0"}))
+        insert(inertial, [tag_text("origin", {**centre, "rpy": "0 0 0"})], first=True)
         return
     # The moments are written in the axes of the link: whoever turns them by an angle of few digits
     # gets the same.
@@ -371,6 +369,6 @@ def _set_dynamics(joint: Any, values: Mapping[str, float]) -> None:
     texts = {key: number_text(value) for key, value in values.items()}
     element = next(elements(joint, "dynamics"), None)
     if element is None:
-        put_last(joint, [tag_text("dynamics", texts)])
+        insert(joint, [tag_text("dynamics", texts)], first=False)
     else:
         set_values(element, texts)

@@ -65,39 +65,20 @@ def set_values(element: Any, values: Mapping[str, str], *, zeros: bool = False) 
             element.setAttribute(key, text)
 
 
-def put_first(parent: Any, lines: Sequence[str]) -> None:
-    """Put lines of XML behind the start tag of an element, one step further in."""
-    indent = "\n" + _indent(parent)
-    text = "".join(f"{indent}  {line}" for line in lines)
-    _insert(parent, text if parent.hasChildNodes() else text + indent, parent.firstChild)
-
-
-def put_before(element: Any, line: str) -> None:
-    """Put a line of XML before an element, as far in."""
-    _insert(element.parentNode, f"{line}\n{_indent(element)}", element)
-
-
-def put_last(parent: Any, lines: Sequence[str]) -> None:
-    """Put lines of XML before the end tag of an element, as far in as its first child."""
-    indent = "\n" + _indent(next(elements(parent), parent))
-    last = parent.lastChild
-    closing = last if last is not None and last.nodeType == last.TEXT_NODE else None
+def insert(parent: Any, lines: Sequence[str], *, first: bool) -> None:
+    """Put lines of XML behind the start tag of an element, or before its end tag."""
+    indent, ancestor = "\n", parent
+    while ancestor.nodeType != ancestor.DOCUMENT_NODE:
+        indent, ancestor = indent + "  ", ancestor.parentNode
     text = "".join(indent + line for line in lines)
-    _insert(parent, text if closing is not None else f"{text}\n{_indent(parent)}", closing)
-
-
-def _insert(parent: Any, text: str, before: Any) -> None:
+    before = parent.firstChild if first else parent.lastChild
+    if not first and before is not None and before.nodeType != before.TEXT_NODE:
+        before = None
+    if before is None:
+        text += indent[:-2]
     new: Any = minidom.parseString(f"<new>{text}</new>").documentElement
     for node in list(new.childNodes):
         parent.insertBefore(parent.ownerDocument.importNode(node, True), before)
-
-
-def _indent(element: Any) -> str:
-    """Blanks before an element, where nothing else is on its line."""
-    before = element.previousSibling
-    if before is None or before.nodeType != before.TEXT_NODE or "\n" not in before.data:
-        return "" if element.parentNode.nodeType == element.DOCUMENT_NODE else "  "
-    return str(before.data.rpartition("\n")[2])
 
 
 def _same_numbers(before: str, text: str) -> bool:
