@@ -11,8 +11,8 @@ from itertools import islice
 from pathlib import Path
 from typing import IO, Protocol
 
-from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.message_batch import MessageBatch
 
 # What is fetched at once: an object store takes some ten milliseconds to answer at all, in which it
 # could have sent about this much.

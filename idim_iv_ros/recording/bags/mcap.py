@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, LocalFile, copied
-from idim_iv_ros.recording.bags.cdr import MessageBatch
 from idim_iv_ros.recording.bags.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -39,6 +38,7 @@ from idim_iv_ros.recording.bags.mcap_records import (
     read_summary,
     records,
 )
+from idim_iv_ros.recording.bags.message_batch import MessageBatch
 from idim_iv_ros.types import IntArray
 
 _READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
