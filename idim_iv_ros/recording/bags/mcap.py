@@ -1,8 +1,8 @@
-"""MCAP files chunk by chunk: raw messages found by their index, no object for each message.
+"""MCAP files chunk by chunk, no object for each message.
 
 Of a file whose summary lists every message only the chunks that hold wanted topics are read, far
-away (`ByteSource`) or not. The records of any other are walked from its start, so that a file
-without summary, with a torn end or with damaged records is read as far as it goes.
+away (`ByteSource`) or not; a damaged one costs nothing but itself. The records of any other are
+walked from its start, up to a torn end or a record whose head is damaged.
 """
 
 import mmap
@@ -28,7 +28,6 @@ from idim_iv_ros.recording.bags.mcap_records import (
     DATA_END,
     FOOTER,
     HEAD,
-    INDEX,
     MAGIC,
     MESSAGE,
     MESSAGE_HEAD,
@@ -41,7 +40,7 @@ from idim_iv_ros.recording.bags.mcap_records import (
 from idim_iv_ros.recording.bags.message_batch import MessageBatch
 from idim_iv_ros.types import IntArray
 
-_READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
+_READ = (CHUNK, MESSAGE, SCHEMA, CHANNEL)
 _LARGEST_CHUNK = 1 << 30
 _LARGEST_DESCRIPTION = 1 << 24
 _LOOSE_TOGETHER, _LOOSE_BYTES = 10_000, 1 << 26  # messages, and what they span
@@ -64,8 +63,11 @@ class McapFile(BagFile):
             self.topics = self._description.topics
             self.definitions = self._description.definitions
             if summary is not None and summary.lists_every_message(source.size):
-                for first, last in summary.stretches(wanted):
-                    yield from self._walk(source.read(first, last), wanted, 0)
+                for places in summary.stretches(wanted):
+                    start = places[0][0]
+                    content = source.read(start, places[-1][1])
+                    for first, last in places:
+                        yield from self._walk(content[first - start : last - start], wanted, 0)
                 self.truncated = False
             else:
                 yield from self._whole(source, wanted)
@@ -87,10 +89,7 @@ class McapFile(BagFile):
             yield LocalFile(file.fileno())
 
     def _whole(self, source: ByteSource, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of all records from the start; what is far away is copied to a file.
-
-        Only a whole file can be searched for what is left of it when its index is missing.
-        """
+        """Messages of all records from the start; what is far away is copied to a file."""
         if source.size == 0:
             raise DataError(f"{self.path}: the file is empty")
         with (
@@ -99,25 +98,19 @@ class McapFile(BagFile):
         ):
             if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
                 raise DataError(f"{self.path}: not an MCAP file")
-            yield from self._walk(content, wanted, len(MAGIC), file.fileno())
+            yield from self._walk(content, wanted, len(MAGIC))
 
     def _walk(
-        self, content: mmap.mmap | bytes, wanted: set[str], place: int, file: int | None = None
+        self, content: mmap.mmap | bytes, wanted: set[str], place: int
     ) -> Iterator[tuple[str, MessageBatch]]:
-        # A chunk is followed by its indices.
-        chunk: bytes | None = None
-        indices: dict[int, IntArray] = {}
         loose: list[Record] = []
         self.truncated = True
         read = 0
-        for record in records(content, place, file):
+        for record in records(content, place):
             opcode, start, end = record
             if start - read > _FORGOTTEN and isinstance(content, mmap.mmap):
                 content.madvise(mmap.MADV_DONTNEED, read, _FORGOTTEN)
                 read += _FORGOTTEN
-            if opcode != INDEX:
-                yield from self._chunk(chunk, indices, wanted)
-                chunk, indices = None, {}
             if opcode in (FOOTER, DATA_END):
                 self.truncated = False
                 break
@@ -126,20 +119,16 @@ class McapFile(BagFile):
                 self._lose()
             elif opcode == CHUNK:
                 chunk = self._decompress(content[start:end], torn=end > len(content))
+                yield from self._chunk(chunk, wanted)
             elif end > len(content):
                 break
             elif opcode in (SCHEMA, CHANNEL):
                 self._describe(opcode, content[start:end])
-            elif opcode == INDEX:
-                (channel,) = struct.unpack_from("<H", content, start)
-                entries = np.frombuffer(content[start + 6 : end], dtype="<i8").reshape(-1, 2)
-                indices[channel] = entries[:, 1]
             elif opcode == MESSAGE:
                 loose.append(record)
                 if len(loose) >= _LOOSE_TOGETHER or end - loose[0].start > _LOOSE_BYTES:
                     yield from self._loose(content, loose, wanted)
                     loose = []
-        yield from self._chunk(chunk, indices, wanted)
         if loose:
             yield from self._loose(content, loose, wanted)
         self.counted &= not self.truncated
@@ -156,8 +145,8 @@ class McapFile(BagFile):
         except DAMAGED_CONTENT:
             self._lose()
 
-    def _decompress(self, record: bytes, *, torn: bool) -> bytes | None:
-        """Content of a chunk, None (and counted) where it is damaged; of a torn one its start."""
+    def _decompress(self, record: bytes, *, torn: bool) -> bytes:
+        """Content of a chunk, of a torn one its start; nothing (and counted) of a damaged one."""
         try:
             size, checksum, name = struct.unpack_from("<QII", record, 16)
             compression, payload = record[32 : 32 + name], record[40 + name :]
@@ -175,26 +164,12 @@ class McapFile(BagFile):
                 raise ValueError("wrong checksum")
         except (struct.error, ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError):
             self._lose()
-            return None
+            return b""
         return content
 
-    def _chunk(
-        self, chunk: bytes | None, indices: dict[int, IntArray], wanted: set[str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of a chunk, by its indices where these account for every byte of it."""
-        if chunk is None:
-            for channel, offsets in indices.items():
-                if self._description.channels.get(channel) in wanted:
-                    self.missing[self._description.channels[channel]] += len(offsets)
-            return
+    def _chunk(self, chunk: bytes, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         buffer = np.frombuffer(chunk, dtype=np.uint8)
-        sizes = {
-            channel: message_sizes(buffer, channel, places) for channel, places in indices.items()
-        }
-        listed = sum(int(size.sum()) + HEAD * len(size) for size in sizes.values())
-        if listed != len(chunk):
-            indices = self._scan(chunk)
-        for channel, places in indices.items():
+        for channel, places in self._scan(chunk).items():
             yield from self._batch(buffer, channel, places, wanted)
 
     def _batch(
@@ -250,25 +225,13 @@ class McapFile(BagFile):
             self.damaged = max(self.damaged, 1)
 
 
-def start_of(payload: bytes, compression: bytes, size: int) -> bytes | None:
+def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
     """What can be decompressed of a chunk whose end is missing."""
     if compression == b"zstd":
         return zstandard.ZstdDecompressor().decompressobj().decompress(payload)[:size]
     if compression == b"lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
     return payload
-
-
-def message_sizes(buffer: NDArray[np.uint8], channel: int, offsets: IntArray) -> IntArray:
-    """Sizes of the messages that an index names; none if it names anything else."""
-    last = len(buffer) - HEAD - MESSAGE_HEAD
-    if len(offsets) == 0 or offsets.min() < 0 or offsets.max() > last:
-        return np.zeros(0, dtype=np.int64)
-    owner = buffer[offsets + HEAD] + 256 * buffer[offsets + HEAD + 1].astype(np.int64)
-    sizes = integers(buffer, offsets + 1)
-    whole = (sizes >= MESSAGE_HEAD) & (sizes <= len(buffer) - HEAD - offsets)
-    whole &= (owner == channel) & (buffer[offsets] == MESSAGE)
-    return sizes if whole.all() else np.zeros(0, dtype=np.int64)
 
 
 def integers(buffer: NDArray[np.uint8], offsets: IntArray) -> IntArray:

@@ -1,8 +1,5 @@
-"""Records of an MCAP file, walked past damaged ones, and its summary. See https://mcap.dev/spec."""
+"""Records of an MCAP file, and its summary. See https://mcap.dev/spec."""
 
-import errno
-import os
-import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -19,22 +16,11 @@ from idim_iv_ros.recording.bags.bag_file import READ_AHEAD, ByteSource
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 11, 15
 CHUNK_INDEX = 8
 HEAD = 9  # opcode and length
 MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
-
-# A chunk by its compression, which is found 37 bytes behind its opcode; a message by its length.
-_BEGINNINGS = re.compile(
-    rb"\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4})|\x05.{2}\0{6}", re.DOTALL
-)
-_LONGEST_BEGINNING = 64  # bytes of the longest match, and some more
-_IN_A_ROW = 3  # records that must follow each other where reading begins again
-# Bytes that are no record: a file that holds so many more of them than of records is given up, for
-# no recorder left it like that. Zeros, which a hole on the disk is made of, are passed by unread.
-_MOST_GARBAGE, _BLOCK = 1 << 27, 1 << 20
-_ZEROS = bytes(_BLOCK)
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_SIZE = 20
@@ -54,42 +40,25 @@ class Record(NamedTuple):
     end: int
 
 
-def records(content: mmap | bytes, place: int, file: int | None = None) -> Iterator[Record]:
-    """Records from `place` on.
+def records(content: mmap | bytes, place: int) -> Iterator[Record]:
+    """Records from `place` on, up to one whose head contradicts itself, given as ``DAMAGED``.
 
-    What is no record, because a byte of its head or of the one before is wrong, is given as
-    ``DAMAGED``; reading goes on at the next record that can be recognised. The last one passes the
-    end of a file that was cut. `file` is the descriptor of the file: its holes take no time then.
+    The last one passes the end of a file that was cut.
     """
-    trusted, begin = place, place
-    garbage = 0
     while place + HEAD <= len(content):
         record = _record(content, place)
-        if record is not None and record.end <= len(content):
-            yield record
-            # The length of a chunk is written in it twice; any other may have led astray.
-            trusted = record.end if record.opcode == CHUNK else record.start
-            place = record.end
-            continue
-        most = _MOST_GARBAGE + place - begin - garbage
-        following, passed = _next_beginning(content, file, trusted, most)
-        garbage += passed
-        if following is None:
-            if record is not None:
-                yield record
+        yield record
+        if record.opcode == DAMAGED:
             return
-        yield Record(DAMAGED, place, following)
-        trusted = place = following
+        place = record.end
 
 
-def _record(content: mmap | bytes, place: int) -> Record | None:
-    """Record at `place`, None where its head contradicts itself."""
+def _record(content: mmap | bytes, place: int) -> Record:
+    """Record at `place`."""
     opcode, size = struct.unpack_from("<BQ", content, place)
     record = Record(opcode, place + HEAD, place + HEAD + size)
     if opcode == CHUNK:
         whole = _is_chunk(content, record)
-    elif opcode == INDEX:
-        whole = size >= 6 and (size - 6) % 16 == 0
     elif opcode == MESSAGE:
         whole = size >= MESSAGE_HEAD
     elif opcode == DATA_END:
@@ -98,7 +67,7 @@ def _record(content: mmap | bytes, place: int) -> Record | None:
         whole = size == 20
     else:
         whole = 0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE
-    return record if whole else None
+    return record if whole else record._replace(opcode=DAMAGED)
 
 
 def _is_chunk(content: mmap | bytes, record: Record) -> bool:
@@ -110,50 +79,6 @@ def _is_chunk(content: mmap | bytes, record: Record) -> bool:
         return False
     (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
     return bool(record.end - record.start == 40 + name + size)
-
-
-def _next_beginning(
-    content: mmap | bytes, file: int | None, place: int, most: int
-) -> tuple[int | None, int]:
-    """Where the next record begins that others follow, and the bytes before it that are no zeros.
-
-    No place is returned if none follows, or only behind more than `most` such bytes.
-    """
-    garbage = 0
-    while place < len(content):
-        if file is not None:
-            try:  # a hole is passed by: no record begins with a zero
-                place = os.lseek(file, place, os.SEEK_DATA)
-            except OSError as error:
-                # Other errors come from file systems that do not know their holes.
-                if error.errno == errno.ENXIO:
-                    break
-        end = min(place + _BLOCK, len(content))
-        block = content[place:end]
-        if block != _ZEROS[: len(block)]:
-            beyond = min(end + _LONGEST_BEGINNING, len(content))
-            for match in _BEGINNINGS.finditer(content, place, beyond):
-                beginning = match.start()
-                if beginning < end and _leads_on(content, beginning):
-                    return beginning, garbage + beginning - place
-            garbage += len(block)
-            if garbage > most:
-                break
-        place = end
-    return None, garbage
-
-
-def _leads_on(content: mmap | bytes, place: int) -> bool:
-    for _ in range(_IN_A_ROW):
-        if place + HEAD > len(content):
-            break
-        record = _record(content, place)
-        if record is None or record.end > len(content):
-            return False
-        if record.opcode == FOOTER:
-            break
-        place = record.end
-    return True
 
 
 @dataclass
@@ -212,25 +137,24 @@ class McapDescription:
             )
         )
 
-    def stretches(self, wanted: set[str]) -> Iterator[tuple[int, int]]:
-        """Stretches of the file that hold the wanted topics: whole chunks, `READ_AHEAD` at once.
+    def stretches(self, wanted: set[str]) -> Iterator[list[tuple[int, int]]]:
+        """Places of the chunks that hold the wanted topics, those to be read at once together.
 
-        Chunks between that hold none of them are not read.
+        They follow one another without a gap, and are `READ_AHEAD` together if they are several.
         """
         channels = {channel for channel, topic in self.channels.items() if topic in wanted}
-        start = end = 0
+        together: list[tuple[int, int]] = []
         for chunk in sorted(self.chunks, key=lambda chunk: chunk.chunk_start_offset):
             if channels.isdisjoint(chunk.message_index_offsets):
                 continue
             first = chunk.chunk_start_offset
             last = first + chunk.chunk_length + chunk.message_index_length
-            if first != end or last - start > READ_AHEAD:
-                if end:
-                    yield start, end
-                start = first
-            end = last
-        if end:
-            yield start, end
+            if together and (first != together[-1][1] or last - together[0][0] > READ_AHEAD):
+                yield together
+                together = []
+            together.append((first, last))
+        if together:
+            yield together
 
 
 def read_summary(source: ByteSource) -> McapDescription | None:
