@@ -9,13 +9,13 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording.bags.bag_file import MessageBatch
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE, PLAIN, ROS2_CONTROL
 from idim_iv_ros.recording.bags.joint_message_type import (
     QUANTITIES,
     JointMessageType,
     JointValues,
 )
-from idim_iv_ros.recording.bags.message_batch import MessageBatch
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.signal_source import topic_of

@@ -9,9 +9,8 @@ from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile, in_batches
+from idim_iv_ros.recording.bags.bag_file import BagFile, MessageBatch, in_batches
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
-from idim_iv_ros.recording.bags.message_batch import MessageBatch
 
 _HEADER = (
     *("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration", "std_msgs/msg/Header"),
