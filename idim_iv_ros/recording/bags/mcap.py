@@ -8,7 +8,7 @@ walked from its start, up to a torn end or a record whose head is damaged. The f
 import mmap
 import struct
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -39,6 +39,7 @@ DAMAGED = 0  # no opcode of the format: bytes that are no record
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 11, 15
 CHUNK_INDEX = 8
 HEAD = 9  # opcode and length
+_HEAD_AND_CHANNEL = struct.Struct("<BQH")  # of a message
 MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
 
@@ -350,18 +351,17 @@ class McapFile(BagFile):
 
     def _scan(self, chunk: bytes) -> dict[int, IntArray]:
         """Walk the records of a chunk, and say where the messages of each channel begin."""
-        places: dict[int, list[int]] = {}
-        place = 0
-        while place + HEAD <= len(chunk):
-            opcode, size = struct.unpack_from("<BQ", chunk, place)
-            start, end = place + HEAD, place + HEAD + size
+        places: defaultdict[int, list[int]] = defaultdict(list)
+        place, last, head = 0, len(chunk) - _HEAD_AND_CHANNEL.size, _HEAD_AND_CHANNEL.unpack_from
+        while place <= last:
+            opcode, size, channel = head(chunk, place)
+            end = place + HEAD + size
             if end > len(chunk):
                 break
-            if opcode in (SCHEMA, CHANNEL):
-                self._describe(opcode, chunk[start:end])
-            elif opcode == MESSAGE and size >= MESSAGE_HEAD:
-                (channel,) = struct.unpack_from("<H", chunk, start)
-                places.setdefault(channel, []).append(place)
+            if opcode == MESSAGE and size >= MESSAGE_HEAD:
+                places[channel].append(place)
+            elif opcode in (SCHEMA, CHANNEL):
+                self._describe(opcode, chunk[place + HEAD : end])
             place = end
         return {channel: np.array(starts) for channel, starts in places.items()}
 
