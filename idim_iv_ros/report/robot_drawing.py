@@ -50,7 +50,8 @@ def robot_drawing(
 
     largest = max([value for value in values if value is not None and is_number(value)] + [1e-3])
     drawn: list[dict[str, Any]] = []
-    for joint, value, axis in zip(joints, values, placed(axes), strict=True):
+    rows = zip(joints, values, placed(axes), strict=True)
+    for joint, value, axis in sorted(rows, key=lambda row: row[2][1] + row[2][3]):
         x, y = 0.5 * (axis[0] + axis[2]), 0.5 * (axis[1] + axis[3])
         line = y
         # Labels of joints at one place stand below each other.
