@@ -13,7 +13,7 @@ from idim_iv_ros.types import FloatArray
 _COLOURS = ((0.0, (154, 181, 204)), (0.45, (240, 170, 95)), (1.0, (190, 52, 20)))
 # Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
 _AXIS, _AXIS_ALONE = 0.07, 0.2
-_LINE, _LETTER = 17.0, 8.0  # pixels: height of a label, and width of a letter in it
+_COLUMN, _LINE, _LETTER = 30.0, 18.0, 8.0  # pixels: to the labels, height and letter of one
 _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)
 
 
@@ -27,8 +27,8 @@ def robot_drawing(
 ) -> dict[str, Any]:
     """Return what ``robot.svg.j2`` draws of a robot with a value in percent for each joint.
 
-    The robot fits into a rectangle with a corner at 0, 0; labels stand to the right of the joints.
-    Lines are (x1, y1, x2, y2), pixels, y downwards.
+    The robot is as large as fits into `width` and `height`, with a corner at 0, 0; labels stand
+    in a column to the right of it. Lines are (x1, y1, x2, y2), pixels, y downwards.
     """
     points = np.array([point for line in skeleton.segments for point in line])
     size = float(np.ptp(points, axis=0).max())
@@ -40,11 +40,12 @@ def robot_drawing(
     )
     corners = np.concatenate([segments, axes]).reshape(-1, 2)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    scale = min(width, height) / max(float((high - low).max()), 1e-9)
-    shift = 0.5 * (np.array([width, height]) - scale * (high - low))
+    extent = np.maximum(high - low, 1e-9)
+    scale = float(np.min(np.array([width, height]) / extent))
+    width, height = np.round(scale * extent, 1).tolist()
 
     def placed(lines: FloatArray) -> list[list[float]]:
-        pixels = shift + scale * (lines - low)
+        pixels = scale * (lines - low)
         pixels[..., 1] = height - pixels[..., 1]
         return [[round(float(end), 1) for end in line] for line in pixels.reshape(len(lines), -1)]
 
@@ -53,12 +54,9 @@ def robot_drawing(
     rows = zip(joints, values, placed(axes), strict=True)
     for joint, value, axis in sorted(rows, key=lambda row: row[2][1] + row[2][3]):
         x, y = 0.5 * (axis[0] + axis[2]), 0.5 * (axis[1] + axis[3])
-        line = y
-        # Labels of joints at one place stand below each other.
-        while any(abs(other["line"] - line) < _LINE for other in drawn):
-            line += _LINE
-        share = value / largest if value is not None and is_number(value) else 0.0
         label = f"{joint}: {percent(value)}"
+        line = max(y, drawn[-1]["line"] + _LINE) if drawn else y
+        share = value / largest if value is not None and is_number(value) else 0.0
         drawn.append(
             {"x": x, "y": y, "line": line, "axis": axis, "colour": _colour(share), "label": label}
         )
@@ -67,8 +65,9 @@ def robot_drawing(
         "title": title,
         "lines": placed(segments),
         "joints": drawn,
-        "width": max(width, *(joint["x"] + _LETTER * len(joint["label"]) for joint in drawn)) + 40,
-        "height": max(height, *(joint["line"] for joint in drawn)) + 40,
+        "column": width + _COLUMN,
+        "width": width + _COLUMN + _LETTER * max(len(joint["label"]) for joint in drawn) + 40,
+        "height": max(height, drawn[-1]["line"]) + 40,
         "words": f"Robot with each joint in the colour of its {title}: {words}",
     }
 

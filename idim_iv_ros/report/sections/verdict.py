@@ -17,7 +17,7 @@ from idim_iv_ros.report.numerals import count, exact, number, percent, plural, w
 from idim_iv_ros.report.robot_drawing import robot_drawing
 from idim_iv_ros.report.section import R, Report, Section
 
-_DRAWING = (420.0, 330.0)  # pixels
+_DRAWING = (330.0, 330.0)  # pixels
 
 # Name, value, note.
 Tile = tuple[str, str, str]
