@@ -38,6 +38,7 @@ _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
 _ANOTHER_RATIO = 0.1
+_STANDS_STILL = 0.01  # of the motor's motion
 
 
 @dataclass(frozen=True)
@@ -252,7 +253,10 @@ def link_findings(motions: Sequence[Motion], joint_types: Sequence[str]) -> Iter
         if energy <= 0.0:
             continue
         ratio = float(motor @ link) / energy
-        if abs(ratio - 1.0) > _ANOTHER_RATIO:
+        if abs(ratio) < _STANDS_STILL:
+            sentence = "the encoder behind the gear stands still while the motor turns"
+            yield JointFinding(joint, "limited", sentence)
+        elif abs(ratio - 1.0) > _ANOTHER_RATIO:
             sentence = (
                 f"the encoder behind the gear turns {ratio:.3g} times as far as the motor: look "
                 "at its unit and sign, and at the gear ratio"
