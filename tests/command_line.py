@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SECONDS = 20.0  # of computation that a command may take
-_PATIENCE = 2.5  # times these seconds by the clock
+_PATIENCE = 10.0  # times these seconds by the clock
 _PROTECTION = 4 << 30  # bytes of addresses; a command fails long before, at its memory
 
 

@@ -364,6 +364,8 @@ def _cause(
     if not changes:
         return changes, None
     one, two = _rms(before), _rms(after)
+    if two >= one:
+        return {}, None  # likelier in the noise of the rows, and further from the commands
     cause = Cause(
         effect=CONTROL_LAW.name,
         kind="structural",

@@ -22,6 +22,7 @@ from idim_iv_ros.types import FloatArray
 
 _MOST = 3
 _LEAST_ROWS = 0.25
+_ROWS_BESIDE_REVERSAL = 2.0  # that tell nothing where it is not known when a joint sticks
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,8 @@ class Presliding(StructuralEffect[BristleShape]):
         if span <= 0.0:
             return []
         acceleration = 2.0 * float(covered.fastest[place.joint]) ** 2 / span
-        crossed = 0.5 * acceleration * (_LEAST_ROWS / covered.row_rate) ** 2
+        rows = _LEAST_ROWS if covered.sticking else _ROWS_BESIDE_REVERSAL
+        crossed = 0.5 * acceleration * (rows / covered.row_rate) ** 2
         least = max(1e-4 * float(covered.lever[place.joint]), crossed)
         spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(span),)) for span in spans]
@@ -121,12 +123,6 @@ class Presliding(StructuralEffect[BristleShape]):
             return []
         terms = self.grid(place, covered)
         return [(BristleShape(shape.spans + term.spans), term) for term in terms]
-
-    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """It needs to be known where joints stick."""
-        if covered.sticking:
-            return ""
-        return "where joints stick is not known, for the closed loop is not simulated"
 
     def columns(
         self, motion: RobotMotion, place: Place, shape: BristleShape

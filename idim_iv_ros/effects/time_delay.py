@@ -66,8 +66,8 @@ class TimeDelay(StructuralEffect[DelayShape]):
         return {place.joint: change[:, None]}
 
     def admissible(self, shape: DelayShape, coefficients: FloatArray) -> bool:
-        """The whole torque is late, not a part of it (the shape bends with longer delays)."""
-        return bool(0.4 < coefficients[0] < 2.5)
+        """The whole torque is late, not a part of it; short shapes times much are slow loops."""
+        return bool(coefficients[0] > 0.4)
 
     def plausible(
         self, shape: DelayShape, coefficients: FloatArray, torque: float, scale: JointScale

@@ -105,8 +105,8 @@ def read_contents(path: Path) -> BagContents:
                 names[topic] = JointMessageReader(topic, _kind(bag, topic), [], [])
             names[topic].add(batch)
         elif topic not in numbers:
-            columns = JointMessageType(FLOAT_ARRAY).layout(batch.message(0), ["effort"]).columns
-            numbers[topic] = len(columns["effort"].offsets) if columns else 0
+            first_message = JointMessageType(FLOAT_ARRAY).read(batch.message(0), ["effort"])
+            numbers[topic] = len(first_message.numbers.get("effort", ()))
     joints = _joints(bag, {topic: reader.finish().names for topic, reader in names.items()})
     contents = tuple(
         TopicContents(

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.bag_file import MessageBatch
 from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, JOINT_STATE
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints

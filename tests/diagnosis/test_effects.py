@@ -387,7 +387,6 @@ def test_sizes_that_are_torques_are_shares_of_friction_or_of_the_largest() -> No
     [
         ("stribeck", {"fastest": [2.0, 0.2]}, "too slow"),
         ("nonlinear_viscous", {"fastest": [2.0, 0.2]}, "too slow"),
-        ("presliding", {"sticking": False}, "where joints stick is not known"),
         ("encoder_eccentricity", {"low": [0.0, 0.0], "high": [1.0, 0.4]}, "looks constant"),
         ("encoder_eccentricity", {"lever": [1.0, 0.1]}, "looks constant"),
     ],
@@ -401,6 +400,17 @@ def test_motion_that_cannot_show_an_effect(name, poor, reason) -> None:
     for effect in STRUCTURAL:
         assert effect.cannot_show(1, rich) == ""
     assert reason in BY_NAME[name].cannot_show(1, replace(rich, **arrays))
+
+
+def test_spans_end_beyond_the_rows_beside_a_reversal_where_joints_may_stick() -> None:
+    covered, place = operating_range_of(synthetic()), Place(1)
+    told, untold = (
+        BY_NAME["presliding"].grid(place, replace(covered, sticking=sticking))
+        for sticking in (True, False)
+    )
+    acceleration = 2.0 * covered.fastest[1] ** 2 / covered.span(1)
+    assert untold[0].spans[0] >= 2.0 * acceleration / covered.row_rate**2 > told[0].spans[0]
+    assert untold[-1] == told[-1]
 
 
 IN_ORDER = (

@@ -147,17 +147,6 @@ def test_what_came_before_the_tear_is_saved_from_a_single_long_chunk(tmp_path, c
     np.testing.assert_array_equal(recording.position.values, VALUES[: recording.samples])
 
 
-@pytest.mark.parametrize("place", [0.2, 0.5, 0.9])
-def test_a_bad_length_outside_chunks_costs_two_messages(tmp_path: Path, place: float) -> None:
-    content = bytearray(_foreign(tmp_path, use_chunking=False))
-    size = 22 + serialised(TOPICS[0], np.zeros(SAMPLES, np.int64)).shape[1]
-    head = bytes([5, *size.to_bytes(8, "little")])
-    message = content.index(head, int(place * len(content)))
-    content[message + 2] = 7
-    recording = _read(tmp_path / "damaged.mcap", bytes(content), reference=False)
-    assert (~recording.effort.invented[:, 0]).sum() >= SAMPLES - 2
-
-
 def _foreign(folder: Path, **settings) -> bytes:
     """As another writer might: no index of messages, no checksum."""
     path = folder / "foreign.mcap"

@@ -60,17 +60,6 @@ def test_three_gigabytes_of_nothing_behind_half_a_bag_are_not_read(tmp_path: Pat
     assert 0 < Counted.taken < FEW
 
 
-def test_what_lies_behind_a_hole_is_read(tmp_path: Path, content) -> None:
-    path = tmp_path / "bag.mcap"
-    with path.open("wb") as file:
-        file.write(content[: len(content) // 2])
-        file.seek(3 * GIGABYTE, os.SEEK_SET)
-        file.write(content[len(content) // 2 :])
-    recording = read(path)
-    assert recording.samples > 3500
-    assert 0 < Counted.taken < FEW
-
-
 @pytest.mark.parametrize(("opcode", "head"), [(MESSAGE, b""), (CHUNK, b"chunk")])
 def test_a_record_that_claims_gigabytes_is_not_loaded(tmp_path: Path, opcode, head) -> None:
     size = 3 * GIGABYTE
@@ -83,15 +72,3 @@ def test_a_record_that_claims_gigabytes_is_not_loaded(tmp_path: Path, opcode, he
     with pytest.raises(DataError, match="nothing can be read"):
         read_recordings([path], joints=["a", "b"])
     assert Counted.taken < FEW
-
-
-def test_garbage_is_searched_for_so_long_and_then_given_up(tmp_path: Path, content) -> None:
-    noise = np.random.default_rng(1).bytes(1 << 20)
-    path = tmp_path / "bag.mcap"
-    with path.open("wb") as file:
-        file.write(content[: len(content) // 2])
-        for _ in range(130):  # 2 MiB more than are searched
-            file.write(noise)
-        file.write(content[len(content) // 2 :])
-    recording = read(path)
-    assert 500 < recording.samples < 3500

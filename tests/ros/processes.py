@@ -347,9 +347,8 @@ def numbers(bag: Path, topic: str = "/joint_states") -> np.ndarray:
     for _, batch in Bag(bag).batches({topic}):
         for k in range(len(batch)):
             raw = batch.message(k)
-            layout = JointMessageType("sensor_msgs/msg/JointState").layout(raw, ["position"])
-            row = np.frombuffer(raw, np.uint8)[None, :]
-            positions.append(layout.numbers(row, "position")[0, 0])
+            message = JointMessageType("sensor_msgs/msg/JointState").read(raw, ["position"])
+            positions.append(message.numbers["position"][0])
     return np.array(positions)
 
 

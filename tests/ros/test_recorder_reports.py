@@ -58,13 +58,6 @@ def test_a_joint_that_is_lost_and_found_again_is_said_until_the_next_bag() -> No
     assert content.problems == []
 
 
-def test_messages_of_several_parts_are_read_once() -> None:
-    content = JointContent(JOINT_STATE, ["a", "b"], BOTH)
-    for _ in range(20):
-        content.look([message("a", "b"), message("finger", effort=[])])
-    assert len(content._layouts) == 2
-
-
 class Clock:
     """Monotonic time, s."""
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.bags.cdr import CdrLayout
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, JointValues
 from idim_iv_ros.types import IntArray
 
 Taken = tuple[bytes, dict[str, int | None]]
@@ -19,8 +18,7 @@ Taken = tuple[bytes, dict[str, int | None]]
 _UNKNOWN = 1 << 63  # sequence numbers from here on mean that the middleware does not count
 _PERIODS = 200  # recent ones, whose median is the usual period
 
-_READ_AT_ONCE = 20  # unknown layouts that are read in one batch
-_KEPT = 64  # layouts
+_LOOKED_AT = 50  # latest messages of a batch: a recorder of 10 kHz has no time for all
 
 
 class JointContent:
@@ -36,7 +34,7 @@ class JointContent:
         self.malformed = 0
         self.joint_sets: list[tuple[str, ...]] = []
         self._type, self._joints, self._needed = message_type, tuple(joints), tuple(needed)
-        self._layouts: list[CdrLayout] = []
+        self._reader = JointMessageType(message_type)
         self._missing: tuple[str, ...] = ()
 
     @property
@@ -69,45 +67,32 @@ class JointContent:
 
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
-        read = 0
-        for size in dict.fromkeys(map(len, messages)):
-            content = b"".join(message for message in messages if len(message) == size)
-            rows = np.frombuffer(content, dtype=np.uint8).reshape(-1, size)
-            for layout in self._layouts:
-                rows = rows[~layout.agrees(rows)] if layout.size == size else rows
-            while len(rows) and read < _READ_AT_ONCE:
-                read += 1
-                try:
-                    layout = JointMessageType(self._type).layout(rows[0].tobytes(), self._needed)
-                except DataError:
-                    self.malformed += 1
-                    rows = rows[1:]
-                    continue
-                self._layouts = [*self._layouts[1 - _KEPT :], layout]
-                self._met(layout)
-                rows = rows[~layout.agrees(rows)]
-        if messages:
-            self._numbers(messages[-1])
+        latest: JointValues | None = None
+        for message in messages[-_LOOKED_AT:]:
+            try:
+                values = self._reader.read(message, self._needed)
+            except DataError:
+                self.malformed += 1
+                latest = None
+                continue
+            self._met(values.names)
+            latest = values
+        if latest is not None:
+            self._numbers(latest)
 
-    def _met(self, layout: CdrLayout) -> None:
-        names = tuple(sorted(layout.names))
-        if self._type == JOINT_STATE:
+    def _met(self, joints: tuple[str, ...]) -> None:
+        names = tuple(sorted(joints))
+        if self._type == JOINT_STATE and names != next(reversed(self.joint_sets), None):
             self.joint_sets = [others for others in self.joint_sets if others != names]
             self.joint_sets.append(names)
 
-    def _numbers(self, message: bytes) -> None:
-        rows = np.frombuffer(message, dtype=np.uint8)[None, :]
-        sized = (layout for layout in self._layouts if layout.size == len(message))
-        layout = next((layout for layout in sized if layout.agrees(rows)[0]), None)
-        if layout is None:
-            return
-        self._met(layout)
-        if self._joints and layout.names and set(layout.names).isdisjoint(self._joints):
+    def _numbers(self, message: JointValues) -> None:
+        if self._joints and message.names and set(message.names).isdisjoint(self._joints):
             return  # of another part of the robot
         missing = []
         for field in self._needed:
-            values = layout.numbers(rows, field)[0] if field in layout.columns else np.zeros(0)
-            names = layout.names or self._joints
+            values = message.numbers.get(field, np.zeros(0))
+            names = message.names or self._joints
             if len(values) != len(names):
                 missing.append(f"{len(values)} values of {field} for {len(names)} joints")
                 continue

@@ -4,20 +4,55 @@ import os
 import tempfile
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import IO, Protocol
 
-from idim_iv_ros.recording.bags.cdr import MessageBatch
+import numpy as np
+from numpy.typing import NDArray
+
 from idim_iv_ros.recording.bags.definitions import SchemaText
 
 # What is fetched at once: an object store takes some ten milliseconds to answer at all, in which it
 # could have sent about this much.
 READ_AHEAD = 1 << 20
 _TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their bytes
+
+
+@dataclass(frozen=True)
+class MessageBatch:
+    """Serialised messages in one buffer.
+
+    `buffer` (n_bytes,) uint8. `offsets`, `sizes` (k,) int: where each message lies. `arrival` (k,)
+    int: log time, ns.
+    """
+
+    buffer: NDArray[np.uint8]
+    offsets: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    arrival: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, messages: Sequence[tuple[int, bytes]]) -> "MessageBatch":
+        """Put messages with their log times one behind the other."""
+        sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
+        return cls(
+            buffer=np.frombuffer(b"".join(data for _, data in messages), dtype=np.uint8),
+            offsets=np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+            sizes=sizes,
+            arrival=np.array([stamp for stamp, _ in messages], dtype=np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.offsets)
+
+    def message(self, number: int) -> bytes:
+        """Bytes of one message."""
+        start = int(self.offsets[number])
+        return self.buffer[start : start + int(self.sizes[number])].tobytes()
 
 
 class ByteSource(Protocol):

@@ -4,13 +4,11 @@ Bags by `ros2 bag record` hold the definition of every type since Iron (MCAP alw
 type is read as one of the versions that its package had.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from typing import Any
+from functools import lru_cache
 
-from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FLOAT_ARRAY = "std_msgs/msg/Float64MultiArray"
@@ -18,12 +16,10 @@ CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 MANY_STATES = "control_msgs/msg/MultiDOFStateStamped"
 DYNAMIC_STATE = "control_msgs/msg/DynamicJointState"
 ROS2_CONTROL = (CONTROLLER_STATE, MANY_STATES, DYNAMIC_STATE)
+PLAIN = (JOINT_STATE, FLOAT_ARRAY)
 
 AND = " and "  # between the types of one topic
 _LONGEST = 200_000  # characters of a definition; the largest of ROS have 30,000
-
-Fields = list[tuple[str, tuple[Any, Any]]]
-"""Name and type of each field, as rosbags describes it."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +30,6 @@ class SchemaText:
     text: str
 
 
-@dataclass(frozen=True)
-class MessageType:
-    """One version of a type: its fields and those of the types that it consists of, by name."""
-
-    name: str
-    fields: Mapping[str, Fields]
-
-
 def note_type(topics: dict[str, str], topic: str, kind: str) -> None:
     """Enter the type of a topic; of a topic with several all are named."""
     before = topics.get(topic) or kind
@@ -49,56 +37,36 @@ def note_type(topics: dict[str, str], topic: str, kind: str) -> None:
 
 
 @lru_cache(maxsize=64)
-def versions(name: str, schema: SchemaText | None) -> tuple[MessageType, ...]:
-    """Return the version of a type that a bag defines, else all that are known; may be empty."""
-    if name in _PLAIN:
-        return (MessageType(name, _PLAIN),)
-    if schema is not None and schema.text.strip():
-        return _parsed(name, schema)
-    texts = _VERSIONS.get(name, ())
-    return tuple(kind for text in texts for kind in _parsed(name, SchemaText("ros2msg", text)))
+def versions(name: str, schema: SchemaText | None) -> tuple[Typestore, ...]:
+    """Return the types with the version that a bag defines, else with each known one, newest first.
+
+    May be empty.
+    """
+    if name in PLAIN:
+        return (get_typestore(Stores.ROS2_JAZZY),)
+    given = [schema] if schema is not None and schema.text.strip() else _VERSIONS.get(name, ())
+    stores = (_with_definition(name, definition) for definition in given)
+    return tuple(store for store in stores if store is not None)
 
 
-def _parsed(name: str, schema: SchemaText) -> tuple[MessageType, ...]:
+def _with_definition(name: str, schema: SchemaText) -> Typestore | None:
+    """Return the standard types and those of a definition; None where it is none of `name`."""
     if len(schema.text) > _LONGEST:
-        return ()
+        return None
+    store = get_typestore(Stores.ROS2_JAZZY)
     try:
         types = (
             get_types_from_idl(schema.text)
             if schema.encoding == "ros2idl"
             else get_types_from_msg(schema.text, name)
         )
+        for defined in types:
+            store.fielddefs.pop(defined, None)
+        store.register(types)
     except Exception:  # text of a stranger: whatever the parser stumbles over, it is no definition
-        return ()
-    fields = {**_standard(), **{kind: list(parts[1]) for kind, parts in types.items()}}
-    return (MessageType(name, fields),) if name in types else ()
+        return None
+    return store if name in types else None
 
-
-@cache
-def _standard() -> dict[str, Fields]:
-    """Types that every installation has, for definitions without those they consist of."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    return {name: list(parts[1]) for name, parts in store.fielddefs.items()}
-
-
-# Written out, because the whole store of ROS 2's types takes a tenth of a second to load.
-_TEXT, _NUMBER = (Nodetype.BASE, ("string", 0)), (Nodetype.BASE, ("uint32", 0))
-_NUMBERS = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("float64", 0)), 0))
-_PLAIN: dict[str, Fields] = {
-    JOINT_STATE: [
-        ("stamp.sec", _NUMBER),
-        ("stamp.nanosec", _NUMBER),
-        ("frame_id", _TEXT),
-        ("name", (Nodetype.SEQUENCE, (_TEXT, 0))),
-        *((name, _NUMBERS) for name in ("position", "velocity", "effort")),
-    ],
-    FLOAT_ARRAY: [
-        ("dim", (Nodetype.SEQUENCE, ((Nodetype.NAME, "dimension"), 0))),
-        ("data_offset", _NUMBER),
-        ("data", _NUMBERS),
-    ],
-    "dimension": [("label", _TEXT), ("size", _NUMBER), ("stride", _NUMBER)],
-}
 
 _POINT, _MANY = (
     "trajectory_msgs/JointTrajectoryPoint",
@@ -116,7 +84,7 @@ def _controller_state(points: str, last: str = "") -> str:
 
 
 # Newest first. https://docs.ros.org/en/jazzy/p/control_msgs, …/en/humble/…; the last is Foxy's.
-_VERSIONS: dict[str, tuple[str, ...]] = {
+_TEXTS: dict[str, tuple[str, ...]] = {
     CONTROLLER_STATE: (
         _controller_state("reference feedback error output", "float64 speed_scaling_factor"),
         _controller_state("reference feedback error output"),
@@ -137,4 +105,7 @@ _VERSIONS: dict[str, tuple[str, ...]] = {
         "string name\nfloat64 reference\nfloat64 feedback\nfloat64 feedback_dot\nfloat64 error\n"
         "float64 error_dot\nfloat64 time_step\nfloat64 output",
     ),
+}
+_VERSIONS = {
+    name: tuple(SchemaText("ros2msg", text) for text in texts) for name, texts in _TEXTS.items()
 }

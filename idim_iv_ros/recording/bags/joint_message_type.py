@@ -3,14 +3,16 @@
 Of ros2_control's own types that is known; of any other type the field is named by whoever reads.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
+import numpy as np
 from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording.bags.cdr import CdrLayout, Column, Located
 from idim_iv_ros.recording.bags.definitions import (
     AND,
     CONTROLLER_STATE,
@@ -18,22 +20,36 @@ from idim_iv_ros.recording.bags.definitions import (
     FLOAT_ARRAY,
     JOINT_STATE,
     MANY_STATES,
+    PLAIN,
     ROS2_CONTROL,
-    MessageType,
     SchemaText,
     versions,
 )
+from idim_iv_ros.types import FloatArray
 
 QUANTITIES = ("position", "velocity", "effort")
-PLAIN = (JOINT_STATE, FLOAT_ARRAY)
 # The same point under the names of newer and older versions of control_msgs.
 _SAME = {"reference": "desired", "desired": "reference", "feedback": "actual", "actual": "feedback"}
 _ASKED, _MEASURED, _OUTPUT = ("reference", "desired"), ("feedback", "actual"), ("output",)
 POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
-_PADDING = 8  # bytes that may follow the last field
 
-_Columns = tuple[tuple[str, ...], Mapping[str, Column | None]]
-"""Names of the joints, and where their numbers lie by quantity."""
+
+class JointValues(NamedTuple):
+    """What one message holds of joints.
+
+    `stamp`: of its header, ns; zero where the type has none. `names`: of the joints; empty for an
+    array without names. `numbers` (n,): of each quantity that is there, in the order of the names.
+    `origins`: field of the message that each was read from.
+    """
+
+    stamp: int
+    names: tuple[str, ...]
+    numbers: dict[str, FloatArray]
+    origins: dict[str, str]
+
+
+_Quantities = tuple[Sequence[str], dict[str, tuple[str, Any]]]
+"""Names of the joints; field and numbers by quantity."""
 
 
 @dataclass(frozen=True)
@@ -75,15 +91,14 @@ class JointMessageType:
                 )
                 raise UsageError(f"{bag}: {topic} is {self.name}, {words}: leave #{self.field} out")
             return
-        kinds = versions(self.name, self.schema)
-        if not kinds:
+        if not self._stores:
             raise DataError(
                 f"{bag}: {topic} is {self.name}, which the bag does not define; "
                 "sensor_msgs/msg/JointState is always read"
             )
         if self.name == DYNAMIC_STATE:
             return  # its fields are interfaces, which only messages name
-        fields = [name for name, _ in kinds[0].fields[self.name]]
+        fields = [name for name, _ in self._stores[0].fielddefs[self.name][1]]
         if self.name in (CONTROLLER_STATE, MANY_STATES):
             points = POINTS if self.name == CONTROLLER_STATE else ("reference", "feedback")
             if self.field is not None and self.field not in points:
@@ -98,105 +113,119 @@ class JointMessageType:
                 f"{bag}: {topic} is {self.name}: say which of its fields holds the numbers of the "
                 f"joints, as {topic}#FIELD ({', '.join(fields)})"
             )
-        if not _has_numbers(kinds[0], self.field):
+        if not _has_numbers(self._stores[0], self.name, self.field):
             raise UsageError(
                 f"{bag}: {topic} is {self.name}, which has no numbers in {self.field}; its fields "
                 f"are {', '.join(fields)}"
             )
 
-    def layout(self, message: bytes, quantities: Sequence[str]) -> CdrLayout:
-        """Read the layout of one message for some of position, velocity and effort.
+    @cached_property
+    def _stores(self) -> tuple[Typestore, ...]:
+        return versions(self.name, self.schema)
+
+    def read(self, message: bytes, quantities: Sequence[str]) -> JointValues:
+        """Read some of position, velocity and effort of one message.
 
         Raises DataError: the bytes are not a message of this type.
         """
-        kinds = versions(self.name, self.schema)
-        for kind in kinds:
+        for store in self._stores:
             try:
-                located = Located(message, kind)
-                names, columns = self._columns(located, quantities)
-            except (ValueError, KeyError):  # KeyError: a definition without its fields
+                content: Any = store.deserialize_cdr(memoryview(message), self.name)
+                names, fields = self._fields(content, quantities)
+            except Exception:  # what rosbags raises of a stranger's bytes has no common class
                 continue
-            if len(kinds) == 1 or len(message) - located.end < _PADDING:
-                return located.layout(names, columns)
+            stamp = getattr(getattr(content, "header", content), "stamp", None)
+            nanoseconds = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
+            numbers, origins = {}, {}
+            for quantity in quantities:
+                origin, values = fields.get(quantity, ("", ()))
+                if len(values):
+                    numbers[quantity], origins[quantity] = values, origin
+            return JointValues(nanoseconds, tuple(names), numbers, origins)
         raise DataError(f"not a {self.name} message")
 
-    def _columns(self, located: Located, quantities: Sequence[str]) -> _Columns:
+    def _fields(self, content: Any, quantities: Sequence[str]) -> _Quantities:
         if self.name == JOINT_STATE:
-            return located.texts["name"], {name: located.row(name) for name in QUANTITIES}
+            return _joint_state(content)
         if self.name == CONTROLLER_STATE:
-            return self._controller_state(located)
+            return self._controller_state(content)
         if self.name == DYNAMIC_STATE:
-            return self._interfaces(located, quantities)
+            return self._interfaces(content, quantities)
         if self.name == MANY_STATES:
-            return self._many_states(located)
-        field = "data" if self.name == FLOAT_ARRAY else self.field or ""
-        return _named_field(located, field, quantities)
+            return self._many_states(content)
+        return _named_field(content, "data" if self.field is None else self.field, quantities)
 
-    def _controller_state(self, located: Located) -> _Columns:
-        names = located.texts["joint_names"]
+    def _controller_state(self, content: Any) -> _Quantities:
         points = _ASKED if self.reference else _MEASURED
         efforts = points if self.reference else (*_MEASURED, *_OUTPUT)
         if self.field is not None:
             points = efforts = (self.field, _SAME.get(self.field, self.field))
-        columns = {}
+        fields = {}
         for quantity, member, allowed in (
             ("position", "positions", points),
             ("velocity", "velocities", points),
             ("effort", "effort", efforts),
         ):
             # Of a version with both names only one is filled.
-            rows = (located.row(f"{point}.{member}", len(names)) for point in allowed)
-            columns[quantity] = next(filter(None, rows), None)
-        return names, columns
+            for point in allowed:
+                numbers = getattr(getattr(content, point, None), member, ())
+                if len(numbers):
+                    fields[quantity] = (f"{point}.{member}", numbers)
+                    break
+        return content.joint_names, fields
 
-    def _interfaces(self, located: Located, quantities: Sequence[str]) -> _Columns:
-        names = located.texts["joint_names"]
+    def _interfaces(self, content: Any, quantities: Sequence[str]) -> _Quantities:
         wanted = {name: name for name in QUANTITIES}
         if self.field is not None:
             wanted[_first_of(quantities)] = self.field
-        paths = [f"interface_values[{joint}]" for joint in range(len(names))]
-        interfaces = [located.texts.get(f"{path}.interface_names", ()) for path in paths]
-        return names, {
-            quantity: located.column(
-                wanted_name,
-                [
-                    (f"{path}.values", there.index(wanted_name) if wanted_name in there else -1)
-                    for path, there in zip(paths, interfaces, strict=True)
-                ],
-            )
-            for quantity, wanted_name in wanted.items()
+        joints = [
+            dict(zip(joint.interface_names, joint.values, strict=False))
+            for joint in content.interface_values
+        ]
+        return content.joint_names, {
+            quantity: (name, np.array([joint.get(name, np.nan) for joint in joints]))
+            for quantity, name in wanted.items()
+            if any(name in joint for joint in joints)
         }
 
-    def _many_states(self, located: Located) -> _Columns:
-        """Joint names, and columns of all `dof_states`: of their references, or of their states."""
-        paths = [f"dof_states[{k}]" for k in range(located.counts["dof_states"])]
+    def _many_states(self, content: Any) -> _Quantities:
+        """Joint names, and numbers of all `dof_states`: their references, or their states."""
         of_reference = self.field == "reference" or (self.field is None and self.reference)
         members = {"position": "reference"} if of_reference else {
             "position": "feedback", "velocity": "feedback_dot", "effort": "output"
         }  # fmt: skip
-        return tuple(located.texts[f"{path}.name"][0] for path in paths), {
-            quantity: located.column(member, [(f"{path}.{member}", 0) for path in paths])
+        states = content.dof_states
+        return [state.name for state in states], {
+            quantity: (member, np.array([getattr(state, member) for state in states]))
             for quantity, member in members.items()
         }
 
 
-def _named_field(located: Located, field: str, quantities: Sequence[str]) -> _Columns:
-    """Columns of a field that holds numbers, or a JointState."""
-    if f"{field}.name" in located.texts:
-        names = located.texts[f"{field}.name"]
-        return names, {name: located.row(f"{field}.{name}") for name in QUANTITIES}
-    names = located.texts.get("joint_names", located.texts.get("name", ()))
-    column = located.row(field)
-    width = 0 if column is None else len(column.offsets)
-    return names if width == len(names) else (), {_first_of(quantities): column}
+def _joint_state(content: Any) -> _Quantities:
+    return content.name, {name: (name, getattr(content, name)) for name in QUANTITIES}
 
 
-def _has_numbers(kind: MessageType, path: str) -> bool:
-    """Whether a path leads to numbers, or to a JointState."""
-    described: Any = (Nodetype.NAME, kind.name)
+def _named_field(content: Any, path: str, quantities: Sequence[str]) -> _Quantities:
+    """Numbers of a field, or of a JointState in it."""
+    value = content
+    for name in path.split("."):
+        value = getattr(value, name)
+    if getattr(value, "__msgtype__", "") == JOINT_STATE:
+        names, fields = _joint_state(value)
+        return names, {name: (f"{path}.{name}", fields[name][1]) for name in QUANTITIES}
+    numbers = np.atleast_1d(value)
+    names = getattr(content, "joint_names", getattr(content, "name", ()))
+    names = [names] if isinstance(names, str) else names
+    named = len(numbers) == len(names)
+    return names if named else (), {_first_of(quantities): (path, numbers)}
+
+
+def _has_numbers(store: Typestore, kind: str, path: str) -> bool:
+    """Whether a path from a type leads to numbers, or to a JointState."""
+    described: Any = (Nodetype.NAME, kind)
     for name in path.split("."):
         node, detail = described
-        fields = dict(kind.fields.get(detail, [])) if node == Nodetype.NAME else {}
+        fields = dict(store.fielddefs[detail][1]) if node == Nodetype.NAME else {}
         if name not in fields:
             return False
         described = fields[name]

@@ -3,20 +3,27 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.cdr import CdrLayout, MessageBatch
-from idim_iv_ros.recording.bags.definitions import ROS2_CONTROL
-from idim_iv_ros.recording.bags.joint_message_type import PLAIN, JointMessageType
+from idim_iv_ros.recording.bags.bag_file import MessageBatch
+from idim_iv_ros.recording.bags.definitions import JOINT_STATE, PLAIN, ROS2_CONTROL
+from idim_iv_ros.recording.bags.joint_message_type import (
+    QUANTITIES,
+    JointMessageType,
+    JointValues,
+)
 from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _TOGETHER = 200_000  # messages
-_UNREAD, _PASSED = -1, -2  # instead of a layout
+_UNREAD, _PASSED = -1, -2  # instead of the number of a layout
+_STAMP = slice(4, 12)  # in the bytes of a JointState
 
 
 @dataclass(frozen=True)
@@ -80,6 +87,64 @@ class JointMessages:
         )
 
 
+class _Block(NamedTuple):
+    """Messages of one layout: places in their batch and stamps (k,), numbers (k, n) by quantity."""
+
+    places: IntArray | list[int]
+    stamps: IntArray | list[int]
+    numbers: dict[str, FloatArray]
+
+
+def _of_one_layout(
+    batch: MessageBatch, message: bytes, values: JointValues, unread: BoolArray
+) -> _Block | None:
+    """JointStates of a batch that differ from one in their numbers and stamps only.
+
+    A driver publishes the same joints in the same order nearly always. None where the numbers are
+    no views of the message, which is of the other byte order then.
+    """
+    whole, size = np.frombuffer(message, dtype=np.uint8), len(message)
+    fixed = np.ones(size, dtype=bool)
+    fixed[_STAMP] = False
+    offsets = {
+        name: numbers.ctypes.data - whole.ctypes.data for name, numbers in values.numbers.items()
+    }
+    for name, offset in offsets.items():
+        if not 0 <= offset < size:
+            return None
+        fixed[offset : offset + values.numbers[name].nbytes] = False
+    places = np.flatnonzero(unread & (batch.sizes == size))
+    # Rows of a view are copied whole; an index for each byte takes eight times the memory.
+    rows = sliding_window_view(batch.buffer, size)[batch.offsets[places]]
+    alike = (rows[:, fixed] == whole[fixed]).all(axis=1)
+    places, rows = places[alike], rows[alike]
+    stamps = np.ascontiguousarray(rows[:, _STAMP]).view([("sec", "<i4"), ("nanosec", "<u4")])[:, 0]
+    return _Block(
+        places,
+        stamps["sec"].astype(np.int64) * 1_000_000_000 + stamps["nanosec"],
+        {
+            name: np.ascontiguousarray(rows[:, o : o + values.numbers[name].nbytes]).view("<f8")
+            for name, o in offsets.items()
+        },
+    )
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Joints and fields that messages have in common.
+
+    `number`: in the order in which layouts were met. `names`: of the joints in a message.
+    `columns`, `places` (k,) int: of the joints that are asked for and named: where they go, and
+    where they are in a message. `origins`: as in `JointMessages`.
+    """
+
+    number: int
+    names: tuple[str, ...]
+    columns: IntArray
+    places: IntArray
+    origins: dict[str, str]
+
+
 @dataclass
 class JointMessageReader:
     """Collects batches of one topic; fields that are not asked for are not kept.
@@ -94,41 +159,79 @@ class JointMessageReader:
     fields: Sequence[str]
     damaged: int = 0
     passed: int = 0
-    _layouts: list[tuple[CdrLayout, list[int | None]]] = field(default_factory=list)
+    _layouts: dict[object, _Layout] = field(default_factory=dict)
     _merged: int = 0
     _waiting: int = 0
     _parts: list[tuple[tuple[IntArray, ...], dict[str, FloatArray]]] = field(default_factory=list)
 
     def add(self, batch: MessageBatch) -> None:
-        """Read a batch: all messages of a known layout at once, new layouts as they come."""
+        """Read a batch; all JointStates of the layout of one are read with it."""
         stamps = np.zeros(len(batch), dtype=np.int64)
-        width = len(self.joints)
-        missing = np.broadcast_to(np.nan, (len(batch), width))
-        values: dict[str, FloatArray] = dict.fromkeys(self.fields, missing)
         which = np.full(len(batch), _UNREAD)
-        left = np.arange(len(batch))
-        for number in range(len(self._layouts)):
-            left = self._read(number, batch, left, stamps, values, which)
-        while len(left):
+        columns: dict[str, FloatArray] = {}
+        for number in range(len(batch)):
+            if which[number] != _UNREAD:
+                continue
+            message, joint_state = batch.message(number), self.kind.name == JOINT_STATE
             try:
-                layout = self.kind.layout(batch.message(int(left[0])), self.fields)
+                values = self.kind.read(message, QUANTITIES if joint_state else self.fields)
             except DataError:
                 self.damaged += 1
-                left = left[1:]
                 continue
-            self._layouts.append((layout, self._places(layout)))
-            left = self._read(len(self._layouts) - 1, batch, left, stamps, values, which)
+            layout = self._layout(values)
+            block = _Block(
+                [number], [values.stamp], {n: v[None] for n, v in values.numbers.items()}
+            )
+            if joint_state:
+                block = _of_one_layout(batch, message, values, which == _UNREAD) or block
+            if self.joints and layout.names and not len(layout.columns):
+                which[block.places] = _PASSED
+                continue
+            which[block.places], stamps[block.places] = layout.number, block.stamps
+            for name in set(self.fields) & set(block.numbers):
+                there = layout.places < block.numbers[name].shape[1]
+                if name not in columns:
+                    columns[name] = np.full((len(batch), len(self.joints)), np.nan)
+                target = np.ix_(block.places, layout.columns[there])
+                columns[name][target] = block.numbers[name][:, layout.places[there]]
         read = which >= 0
         self.passed += int(np.count_nonzero(which == _PASSED))
-        self._parts.append(
-            (
-                (stamps[read], batch.arrival[read], which[read]),
-                {name: v[read] for name, v in values.items() if v.flags.writeable},
-            )
-        )
+        kept = {name: values[read] for name, values in columns.items()}
+        self._parts.append(((stamps[read], batch.arrival[read], which[read]), kept))
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
             self._merge(self._merged)
+
+    def _layout(self, values: JointValues) -> _Layout:
+        """Layout of a message: that of an earlier one with the same joints and fields, or its own.
+
+        Raises DataError: the numbers have no names, and are not as many as the joints.
+        """
+        sizes = {name: len(numbers) for name, numbers in values.numbers.items()}
+        key = (values.names, *sizes.items())
+        if key in self._layouts:
+            return self._layouts[key]
+        places: list[int | None]
+        if self.kind.numbered and not values.names:
+            count = max(sizes.values(), default=0)
+            if count not in (0, len(self.joints)):
+                raise DataError(
+                    f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
+                )
+            places = list(range(count))
+        else:
+            names = list(values.names)
+            places = [names.index(joint) if joint in names else None for joint in self.joints]
+        columns = [column for column, place in enumerate(places) if place is not None]
+        layout = _Layout(
+            len(self._layouts),
+            values.names,
+            np.array(columns, dtype=np.int64),
+            np.array([place for place in places if place is not None], dtype=np.int64),
+            {} if self.kind.name in PLAIN else values.origins,
+        )
+        self._layouts[key] = layout
+        return layout
 
     def _merge(self, first: int) -> None:
         """Make one of the parts from `first` on: freed one by one they shred the memory."""
@@ -145,52 +248,6 @@ class JointMessageReader:
         heads = [np.concatenate([nothing, *(head[k] for head, _ in parts)]) for k in range(3)]
         self._parts[first:] = [(tuple(heads), merged)]
         self._merged, self._waiting = len(self._parts), 0
-
-    def _read(
-        self,
-        number: int,
-        batch: MessageBatch,
-        left: IntArray,
-        stamps: IntArray,
-        values: dict[str, FloatArray],
-        which: IntArray,
-    ) -> IntArray:
-        """Read messages `left` (k,) of a layout, and return the others."""
-        layout, places = self._layouts[number]
-        sized = left[batch.sizes[left] == layout.size]
-        if len(sized) == 0:
-            return left
-        messages = batch.gather(sized, layout.size)
-        agrees = layout.agrees(messages)
-        if not agrees.all():
-            messages, sized = messages[agrees], sized[agrees]
-        if self.joints and layout.names and set(places) == {None}:
-            which[sized] = _PASSED
-            return np.asarray(left[which[left] == _UNREAD])
-        stamps[sized] = layout.stamps(messages)
-        which[sized] = number
-        for name in self.fields:
-            if name not in layout.columns:
-                continue
-            numbers = layout.numbers(messages, name)
-            if not values[name].flags.writeable:
-                values[name] = np.full(values[name].shape, np.nan)
-            for column, place in enumerate(places):
-                if place is not None and place < numbers.shape[1]:
-                    values[name][sized, column] = numbers[:, place]
-        return np.asarray(left[which[left] == _UNREAD])
-
-    def _places(self, layout: CdrLayout) -> list[int | None]:
-        if self.kind.numbered and not layout.names:
-            count = max((len(c.offsets) for c in layout.columns.values()), default=0)
-            if count not in (0, len(self.joints)):
-                raise DataError(
-                    f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
-                )
-            return list(range(count)) or [None] * len(self.joints)
-        return [
-            layout.names.index(joint) if joint in layout.names else None for joint in self.joints
-        ]
 
     def before(self, arrival: int) -> "JointMessageReader":
         """Give up the messages that arrived before a time, ns, to a reader of their own."""
@@ -215,11 +272,10 @@ class JointMessageReader:
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
         named = np.zeros((len(self._layouts), width), dtype=bool)
-        for number, (met, places) in enumerate(self._layouts):
+        for met in self._layouts.values():
             names.update(dict.fromkeys(met.names))
-            named[number] = [place is not None for place in places]
-            if self.kind.name not in PLAIN:
-                origins.update({name: c.origin for name, c in met.columns.items()})
+            named[met.number, met.columns] = True
+            origins.update(met.origins)
         return JointMessages(
             topic=self.topic,
             stamps=stamps,

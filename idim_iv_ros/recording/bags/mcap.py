@@ -1,51 +1,213 @@
-"""MCAP files chunk by chunk: raw messages found by their index, no object for each message.
+"""MCAP files chunk by chunk, no object for each message.
 
 Of a file whose summary lists every message only the chunks that hold wanted topics are read, far
-away (`ByteSource`) or not. The records of any other are walked from its start, so that a file
-without summary, with a torn end or with damaged records is read as far as it goes.
+away (`ByteSource`) or not; a damaged one costs nothing but itself. The records of any other are
+walked from its start, up to a torn end or a record whose head is damaged. The format: https://mcap.dev/spec.
 """
 
 import mmap
 import struct
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from io import BytesIO
+from typing import NamedTuple
 
 import lz4.frame
 import numpy as np
 import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, LocalFile, copied
-from idim_iv_ros.recording.bags.cdr import MessageBatch
-from idim_iv_ros.recording.bags.mcap_records import (
-    CHANNEL,
-    CHUNK,
-    DAMAGED,
-    DAMAGED_CONTENT,
-    DATA_END,
-    FOOTER,
-    HEAD,
-    INDEX,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_HEAD,
-    SCHEMA,
-    McapDescription,
-    Record,
-    read_summary,
-    records,
+from idim_iv_ros.recording.bags.bag_file import (
+    READ_AHEAD,
+    BagFile,
+    ByteSource,
+    LocalFile,
+    MessageBatch,
+    copied,
 )
+from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.types import IntArray
 
-_READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
+DAMAGED = 0  # no opcode of the format: bytes that are no record
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 11, 15
+CHUNK_INDEX = 8
+HEAD = 9  # opcode and length
+_HEAD_AND_CHANNEL = struct.Struct("<BQH")  # of a message
+MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
+_LAST_OPCODE, _FIRST_PRIVATE = 15, 0x80
+
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER_SIZE = 20
+DAMAGED_CONTENT = (struct.error, UnicodeDecodeError, EndOfFile)
+"""What the content of a damaged record raises."""
+
+_LONGEST_SUMMARY = 1 << 28
+# The end of a file that is read first: the summary of a minute of three topics is in it.
+_TAIL = 1 << 14
+_READ = (CHUNK, MESSAGE, SCHEMA, CHANNEL)
 _LARGEST_CHUNK = 1 << 30
 _LARGEST_DESCRIPTION = 1 << 24
-_LOOSE_TOGETHER, _LOOSE_BYTES = 10_000, 1 << 26  # messages, and what they span
+_LOOSE_BYTES = 1 << 22  # messages outside chunks that are read at once
 _FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of reading
+
+
+class Record(NamedTuple):
+    """One record: what it is, and where its content lies; `end` may pass the end of the file."""
+
+    opcode: int
+    start: int
+    end: int
+
+
+def records(content: mmap.mmap | bytes, place: int) -> Iterator[Record]:
+    """Records from `place` on, up to one whose head contradicts itself, given as ``DAMAGED``.
+
+    The last one passes the end of a file that was cut.
+    """
+    while place + HEAD <= len(content):
+        record = _record(content, place)
+        yield record
+        if record.opcode == DAMAGED:
+            return
+        place = record.end
+
+
+def _record(content: mmap.mmap | bytes, place: int) -> Record:
+    """Record at `place`."""
+    opcode, size = struct.unpack_from("<BQ", content, place)
+    record = Record(opcode, place + HEAD, place + HEAD + size)
+    if opcode == CHUNK:
+        whole = _is_chunk(content, record)
+    elif opcode == MESSAGE:
+        whole = size >= MESSAGE_HEAD
+    elif opcode == DATA_END:
+        whole = size == 4
+    elif opcode == FOOTER:
+        whole = size == 20
+    else:
+        whole = 0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE
+    return record if whole else record._replace(opcode=DAMAGED)
+
+
+def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
+    """Whether the length of a chunk is that of its parts."""
+    if record.start + 40 > len(content):
+        return False
+    (name,) = struct.unpack_from("<I", content, record.start + 28)
+    if name > 16 or record.start + 40 + name > len(content):
+        return False
+    (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
+    return bool(record.end - record.start == 40 + name + size)
+
+
+@dataclass
+class McapDescription:
+    """Schemas and channels of a file, from its data or from its summary.
+
+    `schemas`: name of each schema. `definitions`: definition of each type. `channels`: topic of
+    each channel of CDR messages. `topics`: type of each topic. `counts`: messages of each channel
+    in the whole file; None where no summary says it. `chunks`: where chunks lie, and which channels
+    they hold.
+    """
+
+    schemas: dict[int, str] = field(default_factory=dict)
+    definitions: dict[str, SchemaText] = field(default_factory=dict)
+    channels: dict[int, str] = field(default_factory=dict)
+    topics: dict[str, str] = field(default_factory=dict)
+    counts: dict[int, int] | None = None
+    chunks: list[ChunkIndex] = field(default_factory=list)
+
+    def add(self, opcode: int, content: bytes) -> None:
+        """Take the content of a record of a schema, of a channel, or of the summary.
+
+        Raises one of `DAMAGED_CONTENT` if it is damaged.
+        """
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == SCHEMA:
+            schema = Schema.read(stream)
+            self.schemas[schema.id] = schema.name
+            # Other encodings than those of ROS need not be text.
+            text = schema.data.decode("utf-8", errors="replace")
+            self.definitions[schema.name] = SchemaText(schema.encoding, text)
+        elif opcode == CHANNEL:
+            channel = Channel.read(stream)
+            if channel.message_encoding == "cdr":
+                self.channels[channel.id] = channel.topic
+                note_type(self.topics, channel.topic, self.schemas.get(channel.schema_id, ""))
+        elif opcode == STATISTICS:
+            self.counts = dict(Statistics.read(stream).channel_message_counts)
+        elif opcode == CHUNK_INDEX:
+            self.chunks.append(ChunkIndex.read(stream))
+
+    def lists_every_message(self, size: int) -> bool:
+        """Whether chunks that are listed hold all messages of a file of `size` bytes.
+
+        Messages outside chunks are in no index; neither are those of a writer that leaves it out.
+        """
+        last = size - len(MAGIC) - FOOTER_SIZE - HEAD
+        return (
+            self.counts is not None
+            and (bool(self.chunks) or not any(self.counts.values()))
+            and all(
+                chunk.message_index_offsets
+                and chunk.chunk_length + chunk.message_index_length
+                <= last - chunk.chunk_start_offset
+                for chunk in self.chunks
+            )
+        )
+
+    def stretches(self, wanted: set[str]) -> Iterator[list[tuple[int, int]]]:
+        """Places of the chunks that hold the wanted topics, those to be read at once together.
+
+        They follow one another without a gap, and are `READ_AHEAD` together if they are several.
+        """
+        channels = {channel for channel, topic in self.channels.items() if topic in wanted}
+        together: list[tuple[int, int]] = []
+        for chunk in sorted(self.chunks, key=lambda chunk: chunk.chunk_start_offset):
+            if channels.isdisjoint(chunk.message_index_offsets):
+                continue
+            first = chunk.chunk_start_offset
+            last = first + chunk.chunk_length + chunk.message_index_length
+            if together and (first != together[-1][1] or last - together[0][0] > READ_AHEAD):
+                yield together
+                together = []
+            together.append((first, last))
+        if together:
+            yield together
+
+
+def read_summary(source: ByteSource) -> McapDescription | None:
+    """Description at the end of a file, None where there is none or its checksum is wrong."""
+    offset = max(0, source.size - _TAIL)
+    tail = source.read(offset, source.size)
+    footer = len(tail) - len(MAGIC) - FOOTER_SIZE
+    if footer < HEAD or tail[-len(MAGIC) :] != MAGIC or tail[footer - HEAD] != FOOTER:
+        return None
+    start, _, checksum = struct.unpack_from("<QQI", tail, footer)
+    length = offset + footer - HEAD - start
+    if start < len(MAGIC) or not 0 < length <= _LONGEST_SUMMARY:
+        return None
+    if start < offset:
+        tail, offset = source.read(start, offset) + tail, start
+    # A writer that computes no checksum leaves it zero.
+    if checksum not in (0, zlib.crc32(tail[start - offset : -len(MAGIC) - 4])):
+        return None
+    description = McapDescription()
+    try:
+        for record in records(tail, start - offset):
+            if record.opcode == FOOTER:
+                break
+            description.add(record.opcode, tail[record.start : record.end])
+    except DAMAGED_CONTENT:
+        return None
+    return description
 
 
 @dataclass
@@ -64,8 +226,11 @@ class McapFile(BagFile):
             self.topics = self._description.topics
             self.definitions = self._description.definitions
             if summary is not None and summary.lists_every_message(source.size):
-                for first, last in summary.stretches(wanted):
-                    yield from self._walk(source.read(first, last), wanted, 0)
+                for places in summary.stretches(wanted):
+                    start = places[0][0]
+                    content = source.read(start, places[-1][1])
+                    for first, last in places:
+                        yield from self._walk(content[first - start : last - start], wanted, 0)
                 self.truncated = False
             else:
                 yield from self._whole(source, wanted)
@@ -87,10 +252,7 @@ class McapFile(BagFile):
             yield LocalFile(file.fileno())
 
     def _whole(self, source: ByteSource, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of all records from the start; what is far away is copied to a file.
-
-        Only a whole file can be searched for what is left of it when its index is missing.
-        """
+        """Messages of all records from the start; what is far away is copied to a file."""
         if source.size == 0:
             raise DataError(f"{self.path}: the file is empty")
         with (
@@ -99,25 +261,19 @@ class McapFile(BagFile):
         ):
             if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
                 raise DataError(f"{self.path}: not an MCAP file")
-            yield from self._walk(content, wanted, len(MAGIC), file.fileno())
+            yield from self._walk(content, wanted, len(MAGIC))
 
     def _walk(
-        self, content: mmap.mmap | bytes, wanted: set[str], place: int, file: int | None = None
+        self, content: mmap.mmap | bytes, wanted: set[str], place: int
     ) -> Iterator[tuple[str, MessageBatch]]:
-        # A chunk is followed by its indices.
-        chunk: bytes | None = None
-        indices: dict[int, IntArray] = {}
-        loose: list[Record] = []
+        loose: tuple[int, int] | None = None  # messages outside chunks: where they begin and end
         self.truncated = True
         read = 0
-        for record in records(content, place, file):
+        for record in records(content, place):
             opcode, start, end = record
             if start - read > _FORGOTTEN and isinstance(content, mmap.mmap):
                 content.madvise(mmap.MADV_DONTNEED, read, _FORGOTTEN)
                 read += _FORGOTTEN
-            if opcode != INDEX:
-                yield from self._chunk(chunk, indices, wanted)
-                chunk, indices = None, {}
             if opcode in (FOOTER, DATA_END):
                 self.truncated = False
                 break
@@ -125,23 +281,22 @@ class McapFile(BagFile):
             if opcode == DAMAGED or (opcode in _READ and end - start > largest):
                 self._lose()
             elif opcode == CHUNK:
+                if loose is not None:
+                    yield from self._chunk(content[slice(*loose)], wanted)
+                    loose = None
                 chunk = self._decompress(content[start:end], torn=end > len(content))
+                yield from self._chunk(chunk, wanted)
             elif end > len(content):
                 break
             elif opcode in (SCHEMA, CHANNEL):
                 self._describe(opcode, content[start:end])
-            elif opcode == INDEX:
-                (channel,) = struct.unpack_from("<H", content, start)
-                entries = np.frombuffer(content[start + 6 : end], dtype="<i8").reshape(-1, 2)
-                indices[channel] = entries[:, 1]
             elif opcode == MESSAGE:
-                loose.append(record)
-                if len(loose) >= _LOOSE_TOGETHER or end - loose[0].start > _LOOSE_BYTES:
-                    yield from self._loose(content, loose, wanted)
-                    loose = []
-        yield from self._chunk(chunk, indices, wanted)
-        if loose:
-            yield from self._loose(content, loose, wanted)
+                loose = (start - HEAD if loose is None else loose[0], end)
+                if end - loose[0] > _LOOSE_BYTES:
+                    yield from self._chunk(content[slice(*loose)], wanted)
+                    loose = None
+        if loose is not None:
+            yield from self._chunk(content[slice(*loose)], wanted)
         self.counted &= not self.truncated
 
     def _lose(self) -> None:
@@ -156,8 +311,8 @@ class McapFile(BagFile):
         except DAMAGED_CONTENT:
             self._lose()
 
-    def _decompress(self, record: bytes, *, torn: bool) -> bytes | None:
-        """Content of a chunk, None (and counted) where it is damaged; of a torn one its start."""
+    def _decompress(self, record: bytes, *, torn: bool) -> bytes:
+        """Content of a chunk, of a torn one its start; nothing (and counted) of a damaged one."""
         try:
             size, checksum, name = struct.unpack_from("<QII", record, 16)
             compression, payload = record[32 : 32 + name], record[40 + name :]
@@ -175,26 +330,12 @@ class McapFile(BagFile):
                 raise ValueError("wrong checksum")
         except (struct.error, ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError):
             self._lose()
-            return None
+            return b""
         return content
 
-    def _chunk(
-        self, chunk: bytes | None, indices: dict[int, IntArray], wanted: set[str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of a chunk, by its indices where these account for every byte of it."""
-        if chunk is None:
-            for channel, offsets in indices.items():
-                if self._description.channels.get(channel) in wanted:
-                    self.missing[self._description.channels[channel]] += len(offsets)
-            return
+    def _chunk(self, chunk: bytes, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         buffer = np.frombuffer(chunk, dtype=np.uint8)
-        sizes = {
-            channel: message_sizes(buffer, channel, places) for channel, places in indices.items()
-        }
-        listed = sum(int(size.sum()) + HEAD * len(size) for size in sizes.values())
-        if listed != len(chunk):
-            indices = self._scan(chunk)
-        for channel, places in indices.items():
+        for channel, places in self._scan(chunk).items():
             yield from self._batch(buffer, channel, places, wanted)
 
     def _batch(
@@ -210,34 +351,19 @@ class McapFile(BagFile):
 
     def _scan(self, chunk: bytes) -> dict[int, IntArray]:
         """Walk the records of a chunk, and say where the messages of each channel begin."""
-        places: dict[int, list[int]] = {}
-        place = 0
-        while place + HEAD <= len(chunk):
-            opcode, size = struct.unpack_from("<BQ", chunk, place)
-            start, end = place + HEAD, place + HEAD + size
+        places: defaultdict[int, list[int]] = defaultdict(list)
+        place, last, head = 0, len(chunk) - _HEAD_AND_CHANNEL.size, _HEAD_AND_CHANNEL.unpack_from
+        while place <= last:
+            opcode, size, channel = head(chunk, place)
+            end = place + HEAD + size
             if end > len(chunk):
                 break
-            if opcode in (SCHEMA, CHANNEL):
-                self._describe(opcode, chunk[start:end])
-            elif opcode == MESSAGE and size >= MESSAGE_HEAD:
-                (channel,) = struct.unpack_from("<H", chunk, start)
-                places.setdefault(channel, []).append(place)
+            if opcode == MESSAGE and size >= MESSAGE_HEAD:
+                places[channel].append(place)
+            elif opcode in (SCHEMA, CHANNEL):
+                self._describe(opcode, chunk[place + HEAD : end])
             place = end
         return {channel: np.array(starts) for channel, starts in places.items()}
-
-    def _loose(
-        self, content: mmap.mmap | bytes, places: list[Record], wanted: set[str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages outside chunks."""
-        first = min(record.start for record in places) - HEAD
-        last = max(record.end for record in places)
-        buffer = np.frombuffer(content[first:last], dtype=np.uint8)
-        by_channel: dict[int, list[int]] = {}
-        for record in places:
-            (channel,) = struct.unpack_from("<H", content, record.start)
-            by_channel.setdefault(channel, []).append(record.start - HEAD - first)
-        for channel, starts in by_channel.items():
-            yield from self._batch(buffer, channel, np.array(starts), wanted)
 
     def _compare(self, counts: dict[int, int], wanted: set[str]) -> None:
         """Count what is missing against the summary."""
@@ -250,25 +376,13 @@ class McapFile(BagFile):
             self.damaged = max(self.damaged, 1)
 
 
-def start_of(payload: bytes, compression: bytes, size: int) -> bytes | None:
+def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
     """What can be decompressed of a chunk whose end is missing."""
     if compression == b"zstd":
         return zstandard.ZstdDecompressor().decompressobj().decompress(payload)[:size]
     if compression == b"lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
     return payload
-
-
-def message_sizes(buffer: NDArray[np.uint8], channel: int, offsets: IntArray) -> IntArray:
-    """Sizes of the messages that an index names; none if it names anything else."""
-    last = len(buffer) - HEAD - MESSAGE_HEAD
-    if len(offsets) == 0 or offsets.min() < 0 or offsets.max() > last:
-        return np.zeros(0, dtype=np.int64)
-    owner = buffer[offsets + HEAD] + 256 * buffer[offsets + HEAD + 1].astype(np.int64)
-    sizes = integers(buffer, offsets + 1)
-    whole = (sizes >= MESSAGE_HEAD) & (sizes <= len(buffer) - HEAD - offsets)
-    whole &= (owner == channel) & (buffer[offsets] == MESSAGE)
-    return sizes if whole.all() else np.zeros(0, dtype=np.int64)
 
 
 def integers(buffer: NDArray[np.uint8], offsets: IntArray) -> IntArray:

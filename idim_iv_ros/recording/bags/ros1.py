@@ -9,8 +9,7 @@ from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile, in_batches
-from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.bag_file import BagFile, MessageBatch, in_batches
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 _HEADER = (

@@ -11,8 +11,7 @@ from contextlib import closing, suppress
 from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile, in_batches
-from idim_iv_ros.recording.bags.cdr import MessageBatch
+from idim_iv_ros.recording.bags.bag_file import BagFile, MessageBatch, in_batches
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 
 _TOPICS = 10_000

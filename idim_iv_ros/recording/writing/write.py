@@ -1,6 +1,7 @@
 """Writing recordings as MCAP bags that ROS 2 tools open."""
 
 import json
+import struct
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -15,7 +16,6 @@ from rosbags.typesys import Stores, get_typestore
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
-from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES, JointMessageType
 from idim_iv_ros.recording.request import in_root
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -250,34 +250,38 @@ def write_messages(
     writer.finish()  # type: ignore[no-untyped-call]
 
 
+# What no message holds by chance: shows where a quantity begins in a template.
+_MARKS = {"position": -1.1e-301, "velocity": -2.2e-302, "effort": -3.3e-303}
+_STAMP = 4  # bytes before the stamp
+
+
 def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Serialised messages (n, size): one template, its numbers filled in for all at once."""
     fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
     given = {name: values for name, values in fields.items() if values is not None}
     template = _template(topic.joints, given)
-    layout = JointMessageType(JOINT_STATE).layout(template, QUANTITIES)
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
-    assert layout.stamp is not None
-    place = layout.stamp
-    messages[:, place : place + 4] = seconds.astype("<i4")[:, None].view(np.uint8)
-    messages[:, place + 4 : place + 8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
+    for place, part in ((_STAMP, seconds), (_STAMP + 4, nanoseconds)):
+        messages[:, place : place + 4] = part.astype("<u4")[:, None].view(np.uint8)
     for name, values in given.items():
-        offset = layout.columns[name].offsets[0]
+        offset = template.index(struct.pack("<d", _MARKS[name]))
         numbers = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
         messages[:, offset : offset + numbers.shape[1]] = numbers
     return messages
 
 
 def _template(joints: Sequence[str], given: Collection[str]) -> bytes:
-    """A message with zeros in the fields that are given."""
+    """A message with marks in the fields that are given."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
-    numbers = {name: np.zeros(len(joints) if name in given else 0) for name in QUANTITIES}
+    numbers = {
+        name: np.full(len(joints) if name in given else 0, mark) for name, mark in _MARKS.items()
+    }
     message = types[JOINT_STATE](header=header, name=list(joints), **numbers)
-    return bytes(store.serialize_cdr(message, JOINT_STATE))
+    return bytes(store.serialize_cdr(message, JOINT_STATE, little_endian=True))
 
 
 def _nanoseconds(time: FloatArray) -> IntArray:
