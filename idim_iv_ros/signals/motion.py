@@ -173,7 +173,7 @@ def _why_still(
     """Say how far the joint that moves most does, and how large its noise is."""
     names = ", ".join(record.name for record in signals)
     ranges = np.array([np.ptp(record.position, axis=0) for record in signals])
-    record, joint = np.unravel_index(int(np.argmax(ranges)), ranges.shape)
+    record, joint = divmod(int(np.argmax(ranges)), ranges.shape[1])
     noise = float(np.std((signals[record].position - filtered[record])[:, joint]))
     return (
         f"{names}: no joint moves: the most is {joints[joint]} over {ranges[record, joint]:.2g} "
