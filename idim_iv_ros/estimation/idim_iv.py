@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.covariance import refined_covariance, white_covariance
-from idim_iv_ros.estimation.essential import restrict
 from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
+    refined_covariance,
+    restrict,
     solve_instrumental_variables,
     solve_least_squares,
+    white_covariance,
 )
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.signals import AutoregressiveModel
@@ -56,6 +57,8 @@ class IdimIvEstimate:
     ----------
     linear : LinearEstimate
         The last estimate and its residuals.
+    least_squares : LinearEstimate
+        Joint-weighted IDIM-LS on the same rows, from which the weights come.
     source : InstrumentSource
         What made the instruments.
     instruments : Instruments
@@ -67,6 +70,7 @@ class IdimIvEstimate:
     """
 
     linear: LinearEstimate
+    least_squares: LinearEstimate
     source: InstrumentSource
     instruments: Instruments
     steps: tuple[IterationStep, ...]
@@ -142,7 +146,15 @@ class _Iteration:
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
             converged = steps[-1].change <= self.tolerance
-        return IdimIvEstimate(linear, self.source, instruments, tuple(steps), converged, failures)
+        return IdimIvEstimate(
+            linear=linear,
+            least_squares=self.least_squares,
+            source=self.source,
+            instruments=instruments,
+            steps=tuple(steps),
+            converged=converged,
+            failures=failures,
+        )
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.

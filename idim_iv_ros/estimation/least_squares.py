@@ -1,21 +1,27 @@
-"""Linear estimators on the rows of all joints: IDIM-LS and one step of IDIM-IV (equation 9).
+"""Linear estimators on the rows of all joints, IDIM-LS and one step of IDIM-IV (equation 9).
 
-All work on R factors: the rows of each joint are reduced once, and rows that are reduced already
-(`JointRows.reduced`, `streamed_rows`) serve as well.
+How uncertain their estimates are, and which parameters are essential. All work on R factors: the
+rows of each joint are reduced once, and rows that are reduced already (`JointRows.reduced`,
+`streamed_rows`) serve as well. ZᵀZ or ZᵀX, which squares the condition number, is never formed.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
+from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.estimation.rows import JointRows
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Rounds of new weights; the estimate hardly depends on them.
 _WEIGHTINGS = 3
+# Columns of the instruments that are filtered at once, for the sake of memory.
+_COLUMNS = 4
 
 
 @dataclass(frozen=True)
@@ -142,3 +148,160 @@ def _number_of_rows(rows: Sequence[JointRows], parameters: int) -> int:
             "or raise processing.decimation_cutoff"
         )
     return total
+
+
+def white_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: int) -> FloatArray:
+    """Σ = (ZᵀWX)⁻¹ ZᵀWZ (XᵀWZ)⁻¹, W = blkdiag(I/σ_j²): right if every residual is white.
+
+    With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹.
+
+    `sigma`: (n_joints,) Standard deviation of each joint's residual; `parameters`: b.
+
+    Returns
+    -------
+    (b, b), in the products of the parameters' units.
+
+    Raises
+    ------
+    DataError
+        The instruments do not determine all parameters.
+    """
+    _, projected, _ = projected_on_instruments(rows, parameters, sigma)
+    root = np.linalg.inv(projected)
+    return np.asarray(root @ root.T)
+
+
+def refined_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: int) -> FloatArray:
+    """Σ = (Z_fᵀ W Z_f)⁻¹ of the refined estimate (paper, equation 12), joint by joint weighted.
+
+    The rows are filtered by Ĉ_j(z⁻¹), and sigma is that of the whitened residual; with one σ for
+    all joints it is the paper's σ̂²(Z_fᵀZ_f)⁻¹. Parameters as for `white_covariance`.
+    """
+    upper, _, _ = projected_on_instruments(rows, parameters, sigma)
+    root = independent_basis(upper).inverse_root(parameters)
+    return root @ root.T
+
+
+@dataclass(frozen=True)
+class AutocorrelatedCovariance:
+    """Σ = A S Aᵀ of the estimate from unfiltered rows, when each joint's residual is AR(p).
+
+    A = (ZᵀWX)⁻¹ and S = Σ_j σ_j⁻⁴ Z_jᵀ R_j Z_j, with R_j the covariance of the joint's residual
+    at the places of its rows; Z_jᵀ R_j Z_j = σ²_N,j ‖H_jᵀ Z_j‖² with H_j = 1/Ĉ_j on the regular
+    grid, where Z_j is zero at the dropped rows.
+
+    Attributes
+    ----------
+    rows : sequence of JointRows
+        Unfiltered, with their `position`.
+    sigma : (n_joints,)
+        Standard deviation of each joint's residual: the weights of the estimate.
+    models : sequence of AutoregressiveModel
+        Fitted on the residual of each joint, in its unit.
+    parameters : int
+        b.
+    """
+
+    rows: Sequence[JointRows]
+    sigma: FloatArray
+    models: Sequence[AutoregressiveModel]
+    parameters: int
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(b, b), in the products of the parameters' units."""
+        return self.restricted(np.arange(self.parameters))
+
+    def restricted(self, kept: IntArray) -> FloatArray:
+        """Covariance (b_e, b_e) of the estimate with only the parameters `kept`, same weights."""
+        rows = [joint.reduced.keep(kept) for joint in self.rows]
+        upper, projected, _ = projected_on_instruments(rows, len(kept), self.sigma)
+        spectrum = r_factor(self._spectrum[:, kept])
+        # A = (Rᵀ QᵀX)⁻¹ = (QᵀX)⁻¹ R⁻ᵀ, so that Σ = BᵀB with B = S^½ R⁻¹ (QᵀX)⁻ᵀ.
+        root = np.linalg.solve(projected, np.linalg.solve(upper.T, spectrum.T)).T
+        return np.asarray(root.T @ root)
+
+    @cached_property
+    def _spectrum(self) -> FloatArray:
+        """S^½, upper triangular (b, b)."""
+        factors = [
+            _shaped_r_factor(joint, model) * np.sqrt(model.innovation_variance) / sigma**2
+            for joint, sigma, model in zip(self.rows, self.sigma, self.models, strict=True)
+        ]
+        return stacked_r_factor(factors, [joint.columns for joint in self.rows], self.parameters)
+
+
+def _shaped_r_factor(rows: JointRows, model: AutoregressiveModel) -> FloatArray:
+    """R factor of H_jᵀ Z_j."""
+    assert rows.position is not None
+    width = len(rows.columns)
+    shaped = np.zeros((0, width))
+    for start in range(0, width, _COLUMNS):
+        columns = rows.instruments[:, start : start + _COLUMNS]
+        part = model.shaping_adjoint(columns, rows.position)
+        if not len(shaped):
+            shaped = np.empty((len(part), width))
+        shaped[:, start : start + _COLUMNS] = part
+    return r_factor(shaped)
+
+
+@dataclass(frozen=True)
+class EssentialParameters:
+    """Outcome of the backward elimination (paper, section V.B).
+
+    `columns` (b_e,): base parameters that stay; `statistic`, `p_value`: F-test of the null
+    hypothesis that all the others are zero.
+    """
+
+    columns: IntArray
+    statistic: float
+    p_value: float
+
+
+def essential_parameters(
+    values: FloatArray, covariance: FloatArray, rows: int, *, alpha: float = 0.05
+) -> EssentialParameters:
+    """Eliminate the parameter with the largest relative deviation while the F-test accepts it.
+
+    F = ((‖ρ_e‖² - ‖ρ‖²)/(b - b_e)) / (‖ρ‖²/(r - b)) equals the Wald statistic β_outᵀ Σ_out⁻¹ β_out
+    / (b - b_e) of the parameters that are left out; that form also holds for instrumental
+    variables. It is judged against F(b - b_e, r - b).
+
+    `values` (b,); `covariance` (b, b): that of whitened rows, for r must count independent rows;
+    `rows`: r; `alpha`: level at which the null hypothesis is rejected and the elimination stops.
+    """
+    parameters = len(values)
+    kept = list(range(parameters))
+    statistic, p_value = 0.0, 1.0
+    for _ in range(parameters - 1):
+        estimate, std = restrict(values, covariance, kept)
+        weakest = int(np.argmin(np.abs(estimate) / std))
+        trial = kept[:weakest] + kept[weakest + 1 :]
+        out = [column for column in range(parameters) if column not in trial]
+        left_out = values[out]
+        distance = float(left_out @ np.linalg.solve(covariance[np.ix_(out, out)], left_out))
+        trial_statistic = distance / len(out)
+        trial_p = float(scipy.stats.f.sf(trial_statistic, len(out), rows - parameters))
+        if trial_p < alpha:
+            break
+        kept, statistic, p_value = trial, trial_statistic, trial_p
+    return EssentialParameters(np.array(kept), statistic, p_value)
+
+
+def restrict(
+    values: FloatArray, covariance: FloatArray, kept: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Estimate and standard deviation of `kept` once the other parameters are set to zero.
+
+    Returns
+    -------
+    values, std : (len(kept),)
+    """
+    out = [column for column in range(len(values)) if column not in kept]
+    inside = covariance[np.ix_(kept, kept)]
+    if not out:
+        return values[kept], np.sqrt(np.diag(inside))
+    across = covariance[np.ix_(kept, out)]
+    gain = np.linalg.solve(covariance[np.ix_(out, out)], across.T).T
+    reduced = inside - gain @ across.T
+    return values[kept] - gain @ values[out], np.sqrt(np.maximum(np.diag(reduced), 0.0))

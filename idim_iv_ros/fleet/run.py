@@ -200,35 +200,29 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
 
 def _require_same_version(client: Any) -> None:
     """Refuse workers of another version, or without this program; lost ones are passed over."""
-    for answer in client.run(code_version, on_error="return").values():
-        if isinstance(answer, str):
-            _require_version(client, answer)
-        elif not isinstance(answer, OSError):
+    where = f"--scheduler {client.scheduler.address}"
+    for answer in client.run(of_version, code_version(), str, on_error="return").values():
+        if isinstance(answer, UsageError):
+            raise UsageError(f"{where}: {answer}")
+        if isinstance(answer, Exception) and not isinstance(answer, OSError):
             raise UsageError(
-                f"--scheduler {client.scheduler.address}: its workers cannot run idim_iv_ros "
-                f"({one_line(answer)}); install the same version there"
+                f"{where}: its workers cannot run idim_iv_ros ({one_line(answer)}); install the "
+                "same version there"
             )
 
 
-def _require_version(client: Any, version: str) -> None:
-    """Refuse a worker that runs another version than this machine."""
-    if version != (here := code_version()):
-        where = (
-            f"--scheduler {client.scheduler.address}: workers run {version}, this machine {here}"
-        )
-        raise UsageError(f"{where}; install the same version everywhere")
-
-
-@dataclass(frozen=True)
-class OtherVersion:
-    """What a worker answers that runs another version: it may have come after the first look."""
-
-    version: str
-
-
 def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function, on a worker; `OtherVersion` where the worker runs another one."""
-    return function(*arguments) if code_version() == version else OtherVersion(code_version())
+    """Call a function, on a worker: it may have come after the first look.
+
+    Raises
+    ------
+    UsageError
+        The worker runs another version.
+    """
+    if (other := code_version()) != version:
+        words = f"workers run {other}, this machine {version}"
+        raise UsageError(f"{words}; install the same version everywhere")
+    return function(*arguments)
 
 
 def run_tasks(
@@ -270,11 +264,10 @@ def run_tasks(
         place, answer, why = places.pop(future.key), None, ""
         if future.status == "finished":
             answer = future.result()
-            if isinstance(answer, OtherVersion):
-                _require_version(client, answer.version)
         elif future.status == "error":
             error = future.exception()
-            if isinstance(error, (ImportError, AttributeError)):  # of a worker that came later?
+            # Of a worker that came later?
+            if isinstance(error, (ImportError, AttributeError, UsageError)):
                 _require_same_version(client)
             died = isinstance(error, KilledWorker)
             why = "its worker died each time (out of memory?)" if died else one_line(error)

@@ -9,14 +9,16 @@ from itertools import chain
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.estimation.covariance import AutocorrelatedCovariance, white_covariance
-from idim_iv_ros.estimation.essential import EssentialParameters, essential_parameters
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, RefinedIdimIv
 from idim_iv_ros.estimation.least_squares import (
+    AutocorrelatedCovariance,
+    EssentialParameters,
     LinearEstimate,
     condition_number,
+    essential_parameters,
     solve_instrumental_variables,
     solve_least_squares,
+    white_covariance,
 )
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources

@@ -20,7 +20,7 @@ from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
-from idim_iv_ros.identification.sanity import Level, link_encoders
+from idim_iv_ros.identification.sanity import Level, link_findings
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
@@ -124,9 +124,9 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
         if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
         findings += [
-            Finding(name, joint_finding.level, joint_finding.sentence)
-            for joint_finding in prepared.joint_findings
-            if joint_finding.joint == joint
+            Finding(name, contradiction.level, contradiction.sentence)
+            for contradiction in prepared.joint_findings
+            if contradiction.joint == joint
         ]
     findings += _link_findings(prepared)
     parameters, condition = _visibility(prepared, rows)
@@ -252,15 +252,13 @@ def _link_findings(prepared: PreparedRegression) -> list[Finding]:
     topic = prepared.configuration.signals.link_states
     if topic is None:
         return []
-    joints, types = prepared.configuration.robot.joints, prepared.model.robot.joint_types
-    encoders = link_encoders(prepared.motions, joints, types)
-    if not encoders:
-        sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
-        return [Finding(topic, "limited", sentence)]
-    return [
-        Finding(one.joint, "limited" if one.problem else "good", one.problem or one.sentence)
-        for one in encoders
+    robot = prepared.model.robot
+    findings = [
+        Finding(robot.joints[finding.joint], finding.level, finding.sentence)
+        for finding in link_findings(prepared.motions, robot.joint_types)
     ]
+    sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
+    return findings or [Finding(topic, "limited", sentence)]
 
 
 def count_reversals(speed: FloatArray, threshold: float) -> int:

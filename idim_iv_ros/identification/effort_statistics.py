@@ -10,8 +10,8 @@ from functools import partial
 from math import inf
 
 import numpy as np
-import scipy
 
+from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import inverse_dynamics
@@ -187,53 +187,43 @@ def _statistics(
     of_friction = np.column_stack([moving[:, friction], dissipative, constant])
     weight, of_bodies = weight[:, bodies], moving[:, bodies]
     inertial = of_bodies - weight
-    static = _Span(weight, of_friction)
-    residual = _Span(weight, of_friction, inertial).without(effort)
-    everything = _Span(of_bodies, of_friction)
-    slow = _Span(weight, direction, constant).without(effort)
+    static = _span(weight, of_friction)
+    residual = _span(weight, of_friction, inertial).remove(effort)
+    everything = _span(of_bodies, of_friction)
+    slow = _span(weight, direction, constant).remove(effort)
     energies = [
-        float(np.mean(static.without(torque) ** 2)) for torque in (inertial @ given[bodies], noise)
+        float(np.mean(static.remove(torque) ** 2)) for torque in (inertial @ given[bodies], noise)
     ]
     clear = energies[1] < _MOST_NOISE * energies[0]
     needed = of_bodies @ given[bodies]
-    free = _Span(of_friction, moving[:, drive])
-    peak = np.quantile(np.abs(_Span(dissipative).without(effort)), 1.0 - TAIL)
+    free = _span(of_friction, moving[:, drive])
+    peak = np.quantile(np.abs(_span(dissipative).remove(effort)), 1.0 - TAIL)
     return EffortStatistics(
         torque=_share(needed, free, effort),
-        friction=_share(direction, _Span(of_bodies, constant), effort),
+        friction=_share(direction, _span(of_bodies, constant), effort),
         peak=float(peak),
         static_share=1.0 - float(np.mean(slow**2)) / max(float(np.var(effort)), 1e-300),
         expected=float(np.sqrt(energies[0] - energies[1])) if clear else 0.0,
-        shown=_rms(static.without(effort) - residual),
+        shown=_rms(static.remove(effort) - residual),
         residual=_rms(residual),
         given_friction=_rms(moving[:, friction] @ given[friction]),
         size=_rms(effort),
-        signed=_rms(everything.without(effort)),
+        signed=_rms(everything.remove(effort)),
         unsigned=_unsigned(everything, effort, (direction, np.sign(needed))),
     )
 
 
-class _Span:
+def _span(*columns: FloatArray) -> Basis:
     """What columns (r, c) can explain."""
-
-    def __init__(self, *columns: FloatArray) -> None:
-        table = np.column_stack(columns)
-        norms = np.linalg.norm(table, axis=0)
-        scaled = table[:, norms > 0.0] / norms[norms > 0.0]
-        basis, upper, _ = scipy.linalg.qr(scaled, mode="economic", pivoting=True)
-        self._basis = basis[:, np.abs(np.diag(upper)) > _ROUNDING]
-
-    def without(self, signal: FloatArray) -> FloatArray:
-        """What of a signal (r,) they do not."""
-        return np.asarray(signal - self._basis @ (self._basis.T @ signal))
+    return independent_basis(np.column_stack(columns))
 
 
-def _share(column: FloatArray, others: _Span, effort: FloatArray) -> Share | None:
+def _share(column: FloatArray, others: Basis, effort: FloatArray) -> Share | None:
     """Coefficient of a column (r,) beside others (Frisch and Waugh's partial regression).
 
     None where the others hold the column.
     """
-    alone, rest = others.without(column), others.without(effort)
+    alone, rest = others.remove(column), others.remove(effort)
     energy = float(alone @ alone)
     if energy <= _ROUNDING * float(column @ column):
         return None
@@ -250,14 +240,14 @@ def _share(column: FloatArray, others: _Span, effort: FloatArray) -> Share | Non
     )
 
 
-def _unsigned(everything: _Span, effort: FloatArray, starts: Sequence[FloatArray]) -> float:
+def _unsigned(everything: Basis, effort: FloatArray, starts: Sequence[FloatArray]) -> float:
     """RMS of the effort's size less that of the likeliest torque with both signs; see the class."""
     size = effort if effort.mean() > 0.0 else -effort
     best = inf
     for start in starts:
         signs = np.where(start < 0.0, -1.0, 1.0)
         for _ in range(_SIGNS):
-            torque = signs * size - everything.without(signs * size)
+            torque = signs * size - everything.remove(signs * size)
             signs, before = np.where(torque < 0.0, -1.0, 1.0), signs
             if np.array_equal(signs, before):
                 break

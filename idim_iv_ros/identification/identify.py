@@ -107,10 +107,10 @@ def identified(
     require_excitation(prepared, rows)
     watch.stage("estimation", 0.5)
     parameters = len(prepared.model.base.columns)
-    weighted = solve_least_squares(rows, parameters)
     estimate, sources = None, None
-    linear = weighted
-    if estimator == "idim-iv":
+    if estimator == "idim-ls":
+        linear = weighted = solve_least_squares(rows, parameters)
+    else:
         sources = instrument_sources(
             configuration, prepared.model, prepared.motions, prepared.cutoffs
         )
@@ -122,7 +122,7 @@ def identified(
             max_iterations=configuration.identification.max_iterations,
             progress=part_of(watch.progress, 0.5, 0.85),
         )
-        linear = estimate.linear
+        linear, weighted = estimate.linear, estimate.least_squares
         rows = with_instruments(rows, estimate.instruments.matrices)
     watch.stage("validation", 0.85)
     validation = validate(prepared, rows, linear, estimate)

@@ -38,7 +38,7 @@ class PreparedRegression:
     minimum_speed : (n_joints,) rad/s
     motions : tuple of Motion
     still : tuple of str
-        Which joints stand still in all recordings, and beside which jump of their sensor.
+        Joints that stand still in all recordings.
     reasons : tuple of str
         What was proposed or decided while filtering, and why.
     advice : tuple of str
@@ -221,7 +221,7 @@ def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) 
     unseen = unseen_parameters(rows, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
-        because = f" ({prepared.still[0]})" if prepared.still else ""
+        because = f" ({', '.join(prepared.still)} stands still)" if prepared.still else ""
         raise DataError(
             f"{where}: the excitation is rank deficient{because}: {listed} cannot be separated "
             "from the other parameters; record a richer motion of all joints"

@@ -37,7 +37,7 @@ _BETTER_WITH_SIGNS = 0.7  # of the residual
 _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
-_TURNS = 0.1
+_ANOTHER_RATIO = 0.1
 _STANDS_STILL = 0.01  # of the motor's motion
 
 
@@ -233,69 +233,40 @@ class _Signals:
         )
 
 
-@dataclass(frozen=True)
-class LinkEncoder:
-    """One joint's encoder behind the gear.
-
-    `ratio`: how far the link turns beside its motor; `apart`: RMS of their difference, less its
-    mean in each recording, rad (m); `unit`: of that.
-    """
-
-    joint: str
-    ratio: float
-    apart: float
-    unit: str
-
-    @property
-    def problem(self) -> str:
-        """What is wrong with it; empty where nothing is."""
-        if abs(self.ratio) < _STANDS_STILL:
-            return "the encoder behind the gear stands still while the motor turns"
-        if abs(self.ratio - 1.0) > _TURNS:
-            return (
-                f"the encoder behind the gear turns {self.ratio:.3g} times as far as the motor: "
-                "look at its unit and sign, and at the gear ratio"
-            )
-        return ""
-
-    @property
-    def sentence(self) -> str:
-        """What it shows."""
-        return (
-            f"an encoder behind the gear: it differs from the motor by {1e3 * self.apart:.3g} "
-            f"m{self.unit} rms, twist, play and time offset together; diagnose tells them apart"
-        )
-
-
-def link_encoders(
-    motions: Sequence[Motion], joints: Sequence[str], joint_types: Sequence[str]
-) -> tuple[LinkEncoder, ...]:
+def link_findings(motions: Sequence[Motion], joint_types: Sequence[str]) -> Iterator[JointFinding]:
     """Describe every joint that has an encoder behind its gear in all recordings."""
-    encoders = []
-    for joint, name in enumerate(joints):
+    for joint, kind in enumerate(joint_types):
         pairs = []
         for motion in motions:
             signals, span = motion.signals, motion.span
             if signals.link_position is None or signals.link_valid is None:
-                break
+                return
             valid = signals.link_valid[span, joint]
-            if not valid.any():
-                break
-            motor = signals.position[span, joint][valid]
-            link = signals.link_position[span, joint][valid]
-            pairs.append((motor - motor.mean(), link - link.mean()))
+            if valid.any():
+                motor = signals.position[span, joint][valid]
+                link = signals.link_position[span, joint][valid]
+                pairs.append((motor - motor.mean(), link - link.mean()))
         if len(pairs) < len(motions):
             continue
         motor, link = (np.concatenate(signals_of) for signals_of in zip(*pairs, strict=True))
         energy = float(motor @ motor)
         if energy <= 0.0:
             continue
-        encoders.append(
-            LinkEncoder(
-                joint=name,
-                ratio=float(motor @ link) / energy,
-                apart=float(np.sqrt(np.mean((motor - link) ** 2))),
-                unit=unit_at("rad", joint_types[joint]),
+        ratio = float(motor @ link) / energy
+        if abs(ratio) < _STANDS_STILL:
+            sentence = "the encoder behind the gear stands still while the motor turns"
+            yield JointFinding(joint, "limited", sentence)
+        elif abs(ratio - 1.0) > _ANOTHER_RATIO:
+            sentence = (
+                f"the encoder behind the gear turns {ratio:.3g} times as far as the motor: look "
+                "at its unit and sign, and at the gear ratio"
             )
-        )
-    return tuple(encoders)
+            yield JointFinding(joint, "limited", sentence)
+        else:
+            apart = float(np.sqrt(np.mean((motor - link) ** 2)))
+            sentence = (
+                f"an encoder behind the gear: it differs from the motor by {1e3 * apart:.3g} "
+                f"m{unit_at('rad', kind)} rms, twist, play and time offset together; diagnose "
+                "tells them apart"
+            )
+            yield JointFinding(joint, "good", sentence)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.estimation.covariance import white_covariance
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import (
     Instruments,
@@ -15,7 +14,7 @@ from idim_iv_ros.estimation.instruments import (
     SimulatedLoop,
     SourceFailure,
 )
-from idim_iv_ros.estimation.least_squares import LinearEstimate
+from idim_iv_ros.estimation.least_squares import LinearEstimate, white_covariance
 from idim_iv_ros.estimation.observation import CHUNK, observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression

@@ -27,8 +27,6 @@ _THREE_SAMPLES = 0.15
 _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
 _STILL_STEPS = 2.5
-# A jump is longer than the step of any encoder, rad (m), and most of the joint's range at once.
-_LEAST_JUMP, _JUMP = 1e-2, 0.5
 _SEGMENT = 2.0  # s, of a spectrum of the torque
 _ABOVE = 3.0  # times the decimation cut-off, where only noise is left
 
@@ -119,7 +117,7 @@ def filter_motion(
     -------
     motions : one for each recording
     minimum_speed : (n_joints,) rad/s
-    still : which joints stand still, and beside which jump
+    still : joints that stand still in all recordings
     reasons : sentences for the report
 
     Raises
@@ -147,7 +145,6 @@ def filter_motion(
         _span(record, processing, cutoffs.position, factor)
         for record, factor in zip(signals, cutoffs.factors, strict=True)
     ]
-    at_rest = _still_joints(signals, still, joints)
     for position in filtered:
         position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
@@ -164,64 +161,23 @@ def filter_motion(
             signals, filtered, spans, cutoffs.factors, strict=True
         )
     )
-    reasons = tuple(f"{what}: {ignored} is not taken for motion" for what, ignored in at_rest) + why
-    return motions, minimum_speed, tuple(what for what, _ in at_rest), reasons
-
-
-def _still_joints(
-    signals: Sequence[JointSignals], still: BoolArray, joints: Sequence[str]
-) -> list[tuple[str, str]]:
-    """Say which joints stand still, and what of theirs would be taken for motion."""
-    jumps = {
-        joint: f" ({record.name}) {jump}"
-        for joint in np.flatnonzero(still).tolist()
-        for record in signals
-        if (jump := _jump(record.position[:, joint], record.rate))
-    }
-    sentences = [
-        (f"{joints[joint]} stands still beside a jump{where}", "this")
-        for joint, where in jumps.items()
-    ]
-    names = ", ".join(
-        joints[joint] for joint in np.flatnonzero(still).tolist() if joint not in jumps
-    )
-    if names:
-        sentences.append((f"{names} stands still", "its noise"))
-    return sentences
+    at_rest = tuple(name for name, rests in zip(joints, still, strict=True) if rests)
+    if at_rest:
+        why = (f"{', '.join(at_rest)} stands still: its noise is not taken for motion", *why)
+    return motions, minimum_speed, at_rest, why
 
 
 def _why_still(
     signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
 ) -> str:
-    """Say of the joint that moves most why that is no motion: a jump, noise, or rest."""
+    """Say how far the joint that moves most does, and how large its noise is."""
     names = ", ".join(record.name for record in signals)
-    ranges = [np.ptp(record.position, axis=0) for record in signals]
-    most = int(np.argmax([span.max() for span in ranges]))
-    joint = int(np.argmax(ranges[most]))
-    record, moved = signals[most], ranges[most][joint]
-    position = record.position[:, joint]
-    jump = _jump(position, record.rate)
-    if jump:
-        return (
-            f"{record.name}: no joint moves beside a jump of {joints[joint]} {jump}; look at its "
-            "sensor, or leave these samples out"
-        )
-    noise = float(np.std(position - filtered[most][:, joint]))
+    ranges = np.array([np.ptp(record.position, axis=0) for record in signals])
+    record, joint = divmod(int(np.argmax(ranges)), ranges.shape[1])
+    noise = float(np.std((signals[record].position - filtered[record])[:, joint]))
     return (
-        f"{names}: no joint moves: the most is {joints[joint]} over {moved:.2g} (rad, or m), with "
-        f"noise of {noise:.2g} (σ); record an exciting motion"
-    )
-
-
-def _jump(position: FloatArray, rate: float) -> str:
-    """Where a joint passes most of its range in one step; empty where it never does."""
-    steps, moved = np.abs(np.diff(position)), np.ptp(position)
-    if steps.max() <= max(_LEAST_JUMP, _JUMP * moved, _STILL_NOISE * steps.std()):
-        return ""
-    place = int(np.argmax(steps > _JUMP * moved))
-    return (
-        f"from {position[place]:.4g} to {position[place + 1]:.4g} (rad, or m) between two samples, "
-        f"{place / rate:.4g} s after the start"
+        f"{names}: no joint moves: the most is {joints[joint]} over {ranges[record, joint]:.2g} "
+        f"(rad, or m), with noise of {noise:.2g} (σ); record an exciting motion"
     )
 
 

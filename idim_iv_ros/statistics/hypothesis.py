@@ -55,16 +55,6 @@ class HypothesisTest:
         """Return the value of a test that could not be run, with the reason."""
         return cls(null, scope, None, None, None, None, None, alpha, reason)
 
-    def __str__(self) -> str:
-        if self.p_value is None:
-            return f"{self.null} ({self.scope}): not tested, {self.reason}"
-        law = f"χ²({self.df})" if self.df_denom is None else f"F({self.df}, {self.df_denom})"
-        word = "accepted" if self.accepted else "rejected"
-        return (
-            f"{self.null} ({self.scope}): {word}, {law} = {self.statistic:.4g}, "
-            f"p = {self.p_value:.3g}"
-        )
-
 
 def f_test(
     null: str,

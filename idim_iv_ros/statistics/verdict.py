@@ -71,16 +71,20 @@ def judge_joint(
         Standard deviation that the sensors' noise gives the torque, N m (N). Without it no
         deviation counts as small.
     """
-    beyond = None  # residual less the noise of the sensors, in percent of the joint's torque
+    beyond = None
     if noise is not None and residual.relative_percent is not None and residual.rms > 0.0:
         share = 1.0 - min(noise / residual.rms, 1.0) ** 2
         beyond = float(residual.relative_percent * np.sqrt(share))
-    tests = [test for test in (instruments, *specification) if test.accepted is False]
+    rejecting = [test for test in specification if test.accepted is False]
+    sizes = [_percent(test) for test in (instruments, *specification) if test.accepted is False]
+    verdict, sentence, note = _judged(instruments, residual, rejecting, beyond)
     return JointVerdict(
         residual.joint,
-        *_judged(instruments, residual, specification, beyond),
+        verdict,
+        f"{residual.joint}: {sentence}",
+        note,
         torque_percent=beyond,
-        rejected_percent=max(map(_percent, tests), default=0.0),
+        rejected_percent=max(sizes, default=0.0),
         rejected=instruments.accepted is False,
     )
 
@@ -88,48 +92,49 @@ def judge_joint(
 def _judged(
     instruments: HypothesisTest,
     residual: ResidualDiagnosis,
-    specification: Sequence[HypothesisTest],
+    rejecting: Sequence[HypothesisTest],
     beyond: float | None,
 ) -> tuple[Verdict, str, str]:
     """Verdict, sentence, and what was rejected and is too small for a verdict."""
-    joint = residual.joint
     if instruments.accepted is None:
         sentence = (
-            f"{joint}: the instruments were not tested ({instruments.reason}), so this recording "
-            "does not show whether the model is right at this joint."
+            f"the instruments were not tested ({instruments.reason}), so this recording does not "
+            "show whether the model is right at this joint."
         )
         return "inconclusive", sentence, ""
-    rejecting = [test for test in specification if test.accepted is False]
     left = [test for test in rejecting if _percent(test) >= LEAST_LEFT_PERCENT]
     deviation = instruments.torque_deviation_percent
     sizes = [size for size in (beyond, deviation) if size is not None]
     small = len(sizes) == 2 and max(sizes) < SMALL_TORQUE_PERCENT
     if not instruments.accepted and not small:
-        sentence = _rejected(instruments, joint)
-        if left:
-            sentence += f" The residual follows {_families(left)}."
-        return "misspecified", sentence, ""
+        follows = f" The residual follows {_families(left)}." if left else ""
+        return "misspecified", _rejected(instruments) + follows, ""
     if left:
         sentence = (
-            f"{joint}: the instruments are valid, but the residual follows {_families(left)}. The "
-            "loop holds the motion whatever the model is; the torque says that an effect is "
-            "missing here, and the estimates are biased by what it shares with the terms of the "
-            "model."
+            f"the instruments are valid, but the residual follows {_families(left)}. The loop "
+            "holds the motion whatever the model is; the torque says that an effect is missing "
+            "here, and the estimates are biased by what it shares with the terms of the model."
         )
         return "misspecified", sentence, ""
-    note = _small_deviations(instruments, rejecting)
-    head = f"{joint}: {'the instruments are valid' if instruments.accepted else note}"
+    parts = [f"the residual follows {_families(rejecting)}"] if rejecting else []
+    if not instruments.accepted:
+        parts.insert(
+            0,
+            "simulated and measured motion differ by more than noise, by "
+            f"{_percent(instruments):.2g} % of the torque",
+        )
+    note = " and ".join(parts)
+    head = "the instruments are valid" if instruments.accepted else note
     more = f" Small beside the torque: {note}." if note and instruments.accepted else ""
     if residual.white is None:
         sentence = (
             f"{head}, but the autocorrelation of the residual was not tested "
-            f"({residual.whiteness.reason}), so the standard deviations cannot be judged.{more}"
+            f"({residual.whiteness.reason}), so the standard deviations cannot be judged."
         )
-        return "inconclusive", sentence, ""
+        return "inconclusive", sentence + more, ""
     if residual.white:
-        hold = ": the estimates and their standard deviations hold" if not note else ""
-        sentence = f"{head}, and the residual may be treated as white{hold}.{more}"
-        return "valid", sentence, note
+        rest = ": the estimates and their standard deviations hold" if not note else ""
+        return "valid", f"{head}, and the residual may be treated as white{rest}.{more}", note
     return "autocorrelated", _autocorrelated(residual, head) + more, note
 
 
@@ -138,39 +143,20 @@ def _percent(test: HypothesisTest) -> float:
     return test.torque_deviation_percent or 0.0
 
 
-def _small_deviations(instruments: HypothesisTest, rejecting: Sequence[HypothesisTest]) -> str:
-    """What tests reject for that is too small to matter, in words; empty where they reject none."""
-    parts = []
-    if instruments.accepted is False:
-        parts.append(
-            "simulated and measured motion differ by more than noise, by "
-            f"{_percent(instruments):.2g} % of the torque"
-        )
-    if rejecting:
-        parts.append(f"the residual follows {_families(rejecting)}")
-    return " and ".join(parts)
-
-
-def _rejected(instruments: HypothesisTest, joint: str) -> str:
+def _rejected(instruments: HypothesisTest) -> str:
     percent = instruments.torque_deviation_percent
+    size = "" if percent is None else f", {percent:.2g} % of the torque"
     sentence = (
-        f"{joint}: the instruments are rejected (p = {instruments.p_value:.2g}): the simulated "
-        "motion differs from the measured one by more than noise"
+        f"the instruments are rejected (p = {instruments.p_value:.2g}): the simulated motion "
+        f"differs from the measured one by more than noise{size}."
     )
-    if percent is None:
-        return f"{sentence}. The model or the control law is wrong here."
-    if percent < SMALL_TORQUE_PERCENT:
+    if percent is not None and percent < SMALL_TORQUE_PERCENT:
         # A pendulum without its gravity, 20 of 60 N m, moves the predicted torque by 0.4 %:
         # the loop holds the simulated motion to the reference whatever the model is.
-        return (
-            f"{sentence}, though only by {percent:.2g} % of the torque. A stiff loop hides most of "
-            "a model error from this figure, so it does not say that the estimates are right: "
-            "compare the estimates with another model of this joint to see how large the error is."
-        )
+        sentence += " A stiff loop hides most of a model error from this figure."
     return (
-        f"{sentence}, {percent:.2g} % of the torque. The model or the control law is wrong "
-        "here and the estimates are biased: run idim-iv diagnose, which looks for the missing "
-        "effect."
+        f"{sentence} The model or the control law is wrong here and the estimates are biased: run "
+        "idim-iv diagnose, which looks for the missing effect."
     )
 
 
@@ -187,19 +173,11 @@ def _families(left: Sequence[HypothesisTest]) -> str:
 
 def _autocorrelated(residual: ResidualDiagnosis, head: str) -> str:
     times = residual.sigma_understatement
-    head = f"{head}, the residual is autocorrelated, AR({residual.ar_order})"
-    if times >= 1.0:
-        sentence = (
-            f"{head}: the data are oversampled for the bandwidth of the loop. Use the refined "
-            f"standard deviations; computed as if it were white they would be {times:.2g} times "
-            "too small."
-        )
-    else:
-        sentence = (
-            f"{head}, as the decimation filter leaves it. Standard deviations computed as if it "
-            f"were white are on the safe side, {1 / times:.2g} times too large; the refined ones "
-            "are right."
-        )
+    side = f"{times:.2g} times too small" if times >= 1.0 else f"{1 / times:.2g} times too large"
+    sentence = (
+        f"{head}, the residual is autocorrelated, AR({residual.ar_order}): use the refined "
+        f"standard deviations; computed as if it were white they would be {side}."
+    )
     if residual.whiteness_after.accepted is False:
         sentence += (
             " The filter does not whiten the residual fully (largest correlation that remains "
@@ -216,15 +194,15 @@ def judge_all(
     `joints`: one for each joint. `instruments`: the Wald test of Π = I over all rows, scope "all";
     it sees what no joint shows alone.
     """
-    wrong, inconclusive, autocorrelated = (
-        [joint.joint for joint in joints if joint.verdict == kind]
-        for kind in ("misspecified", "inconclusive", "autocorrelated")
-    )
     # Residual beyond the noise first, then the largest rejected deviation.
     largest = sorted(joints, key=lambda j: (-(j.torque_percent or 0.0), -j.rejected_percent))
+    wrong = [joint.joint for joint in largest if joint.verdict == "misspecified"]
+    inconclusive, autocorrelated = (
+        [joint.joint for joint in joints if joint.verdict == kind]
+        for kind in ("inconclusive", "autocorrelated")
+    )
     small = _small(largest)
     if wrong:
-        wrong = [joint.joint for joint in largest if joint.verdict == "misspecified"]
         sentence = (
             f"The model is wrong at {_names(wrong)}: a physical effect is missing there, or the "
             "control law is another; the reason is given with each joint."
@@ -239,8 +217,7 @@ def judge_all(
         if inconclusive:
             sentence += f" The tests are inconclusive at {_names(inconclusive)}."
         return OverallVerdict("misspecified", sentence + small)
-    if _shared(joints, instruments):
-        assert instruments is not None
+    if instruments is not None and _shared(joints, instruments):
         return OverallVerdict(
             "misspecified",
             "No joint alone rejects its instruments, but all rows together do "
@@ -249,29 +226,25 @@ def judge_all(
         )
     if inconclusive:
         where = "any joint" if len(inconclusive) == len(joints) else _names(inconclusive)
-        sentence = f"The estimates could not be tested at {where}"
-        reason = None if instruments is None else instruments.reason
-        sentence += f": {reason}." if reason else "; the reason is given with each joint."
+        reason = instruments.reason if instruments is not None else None
+        why = f": {reason}." if reason else "; the reason is given with each joint."
+        sentence = f"The estimates could not be tested at {where}{why}"
         return OverallVerdict("inconclusive", sentence + small)
     head = "Errors are small." if small else "The instruments are valid."
     if autocorrelated:
-        return OverallVerdict(
-            "autocorrelated",
-            f"{head} The residual is autocorrelated at "
-            f"{'all joints' if len(autocorrelated) == len(joints) else _names(autocorrelated)}: "
-            f"use the refined standard deviations.{small}",
-        )
+        where = "all joints" if len(autocorrelated) == len(joints) else _names(autocorrelated)
+        rest = f" The residual is autocorrelated at {where}: use the refined standard deviations."
+        return OverallVerdict("autocorrelated", head + rest + small)
     rest = "" if small else " The estimates and their standard deviations hold."
     return OverallVerdict("valid", f"{head} The residuals are white.{rest}{small}")
 
 
-def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest | None) -> bool:
+def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> bool:
     """Whether all rows reject the instruments, no joint alone does, and it is not too little."""
-    if instruments is None or instruments.accepted is not False:
-        return False
     sizes = [instruments.torque_deviation_percent, *(joint.torque_percent for joint in joints)]
     little = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
-    return not little and not any(joint.rejected for joint in joints)
+    alone = any(joint.rejected for joint in joints)
+    return instruments.accepted is False and not little and not alone
 
 
 def _small(largest: Sequence[JointVerdict]) -> str:
@@ -289,6 +262,5 @@ def _small(largest: Sequence[JointVerdict]) -> str:
 
 
 def _names(joints: Sequence[str]) -> str:
-    if len(joints) == 1:
-        return joints[0]
-    return f"{', '.join(joints[:-1])} and {joints[-1]}"
+    *first, last = joints
+    return f"{', '.join(first)} and {last}" if first else last

@@ -4,7 +4,7 @@ from linearmodels.iv import IV2SLS
 from scipy.signal import lfilter
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.covariance import (
+from idim_iv_ros.estimation.least_squares import (
     AutocorrelatedCovariance,
     refined_covariance,
     white_covariance,

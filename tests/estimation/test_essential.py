@@ -3,7 +3,7 @@
 import numpy as np
 import statsmodels.api as sm
 
-from idim_iv_ros.estimation.essential import essential_parameters, restrict
+from idim_iv_ros.estimation.least_squares import essential_parameters, restrict
 
 
 def regression(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -5,12 +5,12 @@ import pytest
 import statsmodels.api as sm
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.covariance import white_covariance
 from idim_iv_ros.estimation.least_squares import (
     condition_number,
     solve_instrumental_variables,
     solve_least_squares,
     unseen_parameters,
+    white_covariance,
 )
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 

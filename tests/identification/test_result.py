@@ -68,15 +68,6 @@ def test_numbers_that_do_not_exist_are_null_and_the_others_keep_every_digit() ->
     assert document["converged"] is True
 
 
-def test_the_same_result_gives_the_same_text() -> None:
-    assert sample_result(3).to_json() == sample_result(3).to_json()
-
-
-def test_a_document_is_its_own_json() -> None:
-    document = sample_result(6, "rejected").to_document()
-    assert json.loads(json.dumps(document)) == document
-
-
 def test_what_has_no_place_in_json_is_refused() -> None:
     with pytest.raises(TypeError, match="object has no place"):
         replace(sample_result(1), configuration={"key": object()}).to_json()

@@ -165,15 +165,20 @@ def test_limits_that_are_missing_accuse_nobody(limit: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("pattern", "text"),
+    ("pattern", "text", "kind"),
     [
-        (r'velocity="[\d.]+"', 'velocity="1.0"'),  # faster than the limit
+        (r'velocity="[\d.]+"', 'velocity="1.0"', "revolute"),  # faster than the limit
+        # Less than two turns without limits are no degrees, however fast.
+        (r"<limit[^>]*/>", '<limit velocity="0.5" effort="10"/>', "continuous"),
         # A servo's gain, as models for simulators have it in the place of damping.
-        (r'damping="[\d.]+"', 'damping="200"'),
+        (r'damping="[\d.]+"', 'damping="200"', "revolute"),
     ],
 )
-def test_speeds_and_torques_that_contradict_the_urdf_are_said(tmp_path, pattern, text) -> None:
-    report = checked(tmp_path, RECORD, configuration=with_urdf(tmp_path, pattern, text))
+def test_speeds_and_torques_that_contradict_the_urdf_are_said(
+    tmp_path, pattern, text, kind
+) -> None:
+    configuration = with_urdf(tmp_path, pattern, text, kind)
+    report = checked(tmp_path, RECORD, configuration=configuration)
     assert where(report, "limited") == ["joint_1", "joint_2"]
 
 

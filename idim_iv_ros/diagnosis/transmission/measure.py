@@ -33,7 +33,7 @@ from idim_iv_ros.diagnosis.transmission.twist import (
 from idim_iv_ros.effects.cause import Part
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.effects.two_masses import transmitted
-from idim_iv_ros.identification.sanity import LinkEncoder, link_encoders
+from idim_iv_ros.identification.sanity import JointFinding, link_findings
 
 _LEAST_VARIATION = 0.01  # of the largest load: a smaller deviation shows no stiffness
 _LIGHT_DAMPING = 0.03  # times critical, of a shaft where none shows
@@ -67,13 +67,14 @@ class Measured:
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
     """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
     types = data.prepared.model.robot.joint_types
-    encoders = link_encoders(data.prepared.motions, data.joints, types)
+    encoders = link_findings(data.prepared.motions, types)
     return tuple(_measured(data, regression, encoder) for encoder in encoders)
 
 
-def _measured(data: Baseline, regression: Regression, encoder: LinkEncoder) -> Measured:
-    name, joint = encoder.joint, data.joints.index(encoder.joint)
-    rows, reason = twist_rows(data, regression, joint), encoder.problem
+def _measured(data: Baseline, regression: Regression, encoder: JointFinding) -> Measured:
+    joint, name = encoder.joint, data.joints[encoder.joint]
+    rows = twist_rows(data, regression, joint)
+    reason = encoder.sentence if encoder.level == "limited" else ""
     if len(rows.load) < settings.LEAST_ROWS:
         reason = (
             f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
