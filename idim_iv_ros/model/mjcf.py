@@ -153,8 +153,8 @@ class _Writer:
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         anchor = np.zeros(3)
         if count == 0:
-            joint = self._joint(root, f"{self._link(body)}_fixed", "fixed", carrier, body)
-            _origin(joint, placement)
+            name = f"{self._link(body)}_fixed"
+            _origin(_joint(root, name, "fixed", carrier, self._link(body)), placement)
         for index in range(first, first + count):
             last = index == first + count - 1
             child = self._link(body) if last else f"{self._link(body)}_{self.names[index]}"
@@ -184,7 +184,7 @@ class _Writer:
         urdf_type = "prismatic" if slide else "revolute" if limited else "continuous"
         if not (hinge or slide):
             urdf_type, anchor = "floating", np.zeros(3)
-        joint = self._joint(root, self.names[index], urdf_type, carrier, None, child)
+        joint = _joint(root, self.names[index], urdf_type, carrier, child)
         placement = placement * pin.SE3(np.eye(3), anchor - before)
         if hinge or slide:
             reference = float(model.qpos0[place])
@@ -201,20 +201,6 @@ class _Writer:
             if index in reasons:
                 more.set(key, reasons[index])
         return pin.SE3.Identity(), anchor
-
-    def _joint(
-        self,
-        root: ElementTree.Element,
-        name: str,
-        urdf_type: str,
-        parent: str,
-        body: int | None,
-        child: str = "",
-    ) -> ElementTree.Element:
-        joint = ElementTree.SubElement(root, "joint", name=name, type=urdf_type)
-        ElementTree.SubElement(joint, "parent", link=parent)
-        ElementTree.SubElement(joint, "child", link=child if body is None else self._link(body))
-        return joint
 
     def _numbers_of(self, joint: ElementTree.Element, index: int, limited: bool) -> None:
         model = self.model
@@ -253,6 +239,15 @@ class _Writer:
             armature += gear**2 * _first(getattr(model, "actuator_armature", None), actuator)
             damping += gear**2 * _first(getattr(model, "actuator_damping", None), actuator)
         return effort, armature, damping
+
+
+def _joint(
+    root: ElementTree.Element, name: str, urdf_type: str, parent: str, child: str
+) -> ElementTree.Element:
+    joint = ElementTree.SubElement(root, "joint", name=name, type=urdf_type)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    return joint
 
 
 def _first(values: Any, index: int) -> float:

@@ -104,11 +104,11 @@ def nearest_physical(
         )
         x = _solved(problem, TIE_BREAKER)
         drives = x[10 * len(coordinates.links) :]
-        drives[bounded & (drives < AT_ZERO * own_std)] = 0.0
+        drives[bounded & (drives < AT_ZERO * drive_std)] = 0.0
         return x
 
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    own_std = smallest_std(base, coordinates.drives, std)
+    drive_std = smallest_std(base, coordinates.drives, std)
     x = solve(values)
     standard = coordinates.to_standard @ x
     consistent = base.grouping @ standard

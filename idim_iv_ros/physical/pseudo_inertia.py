@@ -96,18 +96,18 @@ class ReferenceLink:
         - `mass`, `length`: of a link of this robot, kg and m, where the link itself does not say
         """
         matrix = pseudo_inertia(given)
-        own_mass = matrix[3, 3] if matrix[3, 3] > 0.0 else mass
-        centre = matrix[:3, 3] / own_mass
-        about_centre = matrix[:3, :3] - own_mass * np.outer(centre, centre)
+        link_mass = matrix[3, 3] if matrix[3, 3] > 0.0 else mass
+        centre = matrix[:3, 3] / link_mass
+        about_centre = matrix[:3, :3] - link_mass * np.outer(centre, centre)
         values, vectors = np.linalg.eigh(0.5 * (about_centre + about_centre.T))
         # A point mass has the size of a tenth of a link.
-        largest = max(float(values[-1]), own_mass * (0.1 * length) ** 2)
+        largest = max(float(values[-1]), link_mass * (0.1 * length) ** 2)
         values = np.maximum(values, _LEAST_SHARE * largest)
         shape = upper_root(vectors @ np.diag(values) @ vectors.T)
         factor = np.zeros((4, 4))
         factor[:3, :3] = shape
-        factor[:3, 3] = centre * np.sqrt(own_mass)
-        factor[3, 3] = np.sqrt(own_mass)
+        factor[:3, 3] = centre * np.sqrt(link_mass)
+        factor[3, 3] = np.sqrt(link_mass)
         return cls(factor)
 
     @cached_property

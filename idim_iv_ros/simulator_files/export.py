@@ -20,7 +20,7 @@ from idim_iv_ros.simulator_files.changes import changes_text
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
-from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Randomization
+from idim_iv_ros.simulator_files.randomization import RANDOMIZE, randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulators.effects_file import EffectsFile
 
@@ -152,9 +152,7 @@ def export(
     names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
     table: list[str] = []
     if made.ranges is not None:
-        ranges = Randomization.of(robot)
-        texts[made.ranges] = ranges.mujoco_text(made.mjcf.name, robot.origin)
-        table = ranges.table()
+        texts[made.ranges], table = randomization(robot, made.mjcf.name)
     texts[made.effects] = document.to_json()
     texts[made.changes] = changes_text(robot, effects, names, notes, ranges=table, file=kind)
     _write(texts, out)

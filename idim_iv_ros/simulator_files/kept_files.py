@@ -37,12 +37,7 @@ from idim_iv_ros.types import FloatArray
 
 _LARGEST = 50.0  # MB
 # What puts other elements in its place, so that a body that moves is not one of this file's own.
-_MADE_ELSEWHERE = {
-    "attach": "takes bodies from another file: name that file as robot.mjcf",
-    "replicate": "makes bodies: write them out",
-    "composite": "makes bodies: write them out",
-    "flexcomp": "makes bodies: write them out",
-}
+_MADE_ELSEWHERE = ("attach", "replicate", "composite", "flexcomp")
 _TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
@@ -75,7 +70,10 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
         notes += (f"what the MJCF includes ({', '.join(included)}) is written out in it",)
     for element in _all(document):
         if element.tagName in _MADE_ELSEWHERE:
-            raise UsageError(f"{path}: <{element.tagName}> {_MADE_ELSEWHERE[element.tagName]}")
+            raise UsageError(
+                f"{path}: <{element.tagName}> makes bodies or takes them from elsewhere: write "
+                "them out"
+            )
     mujoco, spec, model = compiled_mjcf(path)
     _require_own_inertials(mujoco, spec, model, str(path))
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}

@@ -5,15 +5,12 @@ varies; sums that it shows alone stay while their parts vary; what no motion sho
 as the nominal numbers prove to be elsewhere.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
-from idim_iv_ros.physical.remainder import lower_root
+from idim_iv_ros.physical.remainder import Uncertainty, lower_root
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.robot import ExportedRobot
-from idim_iv_ros.types import FloatArray
 
 RANDOMIZE = "randomize.py"
 _NORMAL = 1.96
@@ -107,113 +104,76 @@ def _map(model, drawn, data, part, mapping, turn, origin):
 '''
 
 
-@dataclass(frozen=True)
-class BodyRange:
-    """What one joint carries, by its name, or a payload, by that of its link."""
+def randomization(exported: ExportedRobot, model: str) -> tuple[str, list[str]]:
+    """Return `sample(model, rng)` as a file, and a table of what it varies for changes.md.
 
-    name: str
-    payload: bool
-    # mass, mass_std: kg
-    mass: float
-    mass_std: float
-    shift_std: FloatArray  # (3,): standard deviation of the centre of mass, m
-    factor: FloatArray  # (4, 4): F: J = F (1 + S) Fᵀ with S = 0 for the exported one
-
-
-@dataclass(frozen=True)
-class JointRange:
-    """A number of a joint, its standard deviation, and the field of MuJoCo that holds it."""
-
-    joint: str
-    field: str
-    value: float
-    std: float
-
-
-@dataclass(frozen=True)
-class Randomization:
-    """What may vary, and how together."""
-
-    bodies: tuple[BodyRange, ...]
-    joints: tuple[JointRange, ...]
-    root: FloatArray  # (r, r): lower triangular; of the triangles of all S, then of the joints
-    # link, drive: Relative sizes of what no motion shows
-    link: float
-    drive: float
-
-    @classmethod
-    def of(cls, exported: ExportedRobot) -> "Randomization":
-        """Take what is exported, with what no cause explains spread."""
-        answer = exported.answer
-        robot, values, remainder = answer.robot, answer.model.values, answer.model.remainder
-        assert remainder is not None
-        uncertainty = remainder.uncertainty
-        coordinates = uncertainty.coordinates
-        carried = [(name, False, body) for name, body in exported.bodies.items()]
-        mounted = [(link, True, load.parameters) for link, (_, load) in exported.mounted.items()]
-        bodies = []
-        for number, (name, payload, body) in enumerate([*carried, *mounted]):
-            reference = coordinates.links[number]
-            spread = reference.to_parameters @ uncertainty.root[10 * number : 10 * number + 10]
-            mass, centre = float(body[9]), body[6:9] / body[9]
-            shift = np.linalg.norm((spread[6:9] - np.outer(centre, spread[9])) / mass, axis=1)
-            std = float(np.linalg.norm(spread[9]))
-            bodies.append(BodyRange(name, payload, mass, std, shift, reference.factor))
-        joints, rows = [], list(range(10 * len(bodies)))
-        for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
-            name = answer.model.parameters[place].name
-            if (kind := kind_of(name)) in _FIELDS:
-                rows.append(row)
-                std = float(np.linalg.norm(uncertainty.root[row]))
-                joint = robot.joints[int(name[len(kind) :]) - 1]
-                joints.append(JointRange(joint, _FIELDS[kind], values[name], std))
-        root = lower_root(uncertainty.root[rows])
-        return cls(tuple(bodies), tuple(joints), root, uncertainty.link, uncertainty.drive)
-
-    def mujoco_text(self, model: str, origin: str) -> str:
-        """Return `sample(model, rng)` as a file; `model`: name of the exported MJCF."""
-        bodies = []
-        for body in self.bodies:
-            kind = "load" if body.payload else "joint"
-            rows = (", ".join(f"{value:.9g}" for value in row) for row in body.factor)
-            numbers = ", ".join(f"[{row}]" for row in rows)
-            bodies.append(f'    ("{kind}", "{body.name}", np.array([{numbers}])),')
-        return _FILE.format(
-            model=model,
-            origin=origin,
-            bodies="\n".join(bodies),
-            joints="\n".join(f'    ("{joint.field}", "{joint.joint}"),' for joint in self.joints),
-            least=LEAST_OF_NOMINAL,
-            rows="\n".join(
-                f"    [{', '.join(f'{value:.6g}' for value in row[: number + 1])}],"
-                for number, row in enumerate(self.root)
-            ),
-            sampler=_SAMPLER,
+    The exported parameters hold what no cause explains; `model` is the name of their MJCF.
+    """
+    remainder = exported.answer.model.remainder
+    assert remainder is not None
+    uncertainty = remainder.uncertainty
+    carried = [("joint", name, body) for name, body in exported.bodies.items()]
+    mounted = [("load", link, load.parameters) for link, (_, load) in exported.mounted.items()]
+    drives, drive_rows = _drives(exported, uncertainty)
+    bodies, lines = [], []
+    for number, (kind, name, body) in enumerate([*carried, *mounted]):
+        rows = slice(10 * number, 10 * number + 10)
+        reference = uncertainty.coordinates.links[number]
+        spread = reference.to_parameters @ uncertainty.root[rows]
+        mass, centre = float(body[9]), body[6:9] / body[9]
+        moved = np.linalg.norm((spread[6:9] - np.outer(centre, spread[9])) / mass, axis=1)
+        shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in moved)
+        half = _NORMAL * float(np.linalg.norm(spread[9]))
+        of_joint = drives.get(name, {}) if kind == "joint" else {}
+        cells = [of_joint.get(field, "–") for field in _FIELDS.values()]
+        lines.append(f"| {name} | {mass:.4g} ± {half:.2g} | ± {shift} | {' | '.join(cells)} |")
+        factor = ", ".join(
+            f"[{', '.join(f'{value:.9g}' for value in row)}]" for row in reference.factor
         )
+        bodies.append(f'    ("{kind}", "{name}", np.array([{factor}])),')
+    root = lower_root(uncertainty.root[[*range(10 * len(bodies)), *drive_rows]])
+    text = _FILE.format(
+        model=model,
+        origin=exported.origin,
+        bodies="\n".join(bodies),
+        joints="\n".join(
+            f'    ("{field}", "{joint}"),' for joint, fields in drives.items() for field in fields
+        ),
+        least=LEAST_OF_NOMINAL,
+        rows="\n".join(
+            f"    [{', '.join(f'{value:.6g}' for value in row[: number + 1])}],"
+            for number, row in enumerate(root)
+        ),
+        sampler=_SAMPLER,
+    )
+    return text, [
+        "## Ranges",
+        "",
+        "95 % intervals of what each joint carries, and of its drive. What no motion shows is "
+        f"taken to be off by {100.0 * uncertainty.link:.1f} % (links) and "
+        f"{100.0 * uncertainty.drive:.1f} % (drives and friction): as nominal numbers prove to be "
+        f"elsewhere, at least 1 %. Many vary only together: {RANDOMIZE} draws them so.",
+        "",
+        "| | mass, kg | centre, mm | armature | damping | friction |",
+        "|---|---|---|---|---|---|",
+        *lines,
+        "",
+    ]
 
-    def table(self) -> list[str]:
-        """Lines for changes.md."""
-        lines = [
-            "## Ranges",
-            "",
-            "95 % intervals of what each joint carries, and of its drive. What no motion shows is "
-            f"taken to be off by {100.0 * self.link:.1f} % (links) and {100.0 * self.drive:.1f} % "
-            "(drives and friction): as nominal numbers prove to be elsewhere, at least 1 %. "
-            f"Many vary only together: {RANDOMIZE} draws them so.",
-            "",
-            "| | mass, kg | centre, mm | armature | damping | friction |",
-            "|---|---|---|---|---|---|",
-        ]
-        for body in self.bodies:
-            numbers = {
-                joint.field: f"{joint.value:.4g} ± {_NORMAL * joint.std:.2g}"
-                for joint in self.joints
-                if joint.joint == body.name and not body.payload
-            }
-            shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in body.shift_std)
-            lines.append(
-                f"| {body.name} | {body.mass:.4g} ± {_NORMAL * body.mass_std:.2g} | ± {shift} | "
-                + " | ".join(numbers.get(field, "–") for field in _FIELDS.values())
-                + " |"
-            )
-        return [*lines, ""]
+
+def _drives(
+    exported: ExportedRobot, uncertainty: Uncertainty
+) -> tuple[dict[str, dict[str, str]], list[int]]:
+    """Intervals of the numbers of joints, by joint and MuJoCo's field, and their rows in `root`."""
+    answer, coordinates = exported.answer, uncertainty.coordinates
+    drives: dict[str, dict[str, str]] = {}
+    rows = []
+    for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
+        name = answer.model.parameters[place].name
+        if (kind := kind_of(name)) in _FIELDS:
+            joint = answer.robot.joints[int(name[len(kind) :]) - 1]
+            half = _NORMAL * float(np.linalg.norm(uncertainty.root[row]))
+            interval = f"{answer.model.values[name]:.4g} ± {half:.2g}"
+            drives.setdefault(joint, {})[_FIELDS[kind]] = interval
+            rows.append(row)
+    return drives, rows
