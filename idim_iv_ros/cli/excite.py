@@ -95,7 +95,6 @@ def excite_command(
     from idim_iv_ros import excitation as motions
     from idim_iv_ros.cli.output import Output, print_marked
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.excitation.files import ENDINGS
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
@@ -108,8 +107,7 @@ def excite_command(
     if message_rate is not None:
         motions.require_message_rate(message_rate, rate)
     print_marked(output.console, "Warning", model.robot.doubts, "yellow")
-    segments = {"segments.csv"} if purpose == "diagnosis" else set()
-    motions.require_place(out, (*ENDINGS, *segments), force=force)
+    motions.require_place(out, force=force)
     with output.progress() as progress:
         if purpose == "diagnosis":
             diagnosis = motions.design_diagnosis(
@@ -124,12 +122,10 @@ def excite_command(
             )
             trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency
             document = motions.diagnosis_document(model.robot.name, limits, diagnosis, seed)
-            tables = {"segments.csv": motions.segment_table(diagnosis.segments)}
         elif purpose == "servo":
             trajectory, fastest, document = motions.servo_motion(
                 configuration, limits, rate=rate, seed=seed
             )
-            tables = {}
         else:
             settings = motions.DesignSettings(
                 period, repeats, rate, harmonics, seed, time_limit, posture, criterion
@@ -138,12 +134,12 @@ def excite_command(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
             trajectory, fastest = excitation.design.trajectory, harmonics / period
-            document, tables = dict(excitation.document), {}
+            document = dict(excitation.document)
         if message_rate is None:
             least = _LEAST_MESSAGE_RATES[purpose]
             message_rate = min(rate, max(least, _POINTS_PER_PERIOD * fastest))
         paths = motions.write_motion(
-            out, trajectory, document, message_rate=message_rate, tables=tables, force=force
+            out, trajectory, document, message_rate=message_rate, force=force
         )
     output.document(document)
     if purpose == "diagnosis":

@@ -14,7 +14,6 @@ from idim_iv_ros.excitation.files import (
     diagnosis_document,
     require_message_rate,
     require_place,
-    segment_table,
     write_joint_trajectory,
     write_motion,
 )
@@ -51,7 +50,6 @@ __all__ = [
     "require_message_rate",
     "require_place",
     "require_sampling",
-    "segment_table",
     "servo_motion",
     "slowed",
     "stop",

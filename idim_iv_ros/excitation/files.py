@@ -4,10 +4,9 @@
 ``.json``, its figures.
 """
 
-import csv
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TextIO
 
@@ -17,7 +16,7 @@ from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.diagnosis import Diagnosis
 from idim_iv_ros.excitation.limits import LimitUse, MotionLimits
-from idim_iv_ros.excitation.segments import NOT_REVEALED, Segment
+from idim_iv_ros.excitation.segments import NOT_REVEALED
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
 from idim_iv_ros.files import (
     FILES,
@@ -34,11 +33,10 @@ ENDINGS = ("csv", "yaml", "json")
 FORMAT = "idim_iv_ros/excitation/1"
 
 
-def require_place(out: FilePath, endings: Iterable[str] = ENDINGS, *, force: bool = False) -> None:
+def require_place(out: FilePath, *, force: bool = False) -> None:
     """Make sure, before long work, that the files of a motion can be written afterwards.
 
     - `out`: stem, or one of the files
-    - `endings`: of the files that will be written
     - `force`: replace files that this program did not write
 
     Raises
@@ -48,7 +46,7 @@ def require_place(out: FilePath, endings: Iterable[str] = ENDINGS, *, force: boo
     """
     if Path(out).is_dir():
         raise UsageError(f"{out} is a folder; give another --out")
-    require_file_place(_files(out, endings).values(), force=force)
+    require_file_place(_files(out).values(), force=force)
 
 
 def write_motion(
@@ -57,15 +55,13 @@ def write_motion(
     document: Mapping[str, object],
     *,
     message_rate: float,
-    tables: Mapping[str, str] | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
-    """Write ``STEM.csv``, ``STEM.yaml``, ``STEM.json`` and further tables ``STEM.<key>``.
+    """Write ``STEM.csv``, ``STEM.yaml`` and ``STEM.json``.
 
     - `out`: stem, or one of the files
     - `document`: figures, for JSON
     - `message_rate`: points per second of the JointTrajectory
-    - `tables`: text of further files by their ending, e.g. ``segments.csv``.
     - `force`: replace files that this program did not write
 
     Returns
@@ -81,10 +77,10 @@ def write_motion(
     table, message = io.StringIO(), io.StringIO()
     write_csv(trajectory, table)
     write_joint_trajectory(trajectory, message, rate=message_rate)
-    texts = {"csv": table.getvalue(), "yaml": message.getvalue(), **(tables or {})}
-    signed = {path.name: texts[ending] for ending, path in _files(out, texts).items()}
+    places = _files(out)
+    texts = {"csv": table.getvalue(), "yaml": message.getvalue()}
+    signed = {places[ending].name: text for ending, text in texts.items()}
     texts["json"] = json_text({**document, FILES: digests(signed)})
-    places = _files(out, dict.fromkeys((*ENDINGS, *texts)))
     paths = {path: texts[ending] for ending, path in places.items()}
     require_replaceable(paths, force=force)
     try:
@@ -190,17 +186,6 @@ def diagnosis_document(
     )
 
 
-def segment_table(segments: Sequence[Segment]) -> str:
-    """CSV of the segments: name, kind, start and end in s, effects separated by spaces."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["name", "kind", "start", "end", "effects"])
-    for segment in segments:
-        ends = (f"{segment.start:.9g}", f"{segment.end:.9g}")
-        table.writerow([segment.name, segment.kind, *ends, " ".join(segment.effects)])
-    return text.getvalue()
-
-
 def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value
@@ -208,11 +193,11 @@ def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:
     }
 
 
-def _files(out: FilePath, endings: Iterable[str]) -> dict[str, Path]:
+def _files(out: FilePath) -> dict[str, Path]:
     """Files by their ending, of ``run.csv`` and of ``run`` the same."""
     out = as_file(out)
-    stem = out.stem if out.suffix in (".csv", ".yaml", ".json") else out.name
-    return {ending: out.with_name(f"{stem}.{ending}") for ending in endings}
+    stem = out.stem if out.suffix.removeprefix(".") in ENDINGS else out.name
+    return {ending: out.with_name(f"{stem}.{ending}") for ending in ENDINGS}
 
 
 def _numbers(values: Iterable[float]) -> str:

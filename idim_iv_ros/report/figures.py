@@ -175,3 +175,45 @@ def layout(axes: Mapping[str, Any], **options: object) -> dict[str, Any]:
         **axes,
         **options,
     }
+
+
+@dataclass(frozen=True)
+class TimeCurve:
+    """A curve over time, in the upper or the lower panel; `words` say at the pointer what it is."""
+
+    values: NDArray[np.floating[Any]]
+    colour: str
+    width: float
+    words: str
+    below: bool = False
+
+
+def over_time(
+    anchor: str,
+    height: int,
+    description: str,
+    time: NDArray[np.floating[Any]],
+    drawn: Sequence[TimeCurve],
+    titles: tuple[str, str],
+    split: float,
+    *,
+    behind: Sequence[dict[str, Any]] = (),
+    **options: object,
+) -> Figure:
+    """Return curves over the same time, s, in two panels: `titles` of their axes, upper first.
+
+    - `split`: share of the height that is below the upper panel
+    - `behind`: traces that are drawn before the curves
+    """
+    data = list(behind)
+    for curve in drawn:
+        x = time if len(data) == len(behind) else {"same": len(behind)}
+        place = {"yaxis": "y2"} if curve.below else {}
+        hover = f"{curve.words} at %{{x:.3f}} s"
+        data.append(line(x, curve.values, curve.colour, curve.width, hover, **place))
+    axes = {
+        "xaxis": axis("Time, s", anchor="y2"),
+        "yaxis": axis(titles[0], domain=[split, 1.0], nticks=6),
+        "yaxis2": axis(titles[1], domain=[0.0, split - 0.08], nticks=4),
+    }
+    return Figure(anchor, height, description, data, layout(axes, **options))

@@ -22,7 +22,7 @@ from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
 from idim_iv_ros.report.sections.drives import FRICTION, TRANSMISSIONS
 from idim_iv_ros.report.sections.parameters import PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
-from idim_iv_ros.report.sections.residual_curves import ORDERS, RESIDUAL_CURVES
+from idim_iv_ros.report.sections.residual_curves import RESIDUAL_CURVES
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES
 from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
 from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
@@ -50,7 +50,6 @@ DIAGNOSIS: tuple[Section[Any], ...] = (
     STAGES,
     RESIDUAL_CURVES,
     REGIMES,
-    ORDERS,
     TRACKING,
     TRANSMISSIONS,
     PHYSICAL,

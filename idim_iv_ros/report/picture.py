@@ -26,7 +26,6 @@ from idim_iv_ros.report.gap_words import VERDICTS, stage_words, torque_unit
 from idim_iv_ros.report.numerals import is_number, number, percent
 from idim_iv_ros.report.page import environment
 from idim_iv_ros.report.replay import headline
-from idim_iv_ros.report.robot_drawing import colour_bar, flat_robot
 from idim_iv_ros.report.section import Report
 from idim_iv_ros.report.sections.verdict import shaded_robot
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS, ReplayResult
@@ -44,7 +43,6 @@ _COLOURS = {
     WITH_EFFECTS: "#0072b2",
 }
 _EFFECT, _NOISE = "#0072b2", "#b9c1cc"
-_ROBOT = (420.0, 330.0)
 _PNG_HEADER = 33  # bytes of the signature and the first chunk
 
 # Name, size, colour, and the size in words, of a bar.
@@ -137,10 +135,7 @@ def picture_svg(result: IdentificationResult | GapResult | ReplayResult) -> str:
             (name, round(_BARS_WIDTH * size / largest, 1), colour, value)
             for name, size, colour, value in bars
         ],
-        robot=None if robot is None else flat_robot(robot, *_ROBOT),
-        robot_title="" if robot is None else f"{robot.title}, %",
-        largest="" if robot is None else number(robot.largest, 2),
-        stops=colour_bar(),
+        robot=robot,
         missing=missing,
         width=WIDTH,
         height=HEIGHT,

@@ -6,7 +6,7 @@ import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, axis, layout, line
+from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, TimeCurve, over_time
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -20,7 +20,6 @@ from idim_iv_ros.simulators.replay_result import (
     ReplayResult,
     ReplaySeries,
 )
-from idim_iv_ros.types import FloatArray
 
 _COLOURS = {NOMINAL: GREY, CORRECTED: ORANGE, WITH_EFFECTS: BLUE}
 _TOOL = "end of the arm"
@@ -192,27 +191,23 @@ def replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Fig
     joint_type = result.joint_types[result.joints.index(series.joint)]
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
     chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)
-
-    def drawn(values: FloatArray, scale: float) -> FloatArray:
-        return scale * np.asarray(values)[chosen]
-
-    data = []
-    time: object = np.asarray(series.time)[chosen]
-    for name in series.errors:
-        hover = f"{name} %{{y:.3g}} {small} at %{{x:.3f}} s"
-        colour = _COLOURS[name]
-        data.append(line(time, drawn(series.errors[name], 1e3), colour, 1.8, hover, yaxis="y"))
-        time = {"same": 0}
-        hover = f"{name} %{{y:.3g}} {torque_unit} at %{{x:.3f}} s"
-        data.append(line(time, drawn(series.torques[name], 1.0), colour, 1.8, hover, yaxis="y2"))
-    data.append(line(time, drawn(series.error, 1e3), INK, 0.9, f"robot %{{y:.3g}} {small}",
-                     yaxis="y"))  # fmt: skip
-    data.append(line({"same": 0} if series.errors else time, drawn(series.torque, 1.0), INK, 0.9,
-                     f"robot %{{y:.3g}} {torque_unit}", yaxis="y2"))  # fmt: skip
-    axes = {
-        "xaxis": axis("Time, s", anchor="y2"),
-        "yaxis": axis(f"Error, {small}", domain=[0.54, 1.0], nticks=6),
-        "yaxis2": axis(f"Torque, {torque_unit}", domain=[0.0, 0.46], nticks=5),
-    }
-    words = f"Tracking error and torque of {series.joint}, robot and simulations, over time"
-    return Figure(f"replay-{index}", _HEIGHT, words, data, layout(axes))
+    # The robot is drawn last: thin, above the wider simulations.
+    robot = ("robot", series.error, series.torque, INK, 0.9)
+    simulated = [
+        (name, series.errors[name], series.torques[name], _COLOURS[name], 1.8)
+        for name in series.errors
+    ]
+    drawn = []
+    for name, error, torque, colour, width in (*simulated, robot):
+        error_words, torque_words = f"{name} %{{y:.3g}} {small}", f"{name} %{{y:.3g}} {torque_unit}"
+        drawn.append(TimeCurve(1e3 * error[chosen], colour, width, error_words))
+        drawn.append(TimeCurve(torque[chosen], colour, width, torque_words, below=True))
+    return over_time(
+        f"replay-{index}",
+        _HEIGHT,
+        f"Tracking error and torque of {series.joint}, robot and simulations, over time",
+        series.time[chosen],
+        drawn,
+        (f"Error, {small}", f"Torque, {torque_unit}"),
+        0.54,
+    )

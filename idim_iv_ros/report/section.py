@@ -43,12 +43,6 @@ class Nominal:
         """Whether the nominal model is an MJCF, which holds drive inertias too."""
         return self.configuration is not None and self.configuration.robot.mjcf is not None
 
-    @property
-    def urdf(self) -> str:
-        """What to call the URDF in an instruction."""
-        path = None if self.configuration is None else self.configuration.robot.description
-        return "the URDF" if path is None else path.name
-
 
 def read_nominal(document: Mapping[str, object]) -> Nominal:
     """Read the nominal model of a configuration as a result holds it.

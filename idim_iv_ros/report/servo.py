@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, axis, layout, line
+from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, TimeCurve, over_time
 from idim_iv_ros.report.numerals import plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -197,23 +197,18 @@ def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
 
 def servo_figure(series: ServoSeries, index: int) -> Figure:
     """Return commanded, measured and simulated position over time, and what is left below."""
-    data = [
-        line(series.time, series.command, GREY, 0.9, "asked %{y:.4g} rad", yaxis="y"),
-        line({"same": 0}, series.measured, INK, 1.2, "measured %{y:.4g} rad", yaxis="y"),
-        line({"same": 0}, series.simulated, BLUE, 1.2, "simulated %{y:.4g} rad", yaxis="y"),
-        line(
-            {"same": 0},
-            1e3 * (series.measured - series.simulated),
-            BLUE,
-            0.9,
-            "left %{y:.3g} mrad",
-            yaxis="y2",
-        ),
-    ]
-    axes = {
-        "xaxis": axis("Time, s", anchor="y2"),
-        "yaxis": axis("Position, rad", domain=[0.4, 1.0], nticks=6),
-        "yaxis2": axis("Left, mrad", domain=[0.0, 0.3], nticks=4),
-    }
-    words = f"Position of {series.joint}: asked for, measured and simulated, over time"
-    return Figure(f"servo-{index}", _HEIGHT, words, data, layout(axes))
+    left = 1e3 * (series.measured - series.simulated)
+    return over_time(
+        f"servo-{index}",
+        _HEIGHT,
+        f"Position of {series.joint}: asked for, measured and simulated, over time",
+        series.time,
+        [
+            TimeCurve(series.command, GREY, 0.9, "asked %{y:.4g} rad"),
+            TimeCurve(series.measured, INK, 1.2, "measured %{y:.4g} rad"),
+            TimeCurve(series.simulated, BLUE, 1.2, "simulated %{y:.4g} rad"),
+            TimeCurve(left, BLUE, 0.9, "left %{y:.3g} mrad", below=True),
+        ],
+        ("Position, rad", "Left, mrad"),
+        0.4,
+    )

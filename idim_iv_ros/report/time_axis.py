@@ -16,10 +16,6 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 # Of the length of all recordings: no pause between two is drawn longer.
 _WIDEST_PAUSE = 0.02
-# Pixels of a narrow plot and of a letter of its names: longer names would cover each other.
-_WIDTH, _LETTER = 480.0, 6.0
-# More recordings than this are not even numbered.
-_NUMBERED = 20
 
 
 @dataclass(frozen=True)
@@ -46,21 +42,8 @@ class SessionAxis:
         if len(self.parts) < 2:
             return ""
         pauses = ", pauses shortened" if self.shortened else ""
-        names = ""
-        if len(self.parts) <= _NUMBERED and not self._names_fit:
-            listed = [f"{number + 1} {part.bag}" for number, part in enumerate(self.parts)]
-            names = f": {', '.join(listed)}"
-        return f"Recordings follow one another in the order of their stamps{pauses}{names}."
-
-    @property
-    def _names_fit(self) -> bool:
-        """Whether the name of each recording is shorter than its part of the axis."""
-        whole = self.drawn[-1] + self.parts[-1].duration
-        ends = [*self.drawn[1:], whole]
-        return all(
-            _LETTER * len(part.bag) <= _WIDTH * (end - start) / whole
-            for part, start, end in zip(self.parts, self.drawn, ends, strict=True)
-        )
+        names = ", ".join(f"{number} {part.bag}" for number, part in enumerate(self.parts, 1))
+        return f"Recordings follow one another in the order of their stamps{pauses}: {names}."
 
     def ends(self, time: FloatArray) -> IntArray:
         """Rows after which another recording begins."""
@@ -82,31 +65,20 @@ class SessionAxis:
         return np.asarray(np.maximum(place, 0), dtype=np.int64)
 
     def marks(self) -> dict[str, Any]:
-        """Layout of a figure: a line where each recording starts, with its name or number."""
+        """Layout of a figure: a line where each recording starts, with its number."""
         if len(self.parts) < 2:
             return {}
-        shape = {"type": "line", "y0": 0.0, "y1": 1.0, "yref": "paper"}
+        line = {"type": "line", "y0": 0.0, "y1": 1.0, "yref": "paper"}
         dots = {"color": GREY, "width": 1, "dash": "dot"}
-        lines = [{**shape, "x0": place, "x1": place, "line": dots} for place in self.drawn[1:]]
-        if len(self.parts) > _NUMBERED:
-            return {"shapes": lines}
-        words = [part.bag if self._names_fit else f"{k + 1}" for k, part in enumerate(self.parts)]
-        names = [
-            {
-                "x": place,
-                "y": 1.0,
-                "yref": "paper",
-                "text": word.replace("&", "&amp;").replace("<", "&lt;"),
-                "showarrow": False,
-                "xanchor": "left",
-                "yanchor": "bottom",
-                "font": {"size": 10, "color": MUTED},
-            }
-            for place, word in zip(self.drawn, words, strict=True)
-        ]
-        # Room for the names above the plot.
-        margin = {"l": 58, "r": 12, "t": 22, "b": 40}
-        return {"shapes": lines, "annotations": names, "margin": margin}
+        number = {"y": 1.0, "yref": "paper", "showarrow": False, "xanchor": "left",
+                  "yanchor": "bottom", "font": {"size": 10, "color": MUTED}}  # fmt: skip
+        return {
+            "shapes": [{**line, "x0": x, "x1": x, "line": dots} for x in self.drawn[1:]],
+            "annotations": [
+                {**number, "x": x, "text": f"{place}"} for place, x in enumerate(self.drawn, 1)
+            ],
+            "margin": {"l": 58, "r": 12, "t": 22, "b": 40},  # room for the numbers above
+        }
 
 
 def session_axis(parts: Sequence[SessionPart]) -> SessionAxis:

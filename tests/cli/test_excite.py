@@ -1,6 +1,5 @@
 """`idim-iv excite` as a user runs it."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -53,15 +52,12 @@ def test_diagnosis_writes_its_segments(run, config, tmp_path: Path) -> None:
     )
     assert done.status == 0, done.error
     assert "stribeck" in done.out
-    with (tmp_path / "run.segments.csv").open() as file:
-        table = list(csv.DictReader(file))
-    figures = json.loads((tmp_path / "run.json").read_text())
-    assert [row["name"] for row in table] == [s["name"] for s in figures["segments"]]
+    segments = json.loads((tmp_path / "run.json").read_text())["segments"]
     motion = read_trajectory(tmp_path / "run.csv")
-    assert float(table[-1]["end"]) <= motion.duration <= 90.0
-    starts = [float(row["start"]) for row in table]
+    assert segments[-1]["end"] <= motion.duration <= 90.0
+    starts = [segment["start"] for segment in segments]
     assert starts == sorted(starts)
-    assert "presliding" in " ".join(row["effects"] for row in table)
+    assert any("presliding" in segment["effects"] for segment in segments)
 
 
 def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_path: Path) -> None:

@@ -23,11 +23,11 @@ def test_the_simulation_gap_is_drawn_by_itself_in_its_own_unit() -> None:
     assert series.before is not None
     assert series.after is not None
     traces = tracking_figure(series, "mrad").data
-    assert [trace["yaxis"] for trace in traces] == ["y", "y2", "y", "y2", "y"]
+    assert [trace.get("yaxis") for trace in traces] == [None, "y2", None, "y2", None]
     assert traces[-1]["hovertemplate"].startswith("robot")
     largest = 1e3 * np.abs(series.measured - series.before).max()
     lines = tracking_figure(replace(series, after=None), "mrad").data
-    assert [trace["yaxis"] for trace in lines] == ["y", "y2", "y"]
+    assert [trace.get("yaxis") for trace in lines] == [None, "y2", None]
     assert "before − robot" in lines[1]["hovertemplate"]
     assert np.abs(_numbers(lines[1]["y"])).max() == pytest.approx(largest, rel=1e-4)
 

@@ -1,11 +1,10 @@
-"""Curves and spectra of residuals."""
+"""Curves of residuals."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from idim_iv_ros.statistics.curves import order_spectrum, smooth
-from tests.report.sample_gap import sample_gap
+from idim_iv_ros.statistics.curves import smooth
 
 
 def test_a_smoothed_curve_follows_the_mean() -> None:
@@ -36,21 +35,3 @@ def test_a_curve_of_nothing_is_empty() -> None:
     none = np.zeros(0)
     assert len(smooth(none, none, none).x) == 0
     assert len(smooth(np.ones(50), np.ones(50), np.arange(50.0)).x) == 0
-
-
-def test_ripple_is_a_peak_at_its_wave_number_with_its_amplitude() -> None:
-    series = sample_gap(2, "structural", seconds=120.0).series[1]
-    residuals = [series.torque - series.refit, series.torque - series.extended]
-    spectrum = order_spectrum(series.position, series.speed, residuals, series.step)
-    assert spectrum is not None
-    before, after = spectrum.amplitudes
-    place = int(np.argmax(before))
-    assert spectrum.wave_number[place] == pytest.approx(18.0, abs=0.5)
-    assert before[place] == pytest.approx(0.35, rel=0.12)
-    assert after.max() < 0.2 * before[place]
-
-
-def test_a_joint_that_stands_still_has_no_spectrum() -> None:
-    still = np.ones(100)
-    assert order_spectrum(still, 0.0 * still, [still], 0.02) is None
-    assert order_spectrum(np.zeros(0), np.zeros(0), [np.zeros(0)], 0.02) is None

@@ -1,7 +1,5 @@
 """Causes of the gap and of a change: what, how large, why it is believed, what else it may be."""
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 from idim_iv_ros.diagnosis.result import (
@@ -10,13 +8,12 @@ from idim_iv_ros.diagnosis.result import (
     Gap,
     GapResult,
     Hint,
-    Stage,
 )
 from idim_iv_ros.effects.cause import surest
-from idim_iv_ros.effects.registry import parameter_words, part_of
+from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
-from idim_iv_ros.report.gap_words import effect_at, small_unit, stage_words, torque_unit
+from idim_iv_ros.report.gap_words import effect_at, small_unit, torque_unit
 from idim_iv_ros.report.numerals import (
     is_number,
     number,
@@ -30,78 +27,13 @@ from idim_iv_ros.report.section import Report, Section
 _MOST_NUMBERS = 4  # of a hint
 
 
-@dataclass(frozen=True)
-class TrackingChange:
-    """Tracking error before and after a cause, rad (m); None where it is not known.
-
-    `words` say what it is the change of, or why it is not known; empty where it is the cause's own.
-    """
-
-    gap: Gap | None
-    words: str
-
-
-def tracking_change(result: GapResult, cause: Cause) -> TrackingChange:
-    """Return the tracking error with and without a cause.
-
-    A structural cause has its own. Parameter errors are simulated together, in the refit, and
-    their change is that of its stage.
-    """
-    if cause.simulation_gap is not None:
-        return TrackingChange(cause.simulation_gap, "")
-    if part_of(cause.effect) == "gains":
-        return TrackingChange(None, "the loop is simulated with the configured control law only")
-    stages = _stages(result, cause)
-    if stages is None:
-        return TrackingChange(None, "no closed loop was simulated")
-    before, after = stages
-    for stage in (before, after):
-        if stage.tracking_rms is None:
-            why = f": {stage.note}" if stage.note else ""
-            return TrackingChange(None, f"{stage_words(stage.name)} not simulated{why}")
-    one, two = (_error(result, stage, cause.joint) for stage in (before, after))
-    if one is None or two is None:
-        return TrackingChange(None, "see each joint under “How far the gap shrinks”")
-    words = f"{stage_words(before.name)} → {stage_words(after.name)}"
-    if cause.kind == "parametric":
-        words += ", in which all parameter errors are corrected together"
-    shrinkage = 1.0 - two / one if one > 0.0 else None
-    return TrackingChange(Gap(one, two, None, shrinkage, None), words)
-
-
-def _stages(result: GapResult, cause: Cause) -> tuple[Stage, Stage] | None:
-    """Return the stages before and after a cause."""
-    stage_name = f"+{cause.effect}" if cause.joint is None else f"+{cause.effect}[{cause.joint}]"
-    names = [stage.name for stage in result.stages]
-    if stage_name in names:
-        after = names.index(stage_name)
-    elif cause.kind == "parametric" and "refit" in names:
-        after = names.index("refit")
-    else:
-        return None
-    return (result.stages[after - 1], result.stages[after]) if after > 0 else None
-
-
-def _error(result: GapResult, stage: Stage, joint: str | None) -> float | None:
-    """Of a joint, or of all (root of the sum of squares) where they have one unit."""
-    errors = stage.tracking_rms or {}
-    if joint is not None:
-        error = errors.get(joint)
-        return error if is_number(error) else None
-    if " or " in small_unit(result, None) or not all(is_number(error) for error in errors.values()):
-        return None
-    return math.sqrt(sum(error**2 for error in errors.values()))
-
-
 def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
-    """A cause with its gaps before and after, and why a tracking error is not known."""
-    tracking = tracking_change(result, cause)
+    """A cause with its gaps before and after; those of stages are a section of their own."""
     gaps = [_torque_gap(result, cause)]
-    if tracking.gap is not None:
+    if cause.simulation_gap is not None:
         unit = small_unit(result, cause.joint)
-        gaps.append(_gap("Tracking error", tracking.gap, 1e3, unit, tracking.words))
-    untracked = "" if tracking.gap else sentence(f"Tracking error: {tracking.words}")
-    return {"cause": cause, "gaps": gaps, "untracked": untracked}
+        gaps.append(_gap("Tracking error", cause.simulation_gap, 1e3, unit, ""))
+    return {"cause": cause, "gaps": gaps}
 
 
 def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:

@@ -23,7 +23,6 @@ from idim_iv_ros.report.figures import (
     dots,
     layout,
     line,
-    typed,
 )
 from idim_iv_ros.report.gap_words import drawable, small_unit, torque_unit, unit_in, worth_seeing
 from idim_iv_ros.report.numerals import MISSING, THIN, number, with_interval
@@ -31,7 +30,6 @@ from idim_iv_ros.report.section import Report, Section
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 280
-_DOTS = 400  # of one direction
 
 
 def _context(report: Report[GapResult]) -> dict[str, Any] | None:
@@ -94,18 +92,8 @@ def twist_figure(
     hover = f"%{{y:.3g}} {small} at %{{x:.3g}} {torque}"
     data: list[dict[str, Any]] = []
     for sign, colour in ((1.0, FORWARD), (-1.0, BACKWARD)):
-        chosen = np.flatnonzero(series.direction * sign > 0.0)
-        chosen = chosen[:: max(1, -(-len(chosen) // _DOTS))]
-        data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": typed(series.load[chosen]),
-                "y": typed(1e3 * series.twist[chosen]),
-                "marker": {"color": colour, "size": 3.5, "opacity": 0.6},
-                "hovertemplate": f"{hover}<extra></extra>",
-            }
-        )
+        rows = series.direction * sign > 0.0
+        data.append(dots(series.load[rows], 1e3 * series.twist[rows], colour, 3.5))
     ends = np.array([float(series.load.min()), float(series.load.max())])
     load = np.sort(np.append(ends, [-1e-9, 1e-9])) if ends[0] < 0.0 < ends[1] else ends
     law = np.zeros(len(load))

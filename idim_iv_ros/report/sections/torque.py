@@ -14,10 +14,9 @@ from idim_iv_ros.report.figures import (
     SHADE,
     Figure,
     Mark,
-    axis,
-    layout,
-    line,
+    TimeCurve,
     outline,
+    over_time,
 )
 from idim_iv_ros.report.gap_words import (
     drawable,
@@ -113,27 +112,26 @@ def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str
         peaks_of=[rows.measured, residuals[0], residuals[-1]],
         step=rows.step,
     )
-    hover = f"%{{y:.4g}} {unit} at %{{x:.3f}} s"
+    size = f"%{{y:.4g}} {unit}"
     count = len(rows.models)
     above, below, measured = (thinned.values[:count], thinned.values[count:-1], thinned.values[-1])
+    drawn = []
+    for (name, _, colour), torque, residual in zip(rows.models, above, below, strict=True):
+        drawn.append(TimeCurve(torque, colour, 2.4, f"{name} {size}"))
+        drawn.append(TimeCurve(residual, colour, 1.0, f"measured − {name} {size}", below=True))
     # The measured torque is drawn last: thin, above the wider models.
-    data = [*_shaded(thinned, "y", [*above, measured]), *_shaded(thinned, "y2", list(below))]
-    first = len(data)
-    for place, ((name, _, colour), torque, residual) in enumerate(
-        zip(rows.models, above, below, strict=True)
-    ):
-        same = {"same": first} if place else thinned.time
-        data.append(line(same, torque, colour, 2.4, f"{name} {hover}"))
-        beyond = f"measured − {name} {hover}"
-        data.append(line({"same": first}, residual, colour, 1.0, beyond, yaxis="y2"))
-    data.append(line({"same": first}, measured, INK, 0.9, f"measured {hover}"))
-    axes = {
-        "xaxis": axis("Time, s", anchor="y2"),
-        "yaxis": axis(f"{torque_word(unit)}, {unit}", domain=[0.42, 1.0], nticks=6),
-        "yaxis2": axis(f"{left}, {unit}", domain=[0.0, 0.34], nticks=4),
-    }
-    words = f"Measured torque of {rows.joint} and that of the models over time"
-    return Figure(f"torque-{index}", _HEIGHT, words, data, layout(axes, **session.marks()))
+    drawn.append(TimeCurve(measured, INK, 0.9, f"measured {size}"))
+    return over_time(
+        f"torque-{index}",
+        _HEIGHT,
+        f"Measured torque of {rows.joint} and that of the models over time",
+        thinned.time,
+        drawn,
+        (f"{torque_word(unit)}, {unit}", f"{left}, {unit}"),
+        0.42,
+        behind=[*_shaded(thinned, "y", [*above, measured]), *_shaded(thinned, "y2", list(below))],
+        **session.marks(),
+    )
 
 
 def _shaded(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[str, Any]]:
@@ -153,7 +151,6 @@ def _shaded(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[
 TORQUE: Section[Any] = Section("Torque", "torque", "torque.html.j2", _context)
 
 
-_TRACKING_HEIGHT = 320
 _BUCKETS = 220
 
 
@@ -193,25 +190,22 @@ def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure
     # Both errors have the same reference: their difference is that of the positions.
     gaps = [series.measured - values for _, values, _ in simulated]
     chosen = peaks([series.measured, *gaps], _BUCKETS)
-    hover = f"%{{y:.3g}} {unit} at %{{x:.3f}} s"
-
-    def drawn(values: FloatArray) -> FloatArray:
-        return 1e3 * np.asarray(values)[chosen]
-
-    data = []
-    time: object = np.asarray(series.time)[chosen]
+    size = f"%{{y:.3g}} {unit}"
+    drawn = []
     for (name, values, colour), gap in zip(simulated, gaps, strict=True):
-        data.append(line(time, drawn(values), colour, 2.4, f"{name} {hover}", yaxis="y"))
-        time = {"same": 0}
-        data.append(line(time, drawn(gap), colour, 1.0, f"{name} − robot {hover}", yaxis="y2"))
-    data.append(line(time, drawn(series.measured), INK, 0.9, f"robot {hover}", yaxis="y"))
-    axes = {
-        "xaxis": axis("Time, s", anchor="y2"),
-        "yaxis": axis(f"Error, {unit}", domain=[0.46, 1.0], nticks=6),
-        "yaxis2": axis(f"Gap, {unit}", domain=[0.0, 0.38], nticks=5),
-    }
-    words = f"Tracking error of {series.joint}, robot and simulations, over time"
-    return Figure(f"tracking-{index}", _TRACKING_HEIGHT, words, data, layout(axes))
+        drawn.append(TimeCurve(1e3 * values[chosen], colour, 2.4, f"{name} {size}"))
+        words = f"{name} − robot {size}"
+        drawn.append(TimeCurve(1e3 * gap[chosen], colour, 1.0, words, below=True))
+    drawn.append(TimeCurve(1e3 * series.measured[chosen], INK, 0.9, f"robot {size}"))
+    return over_time(
+        f"tracking-{index}",
+        _HEIGHT,
+        f"Tracking error of {series.joint}, robot and simulations, over time",
+        series.time[chosen],
+        drawn,
+        (f"Error, {unit}", f"Gap, {unit}"),
+        0.46,
+    )
 
 
 TRACKING = Section(

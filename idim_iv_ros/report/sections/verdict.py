@@ -14,17 +14,19 @@ from idim_iv_ros.report.advice import (
 )
 from idim_iv_ros.report.gap_words import VERDICTS, duration, lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import count, exact, number, percent, plural, with_unit
-from idim_iv_ros.report.robot_drawing import ShadedRobot, robot_figure
+from idim_iv_ros.report.robot_drawing import robot_drawing
 from idim_iv_ros.report.section import R, Report, Section
+
+_DRAWING = (330.0, 330.0)  # pixels
 
 # Name, value, note.
 Tile = tuple[str, str, str]
 
 
-def shaded_robot(report: Report[R]) -> ShadedRobot | None:
-    """Return the robot with what its joints are coloured by; None where it cannot be drawn."""
-    drawn = report.nominal.skeleton
-    if drawn is None:
+def shaded_robot(report: Report[R]) -> dict[str, Any] | None:
+    """Return the drawing of the robot, its joints coloured; None where it cannot be drawn."""
+    skeleton = report.nominal.skeleton
+    if skeleton is None:
         return None
     result = report.result
     values: Mapping[str, float | None]
@@ -34,17 +36,12 @@ def shaded_robot(report: Report[R]) -> ShadedRobot | None:
     else:
         values = result.fit.joint_relative_error_percent
         title = "relative error of the torque"
-    return ShadedRobot(drawn, result.joints, tuple(map(values.get, result.joints)), title)
+    shares = [values.get(joint) for joint in result.joints]
+    return robot_drawing(skeleton, result.joints, shares, title, *_DRAWING)
 
 
 def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
-    robot = shaded_robot(report)
-    return {
-        "figure": None if robot is None else robot_figure(robot),
-        "title": "" if robot is None else robot.title,
-        "missing": report.nominal.missing,
-        **context,
-    }
+    return {"robot": shaded_robot(report), "missing": report.nominal.missing, **context}
 
 
 def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
