@@ -34,11 +34,8 @@ def test_one_impossible_row_is_said_by_identify_and_changes_little(run, config, 
     assert "message 778" in (tmp_path / "out" / "report.html").read_text()
 
 
-@pytest.mark.parametrize(
-    ("jump", "words"),
-    [(5e4, "joint_2 0.3 5e+04"), (0.3, "no joint moves: the most is")],
-)
-def test_rest_is_named_with_its_numbers_or_the_jump_of_a_sensor(run, config, arm, jump, words):
+@pytest.mark.parametrize("jump", [0.3, 5e4])
+def test_rest_is_named_beside_a_jump_of_a_sensor_too(run, config, arm, jump):
     def still(values) -> None:
         random = np.random.default_rng(0)
         values["position"][:] = random.normal(0.3, 1e-6, values["position"].shape)
@@ -46,7 +43,7 @@ def test_rest_is_named_with_its_numbers_or_the_jump_of_a_sensor(run, config, arm
         values["position_reference"][:] = 0.3
 
     outcome = run("check", arm(still), "--config", config(), status=1)
-    assert set(words.split()) <= set(outcome.error.split())
+    assert "no joint moves: the most is joint_" in outcome.error
 
 
 def test_a_name_that_is_too_long_is_one_line(run, config, tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Which numbers of a nominal model are named, in worlds whose torque is written here."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,13 +10,12 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
+from idim_iv_ros.diagnosis.identifiability import too_little
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
-from idim_iv_ros.effects.presliding import Presliding
 from tests.configurations import changed
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
@@ -152,14 +149,6 @@ def covered(span: float, fastest: float, lever: float = 1.0) -> OperatingRange:
 )
 def test_too_little_motion(span: float, fastest: float, lever: float, little: bool) -> None:
     assert too_little(0, covered(span, fastest, lever)) == little
-
-
-def test_presliding_needs_to_know_where_joints_stick() -> None:
-    seen = covered(2.0, 1.0)
-    assert cannot_show(Presliding(), 0, seen) == ""
-    assert "closed loop is not simulated" in cannot_show(
-        Presliding(), 0, replace(seen, sticking=False)
-    )
 
 
 DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²
