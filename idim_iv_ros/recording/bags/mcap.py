@@ -9,7 +9,7 @@ import mmap
 import struct
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -36,7 +36,7 @@ from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.types import IntArray
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 11, 15
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
 CHUNK_INDEX = 8
 HEAD = 9  # opcode and length
 _HEAD_AND_CHANNEL = struct.Struct("<BQH")  # of a message
@@ -51,7 +51,7 @@ DAMAGED_CONTENT = (struct.error, UnicodeDecodeError, EndOfFile)
 _LONGEST_SUMMARY = 1 << 28
 # The end of a file that is read first: the summary of a minute of three topics is in it.
 _TAIL = 1 << 14
-_READ = (CHUNK, MESSAGE, SCHEMA, CHANNEL)
+_READ = (CHUNK, INDEX, MESSAGE, SCHEMA, CHANNEL)
 _LARGEST_CHUNK = 1 << 30
 _LARGEST_DESCRIPTION = 1 << 24
 _LOOSE_BYTES = 1 << 22  # messages outside chunks that are read at once
@@ -267,6 +267,8 @@ class McapFile(BagFile):
         self, content: mmap.mmap | bytes, wanted: set[str], place: int
     ) -> Iterator[tuple[str, MessageBatch]]:
         loose: tuple[int, int] | None = None  # messages outside chunks: where they begin and end
+        chunk = b""
+        index: dict[int, IntArray] = {}  # of the messages of each channel, behind their chunk
         self.truncated = True
         read = 0
         for record in records(content, place):
@@ -274,6 +276,9 @@ class McapFile(BagFile):
             if start - read > _FORGOTTEN and isinstance(content, mmap.mmap):
                 content.madvise(mmap.MADV_DONTNEED, read, _FORGOTTEN)
                 read += _FORGOTTEN
+            if opcode != INDEX:
+                yield from self._chunk(chunk, wanted, index)
+                chunk, index = b"", {}
             if opcode in (FOOTER, DATA_END):
                 self.truncated = False
                 break
@@ -285,16 +290,20 @@ class McapFile(BagFile):
                     yield from self._chunk(content[slice(*loose)], wanted)
                     loose = None
                 chunk = self._decompress(content[start:end], torn=end > len(content))
-                yield from self._chunk(chunk, wanted)
             elif end > len(content):
                 break
             elif opcode in (SCHEMA, CHANNEL):
                 self._describe(opcode, content[start:end])
+            elif opcode == INDEX and (end - start) % 16 == 6:
+                (channel,) = struct.unpack_from("<H", content, start)
+                entries = np.frombuffer(content[start + 6 : end], dtype="<i8").reshape(-1, 2)
+                index[channel] = entries[:, 1]
             elif opcode == MESSAGE:
                 loose = (start - HEAD if loose is None else loose[0], end)
                 if end - loose[0] > _LOOSE_BYTES:
                     yield from self._chunk(content[slice(*loose)], wanted)
                     loose = None
+        yield from self._chunk(chunk, wanted, index)
         if loose is not None:
             yield from self._chunk(content[slice(*loose)], wanted)
         self.counted &= not self.truncated
@@ -333,10 +342,17 @@ class McapFile(BagFile):
             return b""
         return content
 
-    def _chunk(self, chunk: bytes, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+    def _chunk(
+        self, chunk: bytes, wanted: set[str], index: Mapping[int, IntArray] | None = None
+    ) -> Iterator[tuple[str, MessageBatch]]:
+        """Messages of a chunk, at the places of an index that accounts for every byte of it."""
         buffer = np.frombuffer(chunk, dtype=np.uint8)
-        for channel, places in self._scan(chunk).items():
-            yield from self._batch(buffer, channel, places, wanted)
+        places = index or {}
+        listed = sum(bytes_at(buffer, channel, at) for channel, at in places.items())
+        if listed != len(chunk):
+            places = self._scan(chunk)
+        for channel, at in places.items() if chunk else ():
+            yield from self._batch(buffer, channel, at, wanted)
 
     def _batch(
         self, buffer: NDArray[np.uint8], channel: int, places: IntArray, wanted: set[str]
@@ -383,6 +399,17 @@ def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
     if compression == b"lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
     return payload
+
+
+def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:
+    """Bytes of the messages of a channel at some places (k,); none if one is something else."""
+    if len(places) == 0 or places.min() < 0 or places.max() > len(buffer) - HEAD - MESSAGE_HEAD:
+        return 0
+    owner = buffer[places + HEAD] + 256 * buffer[places + HEAD + 1].astype(np.int64)
+    sizes = integers(buffer, places + 1)
+    whole = (sizes >= MESSAGE_HEAD) & (sizes <= len(buffer) - HEAD - places)
+    whole &= (owner == channel) & (buffer[places] == MESSAGE)
+    return int(np.sum(HEAD + sizes)) if whole.all() else 0
 
 
 def integers(buffer: NDArray[np.uint8], offsets: IntArray) -> IntArray:
