@@ -45,7 +45,7 @@ docs: $(VENV)/ready-docs
 # Each worker has whole files; in the order of the folders, because the longest come first. One worker
 # more than cores: half of what tests of nodes take is waiting.
 tests: $(VENV)/ready-kernels
-	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart 2
 
 # Both in dist/. The tests build them again from a copy of the sources, and install the wheel with what
 # it depends on into an empty environment: a minute.
