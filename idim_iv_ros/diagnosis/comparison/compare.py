@@ -36,6 +36,9 @@ class Comparison:
             np.searchsorted(block, np.arange(nominal.options.ledger.block_count))
             for block in nominal.options.ledger.blocks
         ]
+        self.shares_of_joints = np.zeros((len(self.options.candidates), len(self._cuts)))
+        for candidate, shares in zip(self.options.candidates, self.shares_of_joints, strict=True):
+            shares[list(candidate.joints)] = 1.0 / len(candidate.joints)
         self._best: dict[frozenset[tuple[object, ...]], Term | None] = {}
 
     def best(self, terms: Sequence[Term]) -> Term | None:
@@ -67,12 +70,8 @@ class Comparison:
         moved = products.moved @ term.basis
         plain = {joint: table @ term.basis for joint, table in term.columns.items()}
         white = {joint: table @ term.basis for joint, table in products.white.items()}
-        blocks, by_rows = self.dispersion(
-            model,
-            model.residuals(white=True),
-            model.uncovered(moved, white, crossed, white=True),
-            unit,
-        )
+        uncovered = model.uncovered(moved, white, crossed, white=True)
+        ((blocks, by_rows),) = self.dispersions(model.residuals(white=True), uncovered, [unit])
         dispersion = max(min(term.dispersion, blocks), by_rows)
         misfit = self.misfit(model.terms)[list(term.candidate.joints)].mean(keepdims=True)
         evidence = float(
@@ -145,14 +144,13 @@ class Comparison:
         least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
         return bool(np.any(term.visible > least))
 
-    def dispersion(
+    def dispersions(
         self,
-        model: ModelWithTerms,
         rest: Sequence[FloatArray],
         white: dict[int, FloatArray],
-        coefficients: FloatArray,
-    ) -> tuple[float, float]:
-        """Variance of an option's score over blocks of time, over that of the model, and by rows.
+        coefficients: Sequence[FloatArray],
+    ) -> list[tuple[float, float]]:
+        """Variance of scores of options over blocks of time, over that of the model, and by rows.
 
         The second is where its torque is (White's estimator): 1 where the noise is as large there
         as elsewhere, more where noise grows with the torque or outliers lie. Both are 1 at least.
@@ -162,33 +160,35 @@ class Comparison:
         rest
             (r_j,) whitened residual of the model.
         white
-            (r_j, w) columns less what the model takes of them, whitened.
+            (r_j, w) columns of all options side by side, less what the model takes of them,
+            whitened.
         coefficients
-            (w,)
+            (w_k,) of every option.
         """
-        width = len(coefficients)
-        count = len(self._cuts[0])
-        sums, inner = np.zeros((count, width)), np.zeros((width, width))
-        by_rows = np.zeros((width, width))
+        ends = np.cumsum([len(values) for values in coefficients])
+        parts = [
+            slice(end - len(values), end) for end, values in zip(ends, coefficients, strict=True)
+        ]
+        count, width = len(self._cuts[0]), int(ends[-1])
+        sums = np.zeros((count, width))
+        inner, by_rows = ([np.zeros((len(v), len(v))) for v in coefficients] for _ in range(2))
         for joint, table in white.items():
-            if not len(table) or not table.any():
+            if not len(table):
                 continue
-            left = rest[joint] - table @ coefficients
             starts = self._cuts[joint]
-            scores = table * left[:, None]
-            by_rows += scores.T @ scores
+            scores = np.empty_like(table)
+            for k, (part, values) in enumerate(zip(parts, coefficients, strict=True)):
+                columns = table[:, part]
+                score = columns * (rest[joint] - columns @ values)[:, None]
+                scores[:, part] = score
+                by_rows[k] += score.T @ score
+                inner[k] += columns.T @ columns
             totals = np.concatenate([np.zeros((1, width)), np.cumsum(scores, axis=0)])
-            ends = np.append(starts[1:], len(table))
-            sums += totals[ends] - totals[starts]
-            inner += table.T @ table
-        values, vectors = np.linalg.eigh(inner)
-        seen = values > _ROUNDING * max(float(values[-1]), 1e-300)
-        root = vectors[:, seen] / np.sqrt(values[seen])
-        weights = (root.T @ (inner @ coefficients)) ** 2
-        share = weights / max(float(weights.sum()), 1e-300)
-        observed = np.diag(root.T @ (sums.T @ sums) @ root) * count / max(count - 1, 1)
-        local = np.diag(root.T @ by_rows @ root)
-        return max(1.0, float(share @ observed)), max(1.0, float(share @ local))
+            sums += totals[np.append(starts[1:], len(table))] - totals[starts]
+        return [
+            _over_expected(one, other, sums[:, part], values)
+            for one, other, part, values in zip(inner, by_rows, parts, coefficients, strict=True)
+        ]
 
 
 class _Ranking:
@@ -220,7 +220,8 @@ class _Ranking:
         self.dispersion = self._dispersions(plain)
         self.evidence = self._log_bayes(np.zeros(len(self.order)))
         self.score = self.evidence + prior.log[self.order]
-        self.capped = self._log_bayes(self._misfit())
+        misfit = comparison.shares_of_joints @ comparison.misfit(model.terms)
+        self.capped = self._log_bayes(misfit[options.candidate[self.order]])
 
     def _eigen(self) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
         """Scores z and information λ (k, w), and directions (w, w), of the options in the order.
@@ -258,13 +259,6 @@ class _Ranking:
         by = self.dispersion[:, None]
         return log_bayes_factor(scores / np.sqrt(by), information / by, misfit)
 
-    def _misfit(self) -> FloatArray:
-        """τ₀² of each option in the order."""
-        options = self.comparison.options
-        square = self.comparison.misfit(self.model.terms)
-        joints = [options.candidates[options.candidate[k]].joints for k in self.order]
-        return np.array([float(np.mean(square[list(where)])) for where in joints])
-
     def _dispersions(self, evidence: FloatArray) -> FloatArray:
         """Of the options in their order, (k,).
 
@@ -273,21 +267,23 @@ class _Ranking:
         """
         options, prior = self.comparison.options, self.comparison.prior
         score = evidence + prior.log[self.order]
-        seen: dict[int, tuple[float, float]] = {}
+        rivals: dict[int, int] = {}  # rows of the best options, by effect and place
         for row in np.argsort(-score):
-            k = int(self.order[row])
-            if score[row] < prior.nothing - 3.0 or len(seen) >= _RIVALS:
+            if score[row] < prior.nothing - 3.0 or len(rivals) >= _RIVALS:
                 break
-            if int(options.key[k]) not in seen:
-                z, values, vectors = self._seen(int(row))
-                seen[int(options.key[k])] = self.comparison.dispersion(
-                    self.model,
-                    self.white,
-                    self._uncovered(k, white=True),
-                    vectors @ (z / np.sqrt(values)),
-                )
-        least = min((blocks for blocks, _ in seen.values()), default=1.0)
-        local = {key: max(least, by_rows) for key, (_, by_rows) in seen.items()}
+            rivals.setdefault(int(options.key[self.order[row]]), int(row))
+        if not rivals:
+            return np.ones(len(self.order))
+        directions = [self._seen(row) for row in rivals.values()]
+        dispersions = self.comparison.dispersions(
+            self.white,
+            self._uncovered(self.order[list(rivals.values())], white=True),
+            [vectors @ (z / np.sqrt(values)) for z, values, vectors in directions],
+        )
+        least = min(blocks for blocks, _ in dispersions)
+        local = {
+            key: max(least, by_rows) for key, (_, by_rows) in zip(rivals, dispersions, strict=True)
+        }
         return np.array([local.get(int(options.key[k]), least) for k in self.order])
 
     def _columns(self, option: int, *, white: bool) -> dict[int, FloatArray]:
@@ -305,14 +301,21 @@ class _Ranking:
             made[joint] = table
         return made
 
-    def _uncovered(self, option: int, *, white: bool) -> dict[int, FloatArray]:
-        comparison, options = self.comparison, self.comparison.options
-        w, place = int(options.width[option]), self.place[option]
-        basis = comparison.nominal.basis[w][place]
-        moved = comparison.nominal.moved[:, options.columns[w][place]] @ basis
-        return self.model.uncovered(
-            moved, self._columns(option, white=white), self.model.crossed(w, place), white=white
-        )
+    def _uncovered(self, numbers: IntArray, *, white: bool) -> dict[int, FloatArray]:
+        """(r_j, w) columns of options side by side, less what errors and terms take of them."""
+        nominal, options = self.comparison.nominal, self.comparison.options
+        ends = np.cumsum(options.width[numbers])
+        moved, crossed = [], []
+        columns: dict[int, FloatArray] = {}
+        for k, end in zip(numbers, ends, strict=True):
+            w, place = int(options.width[k]), self.place[k]
+            moved.append(nominal.moved[:, options.columns[w][place]] @ nominal.basis[w][place])
+            crossed.append(self.model.crossed(w, place))
+            for joint, table in self._columns(k, white=white).items():
+                columns.setdefault(joint, np.zeros((len(table), ends[-1])))[:, end - w : end] = (
+                    table
+                )
+        return self.model.uncovered(np.hstack(moved), columns, np.vstack(crossed), white=white)
 
     def first(self, banned: Collection[Key]) -> Term | None:
         """The best one that is present and that physics allows, of a place that is not banned."""
@@ -379,7 +382,11 @@ class _Ranking:
         row = kept[0][1]
         plain = self._columns(option, white=False)
         whole, visible = comparison.shares(
-            candidate, self.model.terms, plain, self._uncovered(option, white=False), unit
+            candidate,
+            self.model.terms,
+            plain,
+            self._uncovered(np.array([option]), white=False),
+            unit,
         )
         score = np.array([self.score[number] for _, number in kept])
         weights = np.exp(score - score.max())
@@ -408,6 +415,20 @@ class _Ranking:
             rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
             dispersion=float(self.dispersion[row]),
         )
+
+
+def _over_expected(
+    inner: FloatArray, by_rows: FloatArray, sums: FloatArray, coefficients: FloatArray
+) -> tuple[float, float]:
+    """Variance of an option's score over that of the model: over blocks (count, w), and by rows."""
+    values, vectors = np.linalg.eigh(inner)
+    seen = values > _ROUNDING * max(float(values[-1]), 1e-300)
+    root = vectors[:, seen] / np.sqrt(values[seen])
+    weights = (root.T @ (inner @ coefficients)) ** 2
+    share = weights / max(float(weights.sum()), 1e-300)
+    observed = np.diag(root.T @ (sums.T @ sums) @ root) * len(sums) / max(len(sums) - 1, 1)
+    local = np.diag(root.T @ by_rows @ root)
+    return max(1.0, float(share @ observed)), max(1.0, float(share @ local))
 
 
 def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
