@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -317,6 +318,13 @@ class _Ranking:
                 )
         return self.model.uncovered(np.hstack(moved), columns, np.vstack(crossed), white=white)
 
+    @cached_property
+    def _shrunk(self) -> FloatArray:
+        """Factors (k, w) by which scores of the options in the order are drawn to zero."""
+        scores, information, _ = self._directions
+        by = self.dispersion[:, None]
+        return shrunk(scores / np.sqrt(by), information / by)
+
     def first(self, banned: Collection[Key]) -> Term | None:
         """The best one that is present and that physics allows, of a place that is not banned."""
         options, prior = self.comparison.options, self.comparison.prior
@@ -355,10 +363,8 @@ class _Ranking:
         w, place = int(options.width[k]), self.place[k]
         basis = comparison.nominal.basis[w][place]
         spread = basis @ (vectors / np.sqrt(values))
-        dispersion = float(self.dispersion[row])
-        deviations = np.linalg.norm(spread, axis=1) * np.sqrt(dispersion)
-        left = shrunk(z / np.sqrt(dispersion), values / dispersion, 0.0)
-        unit = vectors @ (left * z / np.sqrt(values))
+        deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row])
+        unit = vectors @ (self._shrunk[row, self._directions[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
         candidate = options.candidates[options.candidate[k]]
         shape = int(options.shape[k])

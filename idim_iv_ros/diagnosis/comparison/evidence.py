@@ -26,17 +26,12 @@ def by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> 
     misfit
         (k,) τ₀².
     """
-    small = misfit[:, None]
-    least = 1.0 + small * information
-    made = []
-    for size in SIZES:
-        whole = 1.0 + (small + size**2) * information
-        made.append(
-            np.sum(
-                0.5 * scores**2 * (1.0 / least - 1.0 / whole) - 0.5 * np.log(whole / least), axis=1
-            )
-        )
-    return np.stack(made, axis=1)
+    information = information[:, None, :]
+    least = 1.0 + misfit[:, None, None] * information
+    whole = least + SIZES[:, None] ** 2 * information
+    squares = scores[:, None, :] ** 2
+    gains = squares * (1.0 / least - 1.0 / whole) - np.log(whole / least)
+    return np.asarray(0.5 * gains.sum(axis=2))
 
 
 def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
@@ -46,9 +41,9 @@ def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatA
     return np.asarray(top + np.log(np.mean(np.exp(of_size - top[:, None]), axis=1)))
 
 
-def shrunk(scores: FloatArray, information: FloatArray, misfit: float) -> FloatArray:
-    """Factors (w,), 0 to 1, by which the prior of its size draws one option's scores to zero."""
-    logs = by_size(scores[None], information[None], np.array([misfit]))[0]
-    weights = np.exp(logs - logs.max())
-    variance = (misfit + float(weights @ SIZES**2) / float(weights.sum())) * information
+def shrunk(scores: FloatArray, information: FloatArray) -> FloatArray:
+    """Factors (k, w), 0 to 1, by which the prior of its size draws scores (k, w) to zero."""
+    logs = by_size(scores, information, np.zeros(len(scores)))
+    weights = np.exp(logs - logs.max(axis=1, keepdims=True))
+    variance = (weights @ SIZES**2 / weights.sum(axis=1))[:, None] * information
     return np.asarray(variance / (1.0 + variance))
