@@ -144,10 +144,14 @@ def test_watch_shows_what_nodes_say_and_ends_with_one_line(
         return seconds > 20
 
     observer.until(publish, "some predictions")
-    seen = [state for state in states(url) if state["joints"]]
-    while not seen:  # on a busy machine it said first that nothing is heard
+    seen: list[dict] = []
+
+    def arrived() -> bool:  # on a busy machine it said first that nothing is heard
         publish()
-        seen = [state for state in states(url) if state["joints"]]
+        seen.extend(state for state in states(url) if state["joints"])
+        return bool(seen)
+
+    observer.until(arrived, "a prediction on the page")
     event = seen[-1]
     assert [item["name"] for item in event["joints"]] == list(JOINTS)
     assert event["joints"][0]["predicted"] == 1.25
