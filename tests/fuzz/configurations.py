@@ -24,47 +24,26 @@ _VALUES = {
     "nothing": "null",
     "nan": ".nan",
     "infinite": ".inf",
-    "minus-infinite": "-.inf",
-    "zero": "0",
     "minus-one": "-1",
     "minus-ones": "[-1.0, -1.0]",
     "zeros": "[0, 0]",
     "tiny": "1.0e-300",
     "huge": "1.0e+300",
-    "million": "1000000",
     "huge-integer": "1" + "0" * 400,
-    "too-many-digits": "1" * 5000,
-    "tinies": "[1.0e-300, 1.0e-300]",
-    "huges": "[1.0e+300, -1.0e+300]",
     "largest": "[1.7976931348623157e+308, 1.7976931348623157e+308]",
-    "nans": "[.nan, .nan]",
-    "one": "[1.0]",
     "three": "[1.0, 2.0, 3.0]",
-    "matrix": "[[0, 0], [0, 0]]",
     "huge-matrix": "[[1.0e+300, 0], [1.0e-300, 1.0e+300]]",
-    "ragged": "[[1.0], [1.0, 2.0]]",
     "empty-list": "[]",
-    "nested": "[[[[]]]]",
     "text": "text",
-    "texts": "[joint_1, joint_1]",
-    "empty-text": "''",
-    "long-text": "x" * 3000,
-    "markup": "'[bold]/[/]'",
     "half-character": r'"\ud800"',
     "line-break": '"a\\nb\\e[2J"',
-    "mapping": "{a: 1}",
-    "mapping-of-nan": "{YY1: .nan}",
     "mapping-of-huge": "{YY1: 1.0e+300, MX1: -1.0e+300}",
     "negative-inertia": "{YY1: -5.0, YY2: -5.0}",
     "yes": "true",
-    "date": "2020-01-01",
-    "binary": "!!binary AAAA",
     "set": "!!set {a, b}",
-    "python": "!!python/object/apply:os.system [id]",
-    "sexagesimal": "1:30:00",
     "many": "[" + ", ".join(["1.0"] * 2000) + "]",
 }
-_DRAWN = 4  # values for each key and seed
+_DRAWN = 2  # values for each key and seed
 _WITH_SIMULATION = ("simulator", "simulated_robot", "controller")
 _WITH_IDENTIFICATION = ("identification",)
 
@@ -112,33 +91,17 @@ def _text(text: str, folder: Path, good: Good, _: object) -> list[str]:
     return command("check", folder, [good.bag], path)
 
 
+# More of them: tests/test_configuration.py.
 _TEXTS = {
     "empty": "",
     "brackets": "[" * 5000,
-    "braces": "{" * 5000,
-    "dashes": "- " * 3000,
-    "questions": "? " * 3000,
-    "tags": "!!map " * 3000,
     "nested-blocks": "".join(" " * k + "a:\n" for k in range(1500)),
     "aliases": "a: &a [1,1,1,1,1,1,1,1,1,1]\n"
     + "".join(f"{b}: &{b} [{','.join(['*' + a] * 10)}]\n" for a, b in pairwise("abcdefghi"))
     + "robot: *i\n",
-    "self-alias": "&a {robot: *a}",
-    "list-of-itself": "robot: {joints: &a [*a, *a]}",
-    "unknown-alias": "robot: *x",
-    "merge": "robot: {<<: [1, 2]}",
     "merge-itself": "robot: &r {<<: *r}",
     "not-text": "\udcff\udcfe",
     "null-byte": "robot: \x00",
-    "control": "robot: {joints: ['\x07']}",
-    "byte-order": "\ufeff\ufeffrobot: {}",
-    "tabs": "robot:\n\t joints: []",
-    "two-documents": "robot: {joints: [a]}\n---\nrobot: {joints: [b]}",
-    "same-key-twice": "robot: {joints: [a]}\nrobot: {joints: [b]}",
-    "number": "3",
-    "directive": "%YAML 9.9\n---\na: b",
     "object": "!!python/object/apply:os.system ['true']",
-    "keys-not-text": "{1: 2, null: 3, [1, 2]: 4}",
-    "mapping-as-key": "? {a: 1}\n: b\n",
     "million-keys": "{" + ",".join(f"k{n}: {n}" for n in range(20_000)) + "}",
-}  # fmt: skip
+}
