@@ -48,12 +48,6 @@ def test_block_stays_put_while_friction_can_hold_it():
     assert np.all(result.velocity == 0.0)
 
 
-def test_block_slides_as_soon_as_friction_cannot_hold_it():
-    robot, parameters = block(2.0 * SLOPE * 0.99)
-    result = released(robot, parameters, position=0.0, seconds=2.0)
-    assert result.position[-1, 0] == pytest.approx(-0.5 * 0.01 * SLOPE * 4.0, rel=1e-9)
-
-
 @pytest.mark.parametrize("friction", [3.0, 10.0])
 def test_block_thrown_up_slides_back_only_if_the_slope_is_steep_enough(friction):
     result = released(*block(friction), position=0.0, velocity=3.0, seconds=2.0, rate=7.0)

@@ -98,10 +98,10 @@ FORMULAS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("joint", [0, 1])
 @pytest.mark.parametrize("name", FORMULAS)
-def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
+def test_acting_torque_is_the_model_plus_the_formula(arm, name):
     parameters, formula = FORMULAS[name]
+    joint = list(FORMULAS).index(name) % 2
     effect = {"drag": "nonlinear_viscous"}.get(name.split()[0], name.split()[0])
     result = followed(arm, on(joint, effect, **parameters), start_time=1.5)
     extra, moving = surplus(arm, result)
@@ -111,15 +111,13 @@ def test_acting_torque_is_the_model_plus_the_formula(arm, name, joint):
     expected[:, joint] = formula(q, v, time[moving])
     assert np.ptp(expected[:, joint]) > 0.1
     np.testing.assert_allclose(extra, expected, atol=1e-9)
-    plain = followed(arm)
-    assert np.abs(result.position - plain.position).max() > 1e-4
 
 
 @pytest.mark.parametrize(
     ("direction", "coulomb", "viscous", "power"),
     [
-        (1.0, 0.9, 0.2, 1.0), (-1.0, 0.9, 0.2, 1.0), (-1.0, 0.3, 0.4, 0.5), (-1.0, 0.0, 0.6, 0.7),
-        (-1.0, 0.2, 0.3, 1.6), (-1.0, -0.2, 0.5, 1.3), (-1.0, 0.6, -0.2, 0.8),
+        (1.0, 0.9, 0.2, 1.0), (-1.0, 0.3, 0.4, 0.5), (-1.0, 0.2, 0.3, 1.6), (-1.0, -0.2, 0.5, 1.3),
+        (-1.0, 0.6, -0.2, 0.8),
     ],
 )  # fmt: skip
 def test_coupling_resists_with_the_sum_of_its_parts(arm, direction, coulomb, viscous, power):
@@ -136,42 +134,34 @@ def test_coupling_resists_with_the_sum_of_its_parts(arm, direction, coulomb, vis
     np.testing.assert_allclose(extra[slipping], expected[slipping], atol=accuracy)
 
 
-def torque_of_motor(arm, result):
-    """Of the model: other effects are not in it, nor is the friction itself."""
-    return inverse_dynamics(
-        arm.robot, arm.truth, result.position, result.velocity, result.acceleration
-    )
-
-
-def torque_of_links(arm, result):
-    return inverse_dynamics(
-        arm.robot, arm.truth.of_links, result.position, result.velocity, result.acceleration
-    )
-
-
-def gravity_and_coriolis(arm, result):
-    inertia = mass_matrix(arm.robot, arm.truth.of_links, result.position)
-    moving = np.einsum("sij,sj->si", inertia, result.acceleration)
-    return torque_of_links(arm, result) - moving
-
-
 # The load is that of an instant before: wrong where it changes sign, small elsewhere.
 LOADS = {
-    "motor": ({"motor_torque": 1.0}, torque_of_motor, None),
-    "links": ({}, torque_of_links, None),
-    "static": ({"static_torque": 1.0}, gravity_and_coriolis, 1e-9),
+    "motor": (0, {"motor_torque": 1.0}, None),
+    "links": (1, {}, None),
+    "static": (1, {"static_torque": 1.0}, 1e-9),
 }
 
 
-@pytest.mark.parametrize("joint", [0, 1])
+def load_of(arm, result, kind):
+    """Of the model: other effects are not in it, nor is the friction itself."""
+    parameters = arm.truth if kind == "motor" else arm.truth.of_links
+    torque = inverse_dynamics(
+        arm.robot, parameters, result.position, result.velocity, result.acceleration
+    )
+    if kind == "static":
+        inertia = mass_matrix(arm.robot, parameters, result.position)
+        torque -= np.einsum("sij,sj->si", inertia, result.acceleration)
+    return torque
+
+
 @pytest.mark.parametrize("kind", LOADS)
-def test_friction_follows_its_load(arm, kind, joint):
-    chosen, load_of, tolerance = LOADS[kind]
+def test_friction_follows_its_load(arm, kind):
+    joint, chosen, tolerance = LOADS[kind]
     law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, **chosen}
     spring = on(joint, "spring", constant=1.0)
     result = followed(arm, on(joint, "load_dependent_friction", **law), spring)
     extra, moving = surplus(arm, result)
-    load, v = load_of(arm, result)[moving, joint], result.velocity[moving, joint]
+    load, v = load_of(arm, result, kind)[moving, joint], result.velocity[moving, joint]
     friction = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8
     friction *= np.where(load * v > 0.0, 0.15, 0.05)
     assert np.ptp(friction) > 0.1
@@ -210,47 +200,6 @@ def test_bristles_take_no_more_than_the_coulomb_friction(arm):
     np.testing.assert_allclose(followed(arm, more).position, followed(arm, most).position)
 
 
-NEUTRAL = {
-    "stribeck": {"speed": 0.1},
-    "nonlinear_viscous": {},
-    "asymmetric_friction": {},
-    "load_dependent_friction": {},
-    "position_dependent_friction": {"wave_number_1": 3.0},
-    "friction_drift": {"time_constant": 10.0},
-    "presliding": {},
-    "time_delay": {},
-    "torque_saturation": {"knee": 1e9},
-    "position_ripple": {"wave_number_1": 3.0},
-    "spring": {},
-    "encoder_eccentricity": {},
-    "joint_coupling": {},
-    "controller_mismatch": {},
-    "torque_gain": {},
-    "payload": {"mass": 1.0},
-    "gravity_direction": {"angle": 1.0},
-    "drive_inertia": {},
-    "friction_level": {},
-    "link_inertia": {},
-}
-
-
-@pytest.mark.parametrize("effect", NEUTRAL)
-def test_neutral_parameters_change_nothing(arm, effect):
-    short = {
-        "position_reference": arm.position_reference[:800],
-        "velocity_reference": arm.velocity_reference[:800],
-    }
-    other = "joint_2" if effect == "joint_coupling" else None
-    result = followed(arm, on(0, effect, other, **NEUTRAL[effect]), **short)
-    plain = followed(arm, **short)
-    for name in ("position", "velocity", "acceleration", "torque", "applied_torque"):
-        np.testing.assert_allclose(
-            getattr(result, name), getattr(plain, name), rtol=1e-10, atol=1e-9
-        )
-    np.testing.assert_array_equal(result.measured_position, result.position)
-    np.testing.assert_array_equal(result.link_position, result.position)
-
-
 def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
     """A refit may give Fv < 0 beside a drag that more than makes up for it."""
     viscous = np.array([-0.4, arm.truth.viscous[1]])
@@ -268,23 +217,16 @@ def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
         ("stribeck", "joint_1", None, {"speed": 0.1, "sped": 1.0}, ["stribeck", "sped"]),
         ("stribeck", "joint_1", None, {"excess": 0.1}, ["stribeck", "speed is missing"]),
         ("stribeck", "joint_1", None, {"speed": 0.0}, ["speed", "positive"]),
-        ("stribeck", "joint_1", None, {"speed": float("nan")}, ["speed", "finite"]),
         ("stribeck", "joint_9", None, {"speed": 1.0}, ["joint_9", "joint_1"]),
-        ("stribeck", None, None, {"speed": 1.0}, ["joint is missing"]),
         ("presliding", "joint_1", None, {"span_2": 1.0}, ["level_2 is missing"]),
-        ("presliding", "joint_1", None, {"span": 1.0}, ["unknown parameter span"]),
         ("joint_coupling", "joint_1", None, {}, ["other_joint"]),
-        ("joint_coupling", "joint_1", "joint_1", {}, ["other_joint"]),
         ("joint_coupling", "joint_1", "joint_2", {"direction": 2.0}, ["direction", "1 or -1"]),
         ("spring", "joint_1", None, {"hardening": 2.0}, ["hardening", "0 or 1"]),
-        ("spring", "joint_1", None, {"width": 0.0}, ["width", "positive"]),
         ("spring", "joint_1", None, {"lowest": 1.0, "highest": 0.0}, ["lowest", "highest"]),
         ("load_dependent_friction", "joint_1", None, {"motor_torque": 0.5}, ["motor_torque", "0"]),
         ("load_dependent_friction", "joint_1", None, {"motor_torque": 1.0, "static_torque": 1.0},
          ["motor_torque", "static_torque"]),
         ("controller_mismatch", "joint_1", None, {"lag": -1e-3}, ["lag", "negative"]),
-        ("time_delay", "joint_1", None, {"delay": -1.0}, ["delay", "negative"]),
-        ("elasticity", "joint_1", None, {"stiffness": -1.0}, ["stiffness", "positive"]),
     ],
 )  # fmt: skip
 def test_what_cannot_be_simulated_is_named(arm, effect, joint, other, parameters, words):

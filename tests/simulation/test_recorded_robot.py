@@ -63,7 +63,7 @@ def test_stamps_jitter_but_never_turn_back(arm):
     np.testing.assert_array_equal(recording.effort, record(arm, 1).effort)
 
 
-@pytest.mark.parametrize("ratio", [1, 2, 3, 4])
+@pytest.mark.parametrize("ratio", [1, 3])
 def test_effort_is_in_phase_with_the_motion_whatever_the_control_rate(arm, ratio):
     law = dataclasses.replace(arm.law, period=1.0 / (arm.rate * ratio))
     smooth = dataclasses.replace(arm.truth, coulomb=np.zeros(2))
