@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from tests.command_line import CommandLine
-from tests.fuzz import arguments, bags, configurations, documents, places, robots, tables
+from tests.fuzz import arguments, bags, places, tables, texts
 from tests.fuzz.case import Case, Good, random_of
 from tests.fuzz.runs import answer_faults, faults, file_faults, files_of
 
-_FAMILIES = (bags, configurations, robots, tables, documents, places, arguments)
+_FAMILIES = (bags, texts, tables, places, arguments)
 _SEEDS = range(1, 11)
 _ANSWERS = ((), (), ("--quiet",), ("--json",))
 _WITH_ANSWERS = {"check", "identify", "diagnose", "excite", "simulate", "import", "init", "replay",
@@ -35,12 +35,12 @@ def _cases(seed: int) -> list[Case]:
 
 
 def _drawn() -> list[Case]:
-    """All tables and databases, and every fourth other input of the first seed by its name."""
+    """All tables, databases and damaged bytes, and every fourth other input by its name."""
     return [
         case
         for case in _cases(1)
         if case.name in _ALWAYS
-        or case.name.startswith(("table-", "db3-"))
+        or case.name.startswith(("table-", "db3-", "flipped-"))
         or zlib.crc32(case.name.encode()) % 4 == 0
     ]
 

@@ -21,7 +21,7 @@ _ANY = st.one_of(st.none(), st.floats())
 _SAME = settings(
     derandomize=True,
     deadline=None,
-    max_examples=150,
+    max_examples=60,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 

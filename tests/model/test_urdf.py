@@ -167,3 +167,23 @@ def test_joints_without_limits_are_unlimited_and_said() -> None:
     robot = load_robot(arm().replace(LIMIT, "", 1), ["j1"], source="arm.urdf")
     assert np.isinf(robot.limits.upper[0])
     assert robot.doubts == ("arm.urdf: joint j1: no <limit>: taken as unlimited",)
+
+
+def test_continuous_joint_has_one_coordinate_and_no_position_limit() -> None:
+    robot = load_robot(arm(), ["j1", "j2", "j3"])
+    assert robot.pinocchio.nq == 3
+    assert np.isinf(robot.limits.upper[2])
+    assert robot.limits.effort[2] == 10.0
+
+
+def test_rounded_right_angles_are_right_angles() -> None:
+    urdf = arm(("revolute", "revolute")).replace('rpy="0.2 0.3 -0.2"', 'rpy="1.5708 0 -1.5708"')
+    rotation = load_robot(urdf, ["j1", "j2"]).pinocchio.jointPlacements[2].rotation
+    np.testing.assert_allclose(np.abs(rotation), np.round(np.abs(rotation)), atol=1e-15)
+
+
+def test_a_joint_that_is_missing_or_fixed_is_refused_by_name() -> None:
+    with pytest.raises(UsageError, match=r"no joint elbow .* j1, j2, j3"):
+        load_robot(arm(), ["elbow"])
+    with pytest.raises(UsageError, match="j2 is fixed"):
+        load_robot(arm(("revolute", "fixed")), ["j2"])

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
-from tests.simulation.laws import commanded, driven, followed, pd, torque
+from tests.simulation.laws import commanded, driven, followed, pd
 from tests.simulation.trees import TREES, random_robot
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -157,19 +157,6 @@ def free_mass(coulomb=0.0):
     inertial = np.zeros((1, 10))
     inertial[0, 0] = 1.0
     return robot, dataclasses.replace(robot.given, inertial=inertial, coulomb=np.array([coulomb]))
-
-
-@pytest.mark.parametrize("periods", [1.0, 2.5, 0.25])
-def test_delayed_command_reaches_the_joint_that_much_later(periods):
-    # A free mass under a force that is one from the fourth control instant on.
-    robot, parameters = free_mass()
-    force = np.zeros((12, 1))
-    force[4:] = 1.0
-    law = dataclasses.replace(torque(force), delay=periods * 0.01)
-    result = driven(robot, parameters, force, rate=100.0, law=law)
-    time = np.maximum(np.arange(12) * 0.01 - 0.04 - periods * 0.01, 0.0)
-    np.testing.assert_allclose(result.velocity[:, 0], time, atol=1e-12)
-    np.testing.assert_allclose(result.position[:, 0], 0.5 * time**2, atol=1e-12)
 
 
 @pytest.mark.parametrize("ratio", [0.3, 3.0])

@@ -7,7 +7,7 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics
 from tests.simulation.laws import followed
 
 JOINTS = ("joint_1", "joint_2")
@@ -32,37 +32,12 @@ def surplus(arm, result, parameters=None):
     return (result.applied_torque - needed)[moving], moving
 
 
+# Constant parts and the time since the session began. The other laws: those of the catalogue
+# (test_catalogue.py), which stand as formulas in tests/diagnosis/test_effects.py.
 FORMULAS = {
-    "stribeck": (
-        {"excess": 1.2, "speed": 0.15, "exponent": 1.4},
-        lambda q, v, t: 1.2 * np.exp(-((np.abs(v) / 0.15) ** 1.4)) * np.sign(v),
-    ),
-    "drag": (
-        {"coefficient": 0.4, "power": 2.0},
-        lambda q, v, t: 0.4 * v * np.abs(v),
-    ),
-    "drag that gets weaker": (
-        {"coefficient": -0.05, "power": 3.0},
-        lambda q, v, t: -0.05 * v**3,
-    ),
-    "drag below linear": (
-        {"coefficient": 0.7, "power": 0.5},
-        lambda q, v, t: 0.7 * np.sqrt(np.abs(v)) * np.sign(v),
-    ),
     "asymmetric_friction": (
         {"offset": 0.6, "viscous": -0.3},
         lambda q, v, t: 0.6 - 0.3 * np.abs(v),
-    ),
-    "position_dependent_friction": (
-        {
-            "wave_number_1": 1.0, "sine_1": 0.2, "cosine_1": -0.1,
-            "wave_number_2": 5.0, "sine_2": 0.1,
-            "centre": 0.4, "width": 0.3, "height": 0.5,
-        },
-        lambda q, v, t: np.sign(v) * (
-            0.2 * np.sin(q) - 0.1 * np.cos(q) + 0.1 * np.sin(5.0 * q)
-            + 0.5 * np.exp(-(((q - 0.4) / 0.3) ** 2))
-        ),
     ),
     "friction_drift": (
         {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5},
@@ -72,38 +47,18 @@ FORMULAS = {
         {"time_constant": 2.0, "coulomb": 0.8, "viscous": 0.5, "restarts": 1.0},
         lambda q, v, t: np.exp(-t / 2.0) * (0.8 * np.sign(v) + 0.5 * v),
     ),
-    "position_ripple": (
-        {
-            "wave_number_1": 40.0, "sine_1": 0.5, "cosine_1": 0.2,
-            "wave_number_2": 80.0, "sine_2": 0.1,
-        },
-        lambda q, v, t: 0.5 * np.sin(40 * q) + 0.2 * np.cos(40 * q) + 0.1 * np.sin(80 * q),
-    ),
     "spring": (
         {"constant": 0.5, "linear": 2.0, "quadratic": -0.4, "cubic": 1.0, "highest": 0.5},
         lambda q, v, t: np.polyval([1.0, -0.4, 2.0, 0.5], np.minimum(q, 0.5)),
     ),
-    "spring that hardens": (
-        {
-            "constant": 0.3, "linear": 1.0, "bent": 0.2, "centre": 0.4, "width": 0.25,
-            "hardening": 1.0, "lowest": 0.0, "highest": 1.0,
-        },
-        lambda q, v, t: np.polyval([1.0, 0.3], np.clip(q, 0.0, 1.0))
-        + 0.2 * np.sinh((np.clip(q, 0.0, 1.0) - 0.4) / 0.25),
-    ),
-    "spring that softens": (
-        {"bent": -0.6, "centre": 0.3, "width": 0.1, "hardening": 0.0},
-        lambda q, v, t: -0.6 * np.arctan((q - 0.3) / 0.1),
-    ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", FORMULAS)
 def test_acting_torque_is_the_model_plus_the_formula(arm, name):
     parameters, formula = FORMULAS[name]
     joint = list(FORMULAS).index(name) % 2
-    effect = {"drag": "nonlinear_viscous"}.get(name.split()[0], name.split()[0])
-    result = followed(arm, on(joint, effect, **parameters), start_time=1.5)
+    result = followed(arm, on(joint, name.split()[0], **parameters), start_time=1.5)
     extra, moving = surplus(arm, result)
     time = np.arange(len(result.position)) / arm.rate
     q, v = result.position[moving, joint], result.velocity[moving, joint]
@@ -132,66 +87,6 @@ def test_coupling_resists_with_the_sum_of_its_parts(arm, direction, coulomb, vis
     expected = np.column_stack([f, direction * f])
     accuracy = 1e-9 if power == 1.0 else 1e-8
     np.testing.assert_allclose(extra[slipping], expected[slipping], atol=accuracy)
-
-
-# The load is that of an instant before: wrong where it changes sign, small elsewhere.
-LOADS = {
-    "motor": (0, {"motor_torque": 1.0}, None),
-    "links": (1, {}, None),
-    "static": (1, {"static_torque": 1.0}, 1e-9),
-}
-
-
-def load_of(arm, result, kind):
-    """Of the model: other effects are not in it, nor is the friction itself."""
-    parameters = arm.truth if kind == "motor" else arm.truth.of_links
-    torque = inverse_dynamics(
-        arm.robot, parameters, result.position, result.velocity, result.acceleration
-    )
-    if kind == "static":
-        inertia = mass_matrix(arm.robot, parameters, result.position)
-        torque -= np.einsum("sij,sj->si", inertia, result.acceleration)
-    return torque
-
-
-@pytest.mark.parametrize("kind", LOADS)
-def test_friction_follows_its_load(arm, kind):
-    joint, chosen, tolerance = LOADS[kind]
-    law = {"driving": 0.15, "driven": 0.05, "exponent": 0.8, "scale": 10.0, **chosen}
-    spring = on(joint, "spring", constant=1.0)
-    result = followed(arm, on(joint, "load_dependent_friction", **law), spring)
-    extra, moving = surplus(arm, result)
-    load, v = load_of(arm, result, kind)[moving, joint], result.velocity[moving, joint]
-    friction = np.sign(v) * 10.0 * (np.abs(load) / 10.0) ** 0.8
-    friction *= np.where(load * v > 0.0, 0.15, 0.05)
-    assert np.ptp(friction) > 0.1
-    error = extra[:, joint] - 1.0 - friction
-    assert np.sqrt(np.mean(error**2)) < 0.01 * np.std(friction)
-    assert tolerance is None or np.abs(error).max() < tolerance
-    np.testing.assert_allclose(extra[:, 1 - joint], 0.0, atol=1e-9)
-
-
-def test_bristles_are_maxwell_slip_elements_and_replace_part_of_coulomb_friction(arm):
-    spans, levels = (2e-3, 1e-2), (0.3, 0.2)
-    parameters = {
-        "span_1": spans[0],
-        "level_1": levels[0],
-        "span_2": spans[1],
-        "level_2": levels[1],
-    }
-    result = followed(arm, on(0, "presliding", **parameters))
-    extra, moving = surplus(arm, result)
-    q, v = result.position[:, 0], result.velocity[:, 0]
-    expected = np.zeros(len(q))
-    for span, level in zip(spans, levels, strict=True):
-        z, path = 0.0, np.zeros(len(q))
-        for k in range(1, len(q)):
-            z = min(max(z + (q[k] - q[k - 1]) / span, -1.0), 1.0)
-            path[k] = z
-        expected += level * (path - np.sign(v))
-    error = extra[:, 0] - expected[moving]
-    assert np.sqrt(np.mean(error**2)) < 2e-3
-    assert np.abs(expected[moving]).max() > 0.4
 
 
 def test_bristles_take_no_more_than_the_coulomb_friction(arm):

@@ -75,13 +75,7 @@ COUPLING = truth("joint_coupling", "joint_2", joints=["joint_2", "joint_1"])
     [
         (truth("stribeck"), cause("stribeck"), True, (), 1.0),
         (truth("stribeck"), cause("stribeck", "joint_2"), False, ("stribeck[joint_2]",), 0.0),
-        (
-            truth("time_delay"),
-            cause("elasticity", alike=[("time_delay", "joint_1")]),
-            True,
-            (),
-            1.0,
-        ),
+        (truth("time_delay"), cause("elasticity", alike=ALIKE), True, (), 1.0),
         (COUPLING, cause("joint_coupling", "joint_1"), True, (), None),
         (truth("stribeck"), cause("stribeck", before=1.0, after=0.625**0.5), True, (), 0.5),
     ],
