@@ -11,6 +11,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.effects.registry import BY_NAME, EFFECTS
+from tests.fuzz import tables
 from tests.fuzz.case import (
     CONFIG,
     Case,
@@ -157,6 +158,10 @@ def _followed(folder: Path, good: Good, text: str) -> list[str]:
     return [*simulation(folder)[:-2], "--trajectory", str(path)]
 
 
+def _imported(folder: Path, good: Good, text: str) -> list[str]:
+    return tables.table(folder, position=write_text(folder / "t.csv", text).name)
+
+
 def _document_of(effect: str) -> str:
     """A diagnosis with this effect, all of whose parameters are a half."""
     names = [spec.name.replace("_k", "_1") for spec in BY_NAME[effect].specs]
@@ -214,6 +219,7 @@ _KINDS: dict[str, tuple[str, tuple[Usage, ...]]] = {
         (_simulated, _exported, partial(_replayed, "--effects", "effects.json")),
     ),
     "trajectory": (_motion(), (_followed,)),
+    "csv": (tables.GOOD_CSV, (_imported,)),
 }
 _SPECIAL: dict[str, dict[str, str]] = {
     "yaml": {
