@@ -4,12 +4,11 @@ import shlex
 import sys
 
 import pytest
-from statsmodels.stats.proportion import proportion_confint
 
 from benchmarks.withheld_effects.generate import LABELS, OPTIONS, SEAL
 from benchmarks.withheld_effects.run import run
 from benchmarks.withheld_effects.score import score
-from benchmarks.withheld_effects.tables import page_lines, pair_f1, wilson
+from benchmarks.withheld_effects.tables import page_lines, pair_f1
 from benchmarks.withheld_effects.verdict import Verdict, judge
 
 
@@ -114,12 +113,6 @@ def test_f1_of_a_pair_half_found_and_one_made_up():
     result = score_of(pair, gap(cause("stribeck"), cause("time_delay")))
     assert pair_f1([result]) == pytest.approx(0.5)
     assert pair_f1([]) is None
-
-
-@pytest.mark.parametrize(("hits", "total"), [(0, 100), (5, 100), (31, 34), (34, 34)])
-def test_wilson_agrees_with_statsmodels(hits, total):
-    expected = proportion_confint(hits, total, method="wilson")
-    assert wilson(hits, total) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.fixture
