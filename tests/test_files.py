@@ -40,12 +40,10 @@ def test_reports_and_bags_of_this_program_are_its_own(tmp_path: Path) -> None:
     ("name", "text"),
     [
         ("result.json", '{"format": "somebody/else/1"}'),
-        ("result.json", "[1, 2]"),
         ("result.json", "not json"),
         ("result.json", "[" * 100_000),
         ("report.html", "<html><head><title>mine</title></head></html>"),
         ("a.mcap", "not a bag"),
-        ("a.mcap", ""),
         ("run.csv", "time,joint_1.position\n0,0\n"),
         ("arm.yaml", "robot:\n  joints: [a]\n"),
         ("arm.yaml", signed("robot: {}\n") + "# my change\n"),
@@ -85,7 +83,7 @@ def test_bags_of_other_programs_and_of_a_recorder_are_refused(tmp_path: Path) ->
         (lambda path: path.symlink_to(path.name), "cannot be written"),
     ],
 )
-@pytest.mark.parametrize("name", ["a.mcap", "result.json", "arm.yaml"])
+@pytest.mark.parametrize("name", ["a.mcap", "result.json"])
 def test_nothing_but_a_file_is_ever_replaced(tmp_path: Path, make, words: str, name: str) -> None:
     make(tmp_path / name)
     before = (tmp_path / name).lstat().st_ino
@@ -111,9 +109,3 @@ def test_a_report_beside_a_file_of_the_user_is_not_written(tmp_path: Path) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html"]
     write_report(sample_result(1), tmp_path, force=True)
     assert json.loads((tmp_path / "result.json").read_text())["robot"]
-
-
-def test_force_lets_one_command_replace_the_report_of_another(tmp_path: Path) -> None:
-    write_report(sample_result(1), tmp_path)
-    write_gap_report(sample_gap(2, "none"), tmp_path, force=True)
-    assert (tmp_path / "gap.json").exists()

@@ -2,8 +2,9 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
-from math import sqrt
 from statistics import mean, median
+
+from statsmodels.stats.proportion import proportion_confint
 
 from benchmarks.withheld_effects.cells import RATIOS
 from benchmarks.withheld_effects.verdict import CellScore, Scored
@@ -11,22 +12,12 @@ from benchmarks.withheld_effects.verdict import CellScore, Scored
 NORMAL_975 = 1.959964
 
 
-def wilson(hits: int, total: int) -> tuple[float, float]:
-    """95 % interval of a share (Wilson 1927); (0, 1) of nothing."""
-    if total == 0:
-        return 0.0, 1.0
-    z2 = NORMAL_975**2
-    centre = (hits + 0.5 * z2) / (total + z2)
-    half = NORMAL_975 / (total + z2) * sqrt(hits * (total - hits) / total + 0.25 * z2)
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
 def share(hits: Iterable[bool]) -> str:
     """`91.2 % (31/34; 77–97 %)`, or a dash."""
     values = list(hits)
     if not values:
         return "—"
-    low, high = wilson(sum(values), len(values))
+    low, high = proportion_confint(sum(values), len(values), method="wilson")
     return (
         f"{100 * sum(values) / len(values):.1f} % "
         f"({sum(values)}/{len(values)}; {100 * low:.0f}–{100 * high:.0f} %)"

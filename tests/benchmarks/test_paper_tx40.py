@@ -25,6 +25,16 @@ from benchmarks.paper_tx40.experiment import (
 from benchmarks.paper_tx40.page import page
 from benchmarks.paper_tx40.published import TABLE_1
 
+# Of these the tests below say what was measured instead.
+DIFFERENT = {
+    "28 essential parameters of 60 describe the dynamics",
+    "the residual is white",
+    "AIC finds an autoregressive order near 50",
+    "decimated at 100 Hz the order is near 10",
+    "σ computed as if the residual were white is about half",
+    "more iterations are needed with the error in the model",
+    "the Wald test rejects at joints 1 to 4 and accepts at 5 and 6",
+}
 QUICK = (1, 2)
 FULL = (1, 2, 3, 4, 5)
 
@@ -47,17 +57,14 @@ def orders(run: Reproduction, name: str) -> float:
     return float(np.median([r.ar_order for r in run.results[name].residuals]))
 
 
-def rejected(run: Reproduction, name: str) -> list[str]:
-    tests = run.results[name].instruments.tests[1:]
-    assert all(test.accepted is not None for test in tests)
-    return [test.scope for test in tests if not test.accepted]
-
-
-def test_appropriate_filtering_converges_in_three_iterations(runs) -> None:
-    for run in runs:
-        assert run.results[APPROPRIATE].converged
-        assert run.results[APPROPRIATE].iterations <= 4
-    assert np.median([run.results[APPROPRIATE].iterations for run in runs]) <= 3
+@pytest.mark.parametrize(
+    "claim",
+    [claim for claim in claims.CLAIMS if claim.sentence not in DIFFERENT],
+    ids=lambda claim: f"{claim.section}: {claim.sentence}",
+)
+def test_a_sentence_of_the_paper_holds_on_every_seed(runs, claim: claims.Claim) -> None:
+    for outcome in map(claim.measure, runs):
+        assert outcome.agrees, outcome.ours
 
 
 def test_the_28_essential_parameters_are_found_from_60(runs) -> None:
@@ -71,21 +78,6 @@ def test_the_28_essential_parameters_are_found_from_60(runs) -> None:
         assert len(essential) <= 36
 
 
-def test_estimates_are_those_of_table_1(runs) -> None:
-    for run in runs:
-        for parameter in run.results[APPROPRIATE].parameters:
-            truth = run.truth[parameter.name]
-            assert abs(parameter.value - truth) < 4.5 * parameter.std, parameter.name
-        assert claims.near_truth(run).agrees
-
-
-@pytest.mark.parametrize("name", [APPROPRIATE, INAPPROPRIATE, HUNDRED])
-def test_the_instruments_are_accepted_at_all_joints_with_any_filtering(runs, name) -> None:
-    for run in runs:
-        assert rejected(run, name) == []
-        assert run.results[name].verdict.verdict in ("valid", "autocorrelated")
-
-
 def test_appropriate_residual_is_nearly_white_and_gaussian(runs) -> None:
     """The paper calls it white. Here neighbours share up to a tenth of their variance.
 
@@ -97,14 +89,6 @@ def test_appropriate_residual_is_nearly_white_and_gaussian(runs) -> None:
             assert np.abs(residual.acf[1:]).max() < 0.45
             assert 0.9 < residual.sigma_understatement < 1.6
             assert abs(residual.excess_kurtosis) < 1.0
-
-
-def test_inappropriate_residual_is_coloured_and_gaussian(runs) -> None:
-    for run in runs:
-        for residual in run.results[INAPPROPRIATE].residuals:
-            assert residual.white is False
-            assert residual.sigma_understatement > 3.0
-            assert abs(residual.excess_kurtosis) < 0.5
 
 
 def test_order_near_50_is_that_of_matlabs_decimation_filter(runs) -> None:
@@ -128,34 +112,20 @@ def test_white_formula_promises_half_the_standard_deviation_or_less(runs) -> Non
         assert 0.2 < ratio < 0.6
 
 
-def test_refined_standard_deviation_is_the_first_again_and_its_residual_white(runs) -> None:
-    for run in runs:
-        outcome = claims.honest_again(run)
-        assert outcome.agrees, outcome.ours
-        assert claims.whitened(run).agrees
-
-
 def test_without_gravity_the_error_is_found_at_the_first_joints_and_not_at_the_last(runs) -> None:
     """By the instruments or by the residual that follows the motion.
 
     The paper's Wald test rejects at joints 1 to 4. These loops have integral action, so that the
     motion hardly shows the error: the Wald test alone rejects at some of joints 1 to 3.
     """
+    first_four = {f"joint_{k}" for k in range(1, 5)}
     for run in runs:
         result = run.results[MODEL_ERROR]
         wrong = {v.joint for v in result.residuals if v.verdict == "misspecified"}
-        assert {"joint_1", "joint_2", "joint_3"} <= wrong <= {f"joint_{k}" for k in range(1, 5)}
-        assert set(rejected(run, MODEL_ERROR)) <= {f"joint_{k}" for k in range(1, 5)}
+        assert {"joint_1", "joint_2", "joint_3"} <= wrong <= first_four
+        tests = result.instruments.tests[1:]
+        assert {test.scope for test in tests if not test.accepted} <= first_four
         assert result.verdict.verdict == "misspecified"
-
-
-def test_without_gravity_the_estimates_are_incompatible_with_table_1(runs) -> None:
-    for run in runs:
-        assert claims.incompatible(run).agrees
-        parameters = {p.name: p for p in run.results[MODEL_ERROR].parameters}
-        for name in ("ZZ2", "ZZ3"):
-            p = parameters[name]
-            assert abs(p.value - run.truth[name]) > 3.0 * p.std
 
 
 def test_the_report_sets_every_table_and_figure_beside_the_papers(runs) -> None:

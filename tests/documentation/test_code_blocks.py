@@ -148,13 +148,3 @@ def test_what_was_not_printed_is_noticed() -> None:
     assert first_missing_line("ZZ1 0.7641 kg m²\n…\nFv1 …", printed) is None
     assert first_missing_line("ZZ1 0.85 kg m²", printed) == "ZZ1 0.85 kg m²"
     assert first_missing_line("Fv1 2.695\nZZ1 0.7638 kg m²", printed) == "ZZ1 0.7638 kg m²"
-
-
-def test_a_mark_holds_for_the_block_behind_it(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    bash = "```bash\ntrue\n```\n"
-    page.write_text(
-        f"<!-- slow: a -->\n{bash}\n{bash}\n<!-- not run: b -->\n{bash}```text\nc\n```\n"
-    )
-    marks = [(b.mark, b.reason, b.printed) for b in code_blocks(str(page)) if b.language == "bash"]
-    assert marks == [("slow", "a", ""), ("", "", ""), ("not run", "b", "c\n")]

@@ -60,17 +60,6 @@ def test_no_other_module_names_an_effect() -> None:
     assert uses == set(ALLOWED)
 
 
-def test_a_name_and_an_import_are_seen(tmp_path: Path) -> None:
-    file = tmp_path / "module.py"
-    file.write_text(
-        "from idim_iv_ros.effects import spring\n"
-        "from idim_iv_ros.model.mjcf_ties import COUPLING\n"
-        'x = y == "backlash"\n'
-        'print(f"time_delay of {y}: no spring shows")\n'
-    )
-    assert named(file) == {"spring", "joint_coupling", "backlash", "time_delay"}
-
-
 def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = (Path(effects.__path__[0]) / "spring.py").read_text()
     text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")

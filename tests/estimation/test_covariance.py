@@ -65,19 +65,6 @@ def test_white_covariance_equals_that_of_linearmodels():
     np.testing.assert_allclose(actual, np.asarray(oracle.cov), rtol=1e-9, atol=1e-15)
 
 
-def test_a_white_residual_makes_the_sandwich_the_white_covariance(two_joints):
-    columns, instruments, regressors = two_joints
-    sigma = np.array([0.5, 4.0])
-    rows = [
-        joint(x, z, places, np.arange(len(x)))
-        for x, z, places in zip(regressors, instruments, columns, strict=True)
-    ]
-    models = [AutoregressiveModel(np.zeros(0), deviation**2) for deviation in sigma]
-    np.testing.assert_allclose(
-        AutocorrelatedCovariance(rows, sigma, models, B).matrix, white_covariance(rows, sigma, B)
-    )
-
-
 def test_sandwich_is_the_scatter_of_the_estimates_where_the_white_one_is_too_small():
     """Slow instruments, AR(1) of 0.9, a quarter of the rows dropped: 3,000 noise seeds."""
     rng = np.random.default_rng(2)

@@ -36,10 +36,3 @@ def test_parameters_that_are_zero_are_left_out_and_the_others_stay() -> None:
     assert all({0, 2, 4} <= columns for columns in kept)
     superfluous = np.mean([len(columns - {0, 2, 4}) > 0 for columns in kept])
     assert superfluous < 0.2
-
-
-def test_restriction_has_the_smaller_deviation() -> None:
-    matrix, torque = regression()
-    full = sm.OLS(torque, matrix).fit()
-    _, std = restrict(full.params, full.cov_params(), [0, 2, 4])
-    assert np.all(std <= np.sqrt(np.diag(full.cov_params()))[[0, 2, 4]])

@@ -7,7 +7,7 @@ import pytest
 
 from bags import simulated_arms
 from bags.simulated_arms import CONFIG
-from idim_iv_ros import IdentificationResult, check, identify, load_configuration
+from idim_iv_ros import IdentificationResult, identify, load_configuration
 from idim_iv_ros.recording import JointTopic, read, write_bag
 
 JOINTS = ["joint_1", "joint_2"]
@@ -49,19 +49,3 @@ def test_estimates_stay_within_the_confidence_of_the_whole_recording(bags, monke
     assert warning.startswith("frozen.mcap: effort of joint_2 on /joint_states")
     monkeypatch.setattr(read, "without_frozen", lambda stamped, *_: (stamped, ()))
     assert _furthest(whole, _identified(bags[1])) > 4.0
-
-
-def test_check_warns_of_it(bags: tuple[Path, Path]) -> None:
-    configuration = load_configuration(CONFIG / "arm2.yaml")
-    findings = [
-        [
-            finding
-            for finding in check([bag], configuration).findings
-            if "freezes" in finding.sentence
-        ]
-        for bag in bags
-    ]
-    assert findings[0] == []
-    assert [(finding.where, finding.level) for finding in findings[1]] == [
-        ("frozen.mcap", "limited")
-    ]

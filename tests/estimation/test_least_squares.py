@@ -55,20 +55,6 @@ def test_weighted_least_squares_is_that_of_statsmodels_with_the_same_weights() -
     np.testing.assert_allclose(covariance, reference.normalized_cov_params, rtol=1e-6)
 
 
-def test_weights_use_the_quiet_joint() -> None:
-    errors = np.array(
-        [
-            [
-                solve_least_squares(rows(seed=seed), 3, weighted=False).values[1] - TRUTH[1],
-                solve_least_squares(rows(seed=seed), 3).values[1] - TRUTH[1],
-            ]
-            for seed in range(30)
-        ]
-    )
-    ordinary, weighted = np.sqrt(np.mean(errors**2, axis=0))
-    assert weighted < 0.3 * ordinary
-
-
 def test_instruments_remove_the_bias_of_noisy_regressors() -> None:
     random = np.random.default_rng(5)
     samples = 20_000
@@ -80,14 +66,6 @@ def test_instruments_remove_the_bias_of_noisy_regressors() -> None:
     estimate = solve_instrumental_variables(with_instruments(of_joints, [clean]), 2, np.ones(1))
     assert np.all(np.abs(biased) < 0.85 * np.abs(TRUTH[:2]))  # attenuation 1 / 1.25
     np.testing.assert_allclose(estimate.values, TRUTH[:2], atol=0.05)
-
-
-def test_instruments_equal_to_the_regressor_give_least_squares() -> None:
-    of_joints = rows()
-    weighted = solve_least_squares(of_joints, 3)
-    same = with_instruments(of_joints, [joint.matrix.copy() for joint in of_joints])
-    estimate = solve_instrumental_variables(same, 3, weighted.sigma)
-    np.testing.assert_allclose(estimate.values, weighted.values, rtol=1e-5)
 
 
 def test_dependent_columns_are_named_not_solved() -> None:

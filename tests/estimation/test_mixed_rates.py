@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros import identify_recordings
@@ -80,14 +79,14 @@ def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(ar
     """Against both at 1000 Hz, and against the truth: deviations in their own σ have rms 1."""
     truth, deviations = truth_of(arm), []
     other_motion = arm2(seconds=10.0, seed=2)
-    for seed in range(30, 34):
+    for seed in range(30, 32):
         first = replace(recorded(arm, seed), path=Path("fast.mcap"), start=50.0)
         second = recorded(other_motion, seed + 20)
         slow = at_rate(second, 4, "slow.mcap", 0.0 if seed % 2 else 100.0)
         mixed = identify_recordings([first, slow], arm.configuration)
         fast = identify_recordings([first, at_rate(second, 1, "b", 100.0)], arm.configuration)
         for one, other in zip(mixed.parameters, fast.parameters, strict=True):
-            # 52 of them: three deviations, not two.
+            # 26 of them: three deviations, not two.
             assert abs(one.value - other.value) < 3.0 * np.hypot(one.std, other.std)
             # Noise of the slow half is twice as large in a row; 2 were all of it slow.
             assert 1.0 < one.white_std / other.white_std < 2.0
@@ -97,44 +96,6 @@ def test_a_slower_recording_gives_the_same_parameters_within_their_deviations(ar
         assert mixed.processing.row_rate == pytest.approx(FAST / slowest)
         deviations.append(off_by(mixed, truth))
     assert np.sqrt(np.mean(np.square(deviations))) < 1.5
-
-
-def stamped_at(recording: Recording, rate: float) -> Recording:
-    """Return the same run, as a driver with another nominal rate would have published it."""
-    time = np.arange(recording.samples) / recording.rate
-    instants = np.arange(int(time[-1] * rate) + 1) / rate
-
-    def sampled(signal: Signal | None) -> Signal | None:
-        if signal is None:
-            return None
-        values = np.column_stack(
-            [CubicSpline(time, column)(instants) for column in signal.values.T]
-        )
-        return Signal(values, np.zeros(values.shape, dtype=bool), signal.origin)
-
-    parts = ("position", "effort", "position_reference", "velocity_reference")
-    return replace(recording, rate=rate, **{k: sampled(getattr(recording, k)) for k in parts})
-
-
-def test_bags_of_one_rig_with_rates_of_1000_and_985_hz_give_the_parameters_of_both_at_1000(
-    arm: SimulatedArm, second: Recording
-) -> None:
-    # At these cut-offs no two factors bring the rates closer than they are.
-    configuration = changed(
-        arm.configuration, "processing", position_cutoff=100.0, decimation_cutoff=40.0
-    )
-    first = replace(recorded(arm, 1), path=Path("a.mcap"))
-    later = replace(second, path=Path("b.mcap"), start=100.0)
-    same = identify_recordings([first, later], configuration)
-    mixed = identify_recordings([first, stamped_at(later, 985.0)], configuration)
-    assert [bag.rate for bag in mixed.bags] == [1000.0, 985.0]
-    assert set(mixed.processing.decimation_factors) == {11}
-    for one, other in zip(mixed.parameters, same.parameters, strict=True):
-        assert abs(one.value - other.value) < one.std
-        assert one.white_std == pytest.approx(other.white_std, rel=0.1)
-    assert np.sqrt(np.mean(np.square(off_by(mixed, truth_of(arm))))) < 1.5
-    assert sum("different rates" in reason for reason in mixed.processing.reasons) == 1
-    assert not any("different rates" in reason for reason in same.processing.reasons)
 
 
 def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: SimulatedArm) -> None:

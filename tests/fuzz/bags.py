@@ -5,40 +5,34 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mcap.writer import CompressionType
 
-from tests.fuzz import messages
+from tests.fuzz import messages, texts
 from tests.fuzz.case import CONFIG, JOINTS, Case, Good, command, write_configuration
 from tests.fuzz.messages import REFERENCE, STATE_TYPE, STATES, Raw, State
 
-_MAGIC = 8  # bytes of MCAP's first mark
-_RECORDS = {1: "header", 3: "schema", 4: "channel", 6: "chunk", 7: "index", 8: "chunkindex",
-            11: "statistics", 14: "offsets", 15: "dataend", 2: "footer"}  # fmt: skip
-_COMMANDS = ("check", "check", "check", "check", "check", "check", "identify", "check")
+_COMMANDS = ("check", "check", "init", "check", "check", "check", "identify", "check")
 
 
 def cases(seed: int) -> Iterator[Case]:
     """Damaged bytes first, then damaged contents."""
-    for number in range(16):
+    for number in range(12):
         storage = ("mcap", "db3")[number % 4 == 3]
         yield Case(f"torn-{storage}-{number}", partial(_torn, storage))
-    for kind in (*_RECORDS.values(), "anywhere", "lengths"):
-        for number in range(3):
-            compression = (CompressionType.NONE, CompressionType.LZ4)[seed % 2]
-            build = partial(_flipped, kind, number, compression if number == 2 else None)
-            yield Case(f"flipped-{kind}-{number}", build)
+    for storage in ("mcap", "lz4", "db3"):
+        for part in ("head", "tail", "anywhere", *(["lengths"] if storage != "db3" else [])):
+            for number in range(3):
+                yield Case(f"flipped-{storage}-{part}-{number}", partial(_flipped, storage, part))
     yield from _databases()
-    for number, (name, change) in enumerate(changes().items()):
+    for number, (name, change) in enumerate({**_CONTENTS, **_STAMPS, **_VALUES}.items()):
         what = _COMMANDS[number % len(_COMMANDS)]
         yield Case(f"content-{name}", partial(_with_content, change, what))
-    for name in ("huge-efforts", "tiny-efforts", "one-spike", "constant", "wrap"):
-        for heavy in ("identify", "diagnose"):
-            yield Case(f"{heavy}-{name}", partial(_with_content, _VALUES[name], heavy))
+        if name in ("huge-efforts", "tiny-efforts", "one-spike"):
+            yield Case(f"diagnose-{name}", partial(_with_content, change, "diagnose"))
     yield from _schemas()
     yield from _folders()
 
@@ -52,69 +46,50 @@ def _torn(storage: str, folder: Path, good: Good, random: np.random.Generator) -
 
 
 def _flipped(
-    kind: str,
-    number: int,
-    compression: CompressionType | None,
-    folder: Path,
-    good: Good,
-    random: np.random.Generator,
+    storage: str, part: str, folder: Path, good: Good, random: np.random.Generator
 ) -> list[str]:
-    content = bytearray(good.bag.read_bytes())
-    if compression is not None:
-        file = _written(folder, messages.raw(messages.states(good)), compression=compression)
-        content = bytearray(file.read_bytes())
-        file.unlink()
-    for place in _places(content, kind, random, count=1 + number * 4):
+    """Bits of one part of the file; ``lengths`` are those of the records of MCAP."""
+    content = bytearray(_content(folder, good, storage))
+    head, tail = range(4096), range(len(content) - 4096, len(content))
+    places = {"head": head, "tail": tail, "anywhere": range(len(content))}.get(part)
+    for place in random.choice(places or _lengths(content), 8):
         content[place] ^= 1 << int(random.integers(8))
-    path = folder / "flipped.mcap"
+    path = folder / f"flipped.{storage.replace('lz4', 'mcap')}"
     path.write_bytes(content)
     return command(_COMMANDS[int(random.integers(8))], folder, [path])
+
+
+def _lengths(content: bytes) -> list[int]:
+    places, place, mark = [], 8, 8
+    while place + 9 <= len(content) - mark:
+        places += range(place + 1, place + 9)
+        place += 9 + struct.unpack_from("<Q", content, place + 1)[0]
+    return places
 
 
 def _written(folder: Path, raw: Sequence[Raw], **options: Any) -> Path:
     return messages.write_mcap(folder / "bag.mcap", raw, **options)
 
 
-def _places(content: bytes, kind: str, random: np.random.Generator, count: int) -> list[int]:
-    """Bytes in a record of this kind; ``lengths`` are those of the lengths of all records."""
-    records = []
-    place = _MAGIC
-    while place + 9 <= len(content) - _MAGIC:
-        size = struct.unpack_from("<Q", content, place + 1)[0]
-        records.append((content[place], place, 9 + size))
-        place += 9 + size
-    if kind == "anywhere":
-        return [int(p) for p in random.integers(0, len(content), 5 * count)]
-    if kind == "lengths":
-        chosen = [records[int(k)] for k in random.integers(0, len(records), count)]
-        return [start + 1 + int(random.integers(8)) for _, start, _ in chosen]
-    fitting = [record for record in records if _RECORDS.get(record[0]) == kind] or records
-    chosen = [fitting[int(k)] for k in random.integers(0, len(fitting), count)]
-    # The fields of a chunk are before its compressed messages.
-    return [start + int(random.integers(min(size, 80))) for _, start, size in chosen]
-
-
 def _content(folder: Path, good: Good, storage: str) -> bytes:
     if storage == "mcap":
         return good.bag.read_bytes()
-    path = messages.write_db3(folder / "whole.db3", messages.raw(messages.states(good)))
+    raw = messages.raw(messages.states(good))
+    if storage == "lz4":
+        path = _written(folder, raw, compression=CompressionType.LZ4)
+    else:
+        path = messages.write_db3(folder / "whole.db3", raw)
     content = path.read_bytes()
     path.unlink()
     return content
 
 
-_CELLS = ("NULL", "'text'", "-1", "1.5", "9223372036854775807", "x'00'", "zeroblob(2000000)", "''")
+_CELLS = ("NULL", "'text'", "9223372036854775807", "x'00'", "zeroblob(2000000)")
 _SQL = {
     "recursive-view": (
         "DROP TABLE messages",
         "CREATE VIEW messages AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
         "SELECT x AS id, 1 AS topic_id, x AS timestamp, zeroblob(100) AS data FROM n",
-    ),
-    "recursive-topics": (
-        "DROP TABLE topics",
-        "CREATE VIEW topics AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
-        "SELECT x AS id, 'a' || x AS name, 'sensor_msgs/msg/JointState' AS type, "
-        "'cdr' AS serialization_format FROM n",
     ),
     "generated-column": (
         "ALTER TABLE messages RENAME TO old",
@@ -122,19 +97,11 @@ _SQL = {
         "raw BLOB, data BLOB AS (zeroblob(100000000)))",
         "INSERT INTO messages(topic_id, timestamp, raw) SELECT topic_id, timestamp, data FROM old",
     ),
-    "virtual-table": (
-        "DROP TABLE messages",
-        "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)",
-    ),
     "no-topics": ("DROP TABLE topics",),
-    "no-messages": ("DROP TABLE messages",),
     "no-rows": ("DELETE FROM messages",),
     "no-column": ("ALTER TABLE messages RENAME COLUMN data TO payload",),
     "unknown-topic": ("UPDATE messages SET topic_id = 77",),
     "same-topic-twice": ("INSERT INTO topics SELECT id + 10, name, type, 'cdr', '' FROM topics",),
-    "binary-name": ("UPDATE topics SET name = x'ff00fe'",),
-    "null-type": ("ALTER TABLE topics RENAME TO t", "CREATE TABLE topics AS SELECT id, name, "
-                  "NULL AS type, serialization_format FROM t"),
 }  # fmt: skip
 
 
@@ -147,19 +114,6 @@ def _databases() -> Iterator[Case]:
             yield Case(name, partial(_database, (statement,)))
     for name, statements in _SQL.items():
         yield Case(f"db3-{name}", partial(_database, statements))
-    for number in range(4):
-        yield Case(f"db3-flipped-{number}", partial(_flipped_database, number))
-
-
-def _flipped_database(
-    number: int, folder: Path, good: Good, random: np.random.Generator
-) -> list[str]:
-    content = bytearray(_content(folder, good, "db3"))
-    top = (100, 4096, len(content), len(content))[number]
-    for place in random.integers(0, top, 20):
-        content[int(place)] = int(random.integers(256))
-    (folder / "flipped.db3").write_bytes(content)
-    return command("check", folder, [folder / "flipped.db3"])
 
 
 def _database(statements: tuple[str, ...], folder: Path, good: Good, _: object) -> list[str]:
@@ -168,11 +122,6 @@ def _database(statements: tuple[str, ...], folder: Path, good: Good, _: object) 
 
 
 Change = Callable[[list[State], np.random.Generator], list[State]]
-
-
-def changes() -> dict[str, Change]:
-    """What can be wrong with the contents, by name."""
-    return {**_CONTENTS, **_STAMPS, **_VALUES}
 
 
 def _with_content(
@@ -209,35 +158,20 @@ def _swap(state: State, random: np.random.Generator) -> None:
 
 _CONTENTS: dict[str, Change] = {
     "permuted": _sometimes(_swap),
-    "names-alone-permuted": _set(names=JOINTS[::-1]),
     "doubled-name": _set(names=("joint_1", "joint_1")),
     "third-joint": _every_state(
         lambda s, _, __: [setattr(s, "names", (*JOINTS, "joint_1")),
                           setattr(s, "position", np.append(s.position, 1.0)),
                           setattr(s, "effort", np.append(s.effort, 1.0)) if len(s.effort) else 0]
     ),
-    "namespace": _set(names=("/left/joint_1", "/left/joint_2")),
-    "prefix": _set(names=("left_joint_1", "left_joint_2")),
     "no-names": _set(names=()),
-    "empty-names": _set(names=("", "")),
     "markup-names": _set(names=("[bold]joint_1", "[/]")),
-    "line-breaks-in-names": _set(names=("joint_1\nsecond line", "\x1b[31mjoint_2\x1b[2J")),
-    "long-names": _set(names=("j" * 20_000, "joint_2")),
     "many-names": _set(names=tuple(f"joint_{k}" for k in range(300))),
     "short-effort": _sometimes(lambda s, _: setattr(s, "effort", s.effort[:1])),
-    "long-effort": _set(effort=np.ones(5)),
-    "short-position": _set(position=np.zeros(1)),
-    "no-position": _set(position=np.zeros(0)),
-    "no-effort": _set(effort=np.zeros(0)),
-    "velocity-of-other-length": _set(velocity=(1.0, 2.0, 3.0)),
-    "other-names-now-and-then": _sometimes(lambda s, _: setattr(s, "names", ("a", "b"))),
     "empty-messages": _set(names=(), position=np.zeros(0), effort=np.zeros(0)),
     "no-reference": lambda states, _: [s for s in states if s.topic == STATES],
     "reference-alone": lambda states, _: [s for s in states if s.topic == REFERENCE],
     "one-message": lambda states, _: states[:2],
-    "three-messages": lambda states, _: states[:6],
-    "nineteen-messages": lambda states, _: states[:38],
-    "thirty-messages": lambda states, _: states[:60],
     "no-messages": lambda states, _: [],
 }  # fmt: skip
 
@@ -247,32 +181,19 @@ def _stamps(function: Callable[[float, int], float]) -> Change:
 
 
 _STAMPS: dict[str, Change] = {
-    "zero-stamps": _stamps(lambda t, k: 0.0),
     "same-stamp-everywhere": _every_state(lambda s, _, __: [setattr(s, "stamp", 7.0),
                                                       setattr(s, "arrival", 7.0)]),
     "backward": _stamps(lambda t, k: 10.0 - t),
-    "back-and-forth": _stamps(lambda t, k: t if k % 2 else 4.0 - t),
     "one-far-ahead": _stamps(lambda t, k: 2e9 if k == 300 else t),
-    "last-far-ahead": _stamps(lambda t, k: 2.1e9 if k == 1601 else t),
     "simulated-then-epoch": _stamps(lambda t, k: t + 1.7e9 * (k > 800)),
-    "epoch-then-simulated": _stamps(lambda t, k: t + 1.7e9 * (k < 800)),
     "hole-of-a-day": _stamps(lambda t, k: t + 86_400.0 * (k > 800)),
-    "hole-of-an-hour": _stamps(lambda t, k: t + 3600.0 * (k > 800)),
     "negative": _stamps(lambda t, k: t - 100.0),
-    "most-negative": _stamps(lambda t, k: -(2.0**31) if k % 2 else t),
-    "nanosecond-apart": _stamps(lambda t, k: 1.0 + 1e-9 * (k // 2)),
     "a-day-apart": _stamps(lambda t, k: 86_400.0 * (k // 2)),
-    "years-apart": _stamps(lambda t, k: 2.5e6 * (k // 2)),
-    "ever-slower": _stamps(lambda t, k: 1.01 ** (k // 2)),
-    "in-pairs": _stamps(lambda t, k: 0.01 * (k // 4)),
     "reference-a-year-ago": _every_state(
         lambda s, _, __: setattr(s, "stamp", s.stamp - 3e7 * (s.topic == REFERENCE) + 4e7)
     ),
-    "arrival-zero": _every_state(lambda s, _, __: setattr(s, "arrival", 0.0)),
     "arrival-huge": _every_state(lambda s, k, __: setattr(s, "arrival", 9.2e9)),
-    "arrival-backward": _every_state(lambda s, k, __: setattr(s, "arrival", 9.0 - s.stamp)),
     "shuffled": lambda states, random: [states[k] for k in random.permutation(len(states))],
-    "twice": lambda states, _: [*states, *states],
     "every-message-twice": lambda states, _: [s for s in states for _ in range(2)],
 }  # fmt: skip
 
@@ -287,49 +208,25 @@ def _values(position: Callable | None = None, effort: Callable | None = None) ->
     return _every_state(change)
 
 
-_REFERENCE_FACTOR = {STATES: 1.0, REFERENCE: np.nan}
 _VALUES: dict[str, Change] = {
     "huge-efforts": _values(effort=lambda v, k: v * 1e300),
-    "large-efforts": _values(effort=lambda v, k: v * 1e150),
     "tiny-efforts": _values(effort=lambda v, k: v * 1e-300),
-    "subnormal-efforts": _values(effort=lambda v, k: v * 1e-320),
-    "one-joint-huge": _values(effort=lambda v, k: v * [1e300, 1.0]),
-    "one-joint-tiny": _values(effort=lambda v, k: v * [1.0, 1e-300]),
     "huge-positions": _values(lambda v, k: v * 1e300),
-    "large-positions": _values(lambda v, k: v * 1e8),
-    "tiny-positions": _values(lambda v, k: v * 1e-300),
     "infinite-positions": _values(lambda v, k: v * np.inf),
-    "one-infinite-position": _values(lambda v, k: v + (np.inf if k == 500 else 0.0)),
     "one-spike": _values(lambda v, k: v + 1e9 * (k == 500)),
-    "one-spike-of-effort": _values(effort=lambda v, k: v + 1e200 * (k == 500)),
     "nan-now-and-then": _values(lambda v, k: v * (np.nan if k % 7 == 0 else 1.0)),
-    "nan-effort": _values(effort=lambda v, k: v * [np.nan, 1.0]),
     "mostly-nan": _values(effort=lambda v, k: v * (1.0 if k % 200 == 0 else np.nan)),
-    "infinite-effort": _values(effort=lambda v, k: v * np.inf),
-    "signs": _values(effort=lambda v, k: v * (-1) ** (k // 2)),
     "constant": _values(lambda v, k: 0.0 * v + 0.3),
-    "steps": _values(lambda v, k: np.round(v)),
     "wrap": _values(lambda v, k: (3.0 * v + np.pi) % (2 * np.pi) - np.pi),
     "same-joints": _values(lambda v, k: v[[0, 0]], lambda v, k: v[[0, 0]]),
-    "constant-effort": _values(effort=lambda v, k: 0.0 * v + 5.0),
-    "huge-reference": _every_state(
-        lambda s, _, __: setattr(s, "position", s.position * (1e300 if s.topic == REFERENCE else 1))
-    ),
-    "nan-reference": _every_state(
-        lambda s, _, __: setattr(s, "position", s.position * _REFERENCE_FACTOR[s.topic])
-    ),
 }  # fmt: skip
 
 _SCHEMAS = {
     "other-type": ("std_msgs/msg/String", "ros2msg", b"string data"),
     "other-definition": (STATE_TYPE, "ros2msg", b"float32 a\nint8[] b"),
-    "definition-without-end": (STATE_TYPE, "ros2msg", b"float64[" * 2000),
     "no-definition": (STATE_TYPE, "ros2msg", b""),
-    "definition-not-text": (STATE_TYPE, "ros2msg", bytes(range(256)) * 8),
     "idl": (STATE_TYPE, "ros2idl", b"module a { };"),
-    "json": (STATE_TYPE, "jsonschema", b"{}"),
     "ros1-type": ("sensor_msgs/JointState", "ros1msg", b""),
-    "float-array": ("std_msgs/msg/Float64MultiArray", "ros2msg", b""),
     "unknown-type": ("[red]x/msg/Y", "ros2msg", b"int8 a"),
     "no-schema": ("", "", b""),
 }
@@ -338,12 +235,11 @@ _SCHEMAS = {
 def _schemas() -> Iterator[Case]:
     for name, schema in _SCHEMAS.items():
         yield Case(f"schema-{name}", partial(_declared, {"schema": schema}))
-    for encoding in ("json", "ros1", ""):
-        yield Case(f"encoding-{encoding or 'none'}", partial(_declared, {"encoding": encoding}))
+    yield Case("encoding-json", partial(_declared, {"encoding": "json"}))
     for name, change in _PAYLOADS.items():
         yield Case(f"payload-{name}", partial(_with_payloads, change))
     whole = (CONFIG / "arm2.urdf").read_text()
-    descriptions = {"bomb": _BOMB, "empty": "", "not-xml": "\x00{}[bold]", "half": whole[:900]}
+    descriptions = {"bomb": texts.bomb("abcdefghi"), "empty": "", "half": whole[:900]}
     for name, text in descriptions.items():
         yield Case(f"description-{name}", partial(_described, text), refused=name == "half")
 
@@ -364,25 +260,12 @@ def _with_payloads(
     return command("check", folder, [_written(folder, raw)])
 
 
-_BOMB = (
-    '<?xml version="1.0"?><!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">'
-    + "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise("abcdefghi"))
-    + ']><robot name="&i;"/>'
-)  # fmt: skip
-
 _PAYLOADS: dict[str, Callable[[bytes, int], bytes]] = {
     "empty": lambda data, k: b"",
-    "four-bytes": lambda data, k: data[:4],
-    "half": lambda data, k: data[: len(data) // 2],
     "big-endian": lambda data, k: b"\x00\x00\x00\x00" + data[4:],
-    "parameter-list": lambda data, k: b"\x00\x03\x00\x00" + data[4:],
-    "xcdr2": lambda data, k: b"\x00\x07\x00\x00" + data[4:],
     "claims-4e9-names": lambda data, k: data[:20] + b"\xff\xff\xff\xff" + data[24:],
-    "claims-4e9-bytes": lambda data, k: data[:12] + b"\xff\xff\xff\xff" + data[16:],
     "now-and-then-half": lambda data, k: data[: len(data) // (1 + (k % 9 == 0))],
     "noise": lambda data, k: np.random.default_rng(k).bytes(len(data)),
-    "zeros": lambda data, k: bytes(len(data)),
-    "ones": lambda data, k: b"\xff" * len(data),
     "names-not-text": lambda data, k: data.replace(b"joint_1", b"\xff\xfe\x00\xc3\x28\xf0\x9f"),
     "with-a-tail": lambda data, k: data + bytes(1000 * (k % 3)),
 }
@@ -398,19 +281,13 @@ _METADATA = {
     "empty": "",
     "not-yaml": "rosbag2_bagfile_information: [",
     "nested": "[" * 5000,
-    "a-list": "[1, 2, 3]",
-    "anchors": "a: &a [x, x]\nb: &b [*a, *a]\nrosbag2_bagfile_information: *b\n",
-    "other-keys": "rosbag2_bagfile_information: {version: 5}",
     "paths-as-number": "rosbag2_bagfile_information: {relative_file_paths: 3, files: [4]}",
     "path-outside": "rosbag2_bagfile_information: {relative_file_paths: [../../../etc/passwd]}",
     "missing-file": "rosbag2_bagfile_information: {relative_file_paths: [none.mcap]}",
-    "same-file-twice": "rosbag2_bagfile_information: {relative_file_paths: [b.mcap, b.mcap]}",
-    "folder-as-file": "rosbag2_bagfile_information: {relative_file_paths: [sub]}",
     "compressed": (
         "rosbag2_bagfile_information: {compression_format: zstd, compression_mode: file, "
         "relative_file_paths: [b.mcap.zstd]}"
     ),
-    "not-text": "\udcff\udcfe\udc80",
     "dates": "2020-01-01: 2020-01-02\nrosbag2_bagfile_information: 2020-01-01",
 }
 
@@ -421,8 +298,8 @@ def _folders() -> Iterator[Case]:
     yield Case("folder-empty", partial(_folder, ()), refused=True)
     yield Case("folder-of-both-kinds", partial(_folder, ("b.mcap", "b.db3")))
     yield Case("folder-of-pieces", partial(_folder, tuple(f"b_{k}.mcap" for k in range(40))))
-    twice = lambda folder, good, _: command("identify", folder, [good.bag, good.bag])  # noqa: E731
-    yield Case("same-bag-twice", twice, refused=True)
+    yield Case("same-bag-twice", lambda folder, good, _: command("identify", folder,
+               [good.bag, good.bag]), refused=True)  # fmt: skip
 
 
 def _with_metadata(text: str, folder: Path, good: Good, _: object) -> list[str]:

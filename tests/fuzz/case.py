@@ -120,10 +120,17 @@ def excitation(folder: Path, config: Path, out: Path | None = None, **options: s
 
 
 def command(name: str, folder: Path, bags: list[Path], config: Path | None = None) -> list[str]:
-    """Arguments of a command that reads bags; its results would be in ``out``."""
+    """Arguments of a command that reads files; its results would be in ``out``, if it has any."""
+    if name == "init":
+        return first_configuration(folder, bags[0], CONFIG / "arm2.urdf")
     config = config or write_configuration(folder)
     out = [] if name == "check" else ["--out", str(folder / "out")]
     return [name, *map(str, bags), "--config", str(config), *out]
+
+
+def first_configuration(folder: Path, bag: Path, urdf: Path) -> list[str]:
+    """Arguments of `init`."""
+    return ["init", str(bag), "--urdf", str(urdf), "--out", str(folder / "arm.yaml")]
 
 
 def simulation(folder: Path, config: Path | None = None) -> list[str]:

@@ -47,6 +47,17 @@ def faults(outcome: Outcome, *, refused: bool) -> list[str]:
     return defects
 
 
+def answer_faults(arguments: list[str], status: int, out: str) -> list[str]:
+    """What is on stdout although --quiet or --json, as the last option, was asked for."""
+    if "Usage: idim-iv" in out:
+        return []
+    if arguments[-1:] == ["--quiet"] and out:
+        return [f"on stdout in spite of --quiet: {out[:200]}"]
+    if arguments[-1:] != ["--json"] or (status and not out):
+        return []
+    return _json_faults("stdout", out)
+
+
 def files_of(folder: Path) -> dict[str, tuple[int, int]]:
     """Size and time of everything in a folder."""
     files = {}
@@ -73,16 +84,16 @@ def file_faults(
             defects.append(f"out holds {', '.join(sorted(written))}")
     for name in new:
         if name.endswith(".json"):
-            defects += _json_faults(folder / name)
+            defects += _json_faults(name, (folder / name).read_text(encoding="utf-8"))
     return defects
 
 
-def _json_faults(path: Path) -> list[str]:
+def _json_faults(name: str, text: str) -> list[str]:
     def refuse(constant: str) -> None:
         raise ValueError(constant)
 
     try:
-        json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+        json.loads(text, parse_constant=refuse)
     except ValueError as error:
-        return [f"{path.name} is not JSON: {error}"]
+        return [f"{name} is not JSON: {error}"]
     return []

@@ -213,7 +213,6 @@ def test_band_that_is_named_gives_enough_rows(tmp_path: Path) -> None:
             id="outlier",
         ),
         pytest.param(lambda effort: -effort, "N m", 2, id="opposite sign"),
-        pytest.param(lambda effort: -0.1 * effort, "A", 2, id="current of opposite sign"),
     ],
 )
 def test_unit_of_the_efforts_is_that_of_most(change, unit, warned, tmp_path) -> None:

@@ -18,7 +18,7 @@ from idim_iv_ros.model import (
 )
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf_reader import description_key
-from tests.model.mjcf_robots import ARMS, PANDA, UR5E, XARM7
+from tests.model.mjcf_robots import ARMS, XARM7
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 ARM2 = """<mujoco model="arm2">
@@ -106,20 +106,16 @@ def test_the_same_arm_as_urdf_and_mjcf_has_the_same_regressor(tmp_path: Path) ->
     assert layout.vector(mjcf.given) == pytest.approx(layout.vector(urdf.given), abs=1e-10)
     for key in ("lower", "upper", "effort"):
         assert getattr(mjcf.limits, key) == pytest.approx(getattr(urdf.limits, key))
-
-
-def test_the_armature_of_the_configuration_takes_the_place_of_that_of_the_file(tmp_path) -> None:
-    text = read_urdf_file(written(tmp_path, ARM2))
-    robot = load_robot(text, ("joint_1", "joint_2"), armature=(0.3, 0.2))
-    assert list(robot.given.drive_inertia) == [0.3, 0.2]
+    given = load_robot(read_urdf_file(tmp_path / "arm.xml"), joints, armature=(0.3, 0.2)).given
+    assert list(given.drive_inertia) == [0.3, 0.2]
 
 
 def test_files_that_it_includes_are_read(tmp_path: Path) -> None:
-    written(tmp_path, UR5E, "ur5e.xml")
-    scene = '<mujoco><include file="ur5e.xml"/><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>'
+    written(tmp_path, XARM7, "xarm7.xml")
+    scene = '<mujoco><include file="xarm7.xml"/><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>'
     path = written(tmp_path, scene, "scene.xml")
-    robot = load_robot(read_urdf_file(path), ARMS["ur5e"][1])
-    assert list(robot.limits.effort) == [150.0, 150.0, 28.0]
+    robot = load_robot(read_urdf_file(path), ARMS["xarm7"][1])
+    assert list(robot.limits.effort) == [50.0, 50.0]
     assert description_key(path) == "mjcf" and description_key(CONFIG / "arm2.urdf") == "urdf"
 
 
@@ -140,7 +136,7 @@ MESH = MESH.replace("<worldbody>", '<asset><mesh name="m" file="nothing.obj"/></
 @pytest.mark.parametrize(
     ("text", "joints", "words"),
     [
-        (PANDA, ("joint1", "finger_joint1"), ("finger_joint1", "equality", "tendon split")),
+        (XARM7, ("joint1", "left_driver_joint"), ("left_driver_joint", "equality", "tendon split")),
         (XARM7, ("joint1", "left_finger_joint"), ("left_finger_joint", "equality")),
         (SPRING, ("joint_1", "joint_2"), ("joint_2", "spring")),
         (BALL, ("wrist", "joint_2"), ("wrist", "ball joint")),

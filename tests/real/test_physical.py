@@ -37,10 +37,3 @@ def test_every_link_is_a_body_and_no_drive_gives_energy(result: IdentificationRe
     assert all(link.eigenvalues[0] > 0.0 for link in result.physical.links)
     for name, value in result.physical.values.items():
         assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))
-
-
-def test_current_in_place_of_torque_is_no_mass(data: Path, config: Path) -> None:
-    bag = data / "unisa_ur10" / "ur10_exciting_trajectory.db3"
-    result = identify([bag], load_configuration(config / "ur10.yaml"))
-    assert result.physical is None
-    assert result.why_no_physical.startswith("efforts are in A")

@@ -30,3 +30,8 @@ def test_relative_error_is_below_seven_percent(result: IdentificationResult) -> 
     """About 5.5 % by least squares elsewhere (shared/data/README.md)."""
     assert result.fit.ls_relative_error_percent < 7.0
     assert result.fit.relative_error_percent < 7.0
+
+
+def test_current_in_place_of_torque_is_no_mass(result: IdentificationResult) -> None:
+    assert result.physical is None
+    assert "A" in result.why_no_physical

@@ -63,16 +63,11 @@ def test_least_squares_on_measured_motion_is_biased(fitted):
     assert plain.inertia / plain.compliance < 0.95 * TRUE["armature"]
 
 
-def test_gain_of_a_run_is_told(fitted):
+@pytest.mark.parametrize(("gain", "kind", "expected"), [(2.0, "gain", 0.5), (1.0, "load", 1.0)])
+def test_gain_or_load_of_a_run_is_told(fitted, gain, kind, expected):
     runs, answer = fitted
-    factor, std = fit_factor(replace(runs[0], gain=2.0), answer, "gain")
-    assert factor == pytest.approx(0.5, abs=max(3.0 * std, 0.01))
-
-
-def test_load_of_a_run_is_told(fitted):
-    runs, answer = fitted
-    factor, std = fit_factor(runs[0], answer, "load")
-    assert factor == pytest.approx(1.0, abs=max(3.0 * std, 0.01))
+    factor, std = fit_factor(replace(runs[0], gain=gain), answer, kind)
+    assert factor == pytest.approx(expected, abs=max(3.0 * std, 0.01))
 
 
 def test_without_gravity_only_ratios_are_known():

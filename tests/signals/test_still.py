@@ -29,11 +29,8 @@ def refusal(*positions: np.ndarray) -> str:
     "position",
     [
         7e-5 * np.round(0.35 * NOISE),  # the encoder of the report: to and fro over a step
-        7e-5 * np.round(NOISE),
         1.5e-3 * np.round(0.3 * NOISE),  # 12 bits
-        3e-4 * ONCE,
         1.5e-3 * ONCE,
-        4e-5 * NOISE,
         5e-3 * NOISE,  # a potentiometer
         0.7 * (np.arange(SAMPLES) == 1000) + 2e-4 * NOISE,  # a sensor that jumps
     ],

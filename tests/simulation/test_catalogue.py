@@ -11,7 +11,7 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.contribution import Load
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.effects.elasticity import ShaftShape
 from idim_iv_ros.effects.encoder_eccentricity import DiscShape
 from idim_iv_ros.effects.friction_drift import DriftShape
@@ -47,28 +47,6 @@ def smooth(position, velocity, acceleration, rate):
     return smooth_motion(arm(), position, velocity, acceleration, rate, factor=1)
 
 
-def reference_motion(samples):
-    one = arm()
-    velocity = one.velocity_reference[1000 : 1000 + samples]
-    acceleration = np.gradient(velocity, 1.0 / one.rate, axis=0)
-    return smooth(one.position_reference[1000 : 1000 + samples], velocity, acceleration, one.rate)
-
-
-EXTENT = OperatingRange(
-    low=np.array([-1.0, -1.0]),
-    high=np.array([1.5, 1.5]),
-    slowest=np.array([0.05, 0.05]),
-    fastest=np.array([2.0, 2.0]),
-    load=np.array([30.0, 8.0]),
-    torque=np.array([40.0, 12.0]),
-    inertia=np.array([2.0, 0.3]),
-    duration=60.0,
-    longest=20.0,
-    row_rate=40.0,
-    lever=np.ones(2),
-)
-
-
 def reported(effect, place, shape, coefficients):
     """What a gap.json would hold."""
     completed = effect.parameters(shape, np.asarray(coefficients), np.zeros(len(coefficients)))
@@ -92,23 +70,6 @@ def test_simulator_knows_the_parameters_that_may_be_in_error(effect):
     """As an effect, or as what the base parameters hold."""
     completed = joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
     assert bool(completed) != effect.in_base_parameters
-
-
-@pytest.mark.parametrize("name", sorted(BY_NAME))
-def test_what_is_reported_is_what_is_simulated(name):
-    """Of every kind of shape on the grid; a parameter of one side alone fails."""
-    effect = BY_NAME[name]
-    place = effect.places(2)[0]
-    motion = reference_motion(12)
-    names = set()
-    for shape in effect.grid(place, EXTENT):
-        columns = effect.columns(motion, place, shape)[place.joint]
-        values = reported(effect, place, shape, np.ones(columns.shape[1]))
-        joint_effects([simulated(effect, place, values)], JOINTS)
-        names |= set(values)
-    names_of_specs = {spec.name for spec in effect.specs}
-    assert names_of_specs >= CONSTANTS.get(name, set())
-    assert {effect.spec(key).name for key in names} == names_of_specs - CONSTANTS.get(name, set())
 
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()
@@ -222,6 +183,16 @@ def compare(case):
     away = np.convolve(turning, np.ones(11), "same") == 0.0
     away[-20:] = False  # a delayed torque is not known there
     return extra[away], expected[away]
+
+
+@pytest.mark.parametrize("name", sorted({case.effect for case in CASES}))
+def test_what_is_reported_is_what_is_simulated(name):
+    """Of every kind of shape; a parameter of one side alone fails."""
+    effect, names = BY_NAME[name], set()
+    for case in (case for case in CASES if case.effect == name):
+        names |= set(reported(effect, case.place, case.shape, case.coefficients))
+    names_of_specs = {spec.name for spec in effect.specs}
+    assert {effect.spec(key).name for key in names} == names_of_specs - CONSTANTS.get(name, set())
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect} {case.shape}")

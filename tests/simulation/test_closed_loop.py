@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
-from tests.simulation.laws import commanded, driven, followed, pd, torque
+from tests.simulation.laws import commanded, driven, followed, pd
 from tests.simulation.trees import TREES, random_robot
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -76,23 +76,12 @@ def arm():
     return arm7(seconds=3.0)
 
 
-def test_acceleration_belongs_to_the_torque_on_the_joints(arm):
-    result = followed(arm)
-    needed = inverse_dynamics(
-        arm.robot, arm.truth, result.position, result.velocity, result.acceleration
-    )
-    moving = np.all(result.velocity != 0.0, axis=1)
-    assert moving.sum() > 1000
-    np.testing.assert_allclose(needed[moving], result.applied_torque[moving], atol=1e-9)
-
-
 STRIBECK = SimulatedEffect("stribeck", "joint_1", {"excess": 1.2, "speed": 0.15, "exponent": 1.4})
 
 
-@pytest.mark.parametrize("effects", [(), (STRIBECK,)], ids=["none", "stribeck"])
-def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm, effects):
+def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
     """Joints at rest are judged by the torque that holds them, which a recorded sample changes."""
-    whole, motion = followed(arm, *effects), followed(arm, *effects, accelerations=False)
+    whole, motion = followed(arm, STRIBECK), followed(arm, STRIBECK, accelerations=False)
     assert motion.acceleration.shape == (0, 7)
     for name in ("position", "velocity", "torque", "applied_torque"):
         np.testing.assert_array_equal(getattr(motion, name), getattr(whole, name))
@@ -106,6 +95,7 @@ def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
         arm.robot, arm.truth, result.position, result.velocity, result.acceleration
     )
     moving = np.all(result.velocity != 0.0, axis=1)
+    assert moving.sum() > 1000
     np.testing.assert_allclose(needed[moving], result.applied_torque[moving], atol=1e-9)
     # Held from its sample on: at the sample itself the mean of both sides acts.
     before = np.vstack([disturbance[:1], disturbance[:-1]])
@@ -169,20 +159,7 @@ def free_mass(coulomb=0.0):
     return robot, dataclasses.replace(robot.given, inertial=inertial, coulomb=np.array([coulomb]))
 
 
-@pytest.mark.parametrize("periods", [1.0, 2.5, 0.25])
-def test_delayed_command_reaches_the_joint_that_much_later(periods):
-    # A free mass under a force that is one from the fourth control instant on.
-    robot, parameters = free_mass()
-    force = np.zeros((12, 1))
-    force[4:] = 1.0
-    law = dataclasses.replace(torque(force), delay=periods * 0.01)
-    result = driven(robot, parameters, force, rate=100.0, law=law)
-    time = np.maximum(np.arange(12) * 0.01 - 0.04 - periods * 0.01, 0.0)
-    np.testing.assert_allclose(result.velocity[:, 0], time, atol=1e-12)
-    np.testing.assert_allclose(result.position[:, 0], 0.5 * time**2, atol=1e-12)
-
-
-@pytest.mark.parametrize("ratio", [0.2, 0.3, 3.0])
+@pytest.mark.parametrize("ratio", [0.3, 3.0])
 def test_control_may_run_at_another_rate_than_the_recording(arm, ratio):
     law = dataclasses.replace(arm.law, period=ratio / arm.rate)
     result = followed(arm, law=law)

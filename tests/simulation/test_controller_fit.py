@@ -1,7 +1,6 @@
 """Unknown control laws are recovered from what was logged, or replaced by a filter."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,6 @@ from idim_iv_ros.simulation import (
     fit_controller,
     simulate_closed_loop,
 )
-
-DFKI = Path(__file__).parents[3] / "shared" / "data" / "dfki_double_pendulum"
 
 
 @pytest.fixture(scope="module")
@@ -109,28 +106,3 @@ def test_filtered_reference_explains_the_tracking_error_and_not_the_noise(arm):
     left = filtered.position - recording.truth.position
     for joint in range(6):
         assert abs(np.corrcoef(noise[:, joint], left[:, joint])[0, 1]) < 0.1
-
-
-@pytest.mark.skipif(not DFKI.is_dir(), reason=f"no recordings at {DFKI}")
-def test_law_of_the_dfki_double_pendulum_is_kp_20_kd_half():
-    # Source: ../shared/data/README.md, kp ≈ 20 N m/rad, kd ≈ 0.5 N m s/rad, R² 0.996 and 0.970.
-    measured = np.loadtxt(DFKI / "measured.csv", delimiter=",", skiprows=1)
-    reference = np.loadtxt(DFKI / "reference.csv", delimiter=",", skiprows=1)
-    rate = 300.0
-    time = np.arange(0.0, min(measured[-1, 0], reference[-1, 0]), 1.0 / rate)
-
-    def resampled(table, column):
-        columns = [np.interp(time, table[:, 0], table[:, column + k]) for k in range(2)]
-        return np.column_stack(columns)
-
-    fit = fit_controller(
-        rate,
-        resampled(measured, 1),
-        resampled(measured, 3),
-        resampled(measured, 5),
-        resampled(reference, 1),
-        resampled(reference, 3),
-    )
-    np.testing.assert_allclose(fit.gain("kp"), 20.0, rtol=0.02)
-    np.testing.assert_allclose(fit.gain("kd"), 0.5, rtol=0.1)
-    assert np.all(fit.r_squared > 0.98)

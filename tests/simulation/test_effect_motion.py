@@ -134,30 +134,6 @@ def test_load_friction_holds_what_it_can_and_lets_go_of_the_rest():
         assert bool(np.any(result.position[-1] != result.position[10])) is moves, share
 
 
-def two_mass(stiffness, damping, seconds, motor_torque):
-    """Motor 0.4 and link 1.6 kg m² on a shaft, from rest."""
-
-    def motion(t, y):
-        shaft = stiffness * (y[0] - y[1]) + damping * (y[2] - y[3])
-        return [y[2], y[3], (motor_torque(t) - shaft) / 0.4, shaft / 1.6]
-
-    time = np.arange(round(seconds * 1000.0)) / 1000.0
-    return solve_ivp(
-        motion, (0.0, time[-1]), np.zeros(4), t_eval=time, rtol=1e-10, atol=1e-12, max_step=1e-3
-    ).y
-
-
-def test_elastic_joint_is_the_two_mass_system():
-    robot, parameters = disc(2.0, drive=0.4)
-    exact = two_mass(800.0, 2.0, 1.0, lambda t: 5.0)
-    result = driven(
-        robot, parameters, np.full(1000, 5.0), on(robot, "elasticity", stiffness=800.0, damping=2.0)
-    )
-    np.testing.assert_allclose(result.position[:, 0], exact[0], atol=2e-5)
-    np.testing.assert_allclose(result.link_position[:, 0], exact[1], atol=2e-5)
-    np.testing.assert_allclose(result.link_velocity[:, 0], exact[3], atol=1e-3)
-
-
 def test_stiff_shaft_is_stable_and_is_the_rigid_joint_in_the_limit():
     robot, parameters = disc(2.0, drive=0.4, coulomb=0.5)
     push = 5.0 * np.sin(np.arange(500) / 50.0)

@@ -3,24 +3,11 @@
 import subprocess
 import sys
 
-import pytest
+MODULES = "idim_iv_ros.identification.identify, idim_iv_ros.simulators.recording"
+HEAVY = {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "plotly"}
 
-HEAVY = ("scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "plotly")
 
-
-def loaded_by(module: str) -> set[str]:
-    code = f"import sys, {module}; print(*sys.modules)"
+def test_filters_statistics_and_drawings_are_loaded_when_they_are_used() -> None:
+    code = f"import sys, {MODULES}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return set(done.stdout.split())
-
-
-@pytest.mark.parametrize(
-    "module",
-    [
-        "idim_iv_ros.simulation",
-        "idim_iv_ros.identification.identify",
-        "idim_iv_ros.simulators.recording",
-    ],
-)
-def test_filters_statistics_and_drawings_are_loaded_when_they_are_used(module: str) -> None:
-    assert loaded_by(module) & set(HEAVY) == set()
+    assert HEAVY & set(done.stdout.split()) == set()

@@ -31,15 +31,6 @@ def test_statistic_is_the_wu_hausman_of_linearmodels(seed):
     assert (test.df, test.df_denom) == (oracle.df, oracle.df_denom)
 
 
-def test_weights_and_units_of_columns_do_not_change_the_statistic():
-    x, z, y = matrices(7)
-    units = np.array([1e-6, 1e6, 1.0, 1e4, 1e-3, 10.0])
-    plain = exogeneity_f_test(reduced(x, z, y), len(y), "all")
-    scaled = exogeneity_f_test(reduced(x * units, z * units, 1e5 * y), len(y), "all")
-    assert scaled.statistic == pytest.approx(plain.statistic, rel=1e-8)
-    assert scaled.df == plain.df == 4
-
-
 def test_a_regressor_that_the_instruments_reproduce_is_exogenous_without_a_test():
     _, z, y = matrices(1)
     test = exogeneity_f_test(reduced(z, z, y), len(y), "all")
@@ -77,13 +68,3 @@ def test_the_joint_whose_noise_enters_the_torque_is_the_one_rejected():
     assert second.accepted is False
     assert everything.accepted is False
     assert everything.df == 8
-
-
-def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
-    x, z, y = matrices(6)
-    rows = joint_rows("joint", x, z, y, np.arange(6), [slice(0, 600)])
-    tests = exogeneity_test([rows], np.ones(6), not_simulated="smoothed measurements")
-    assert [(t.scope, t.accepted, t.reason) for t in tests] == [
-        ("all", None, "smoothed measurements"),
-        ("joint", None, "smoothed measurements"),
-    ]

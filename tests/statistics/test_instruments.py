@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.statistics.instruments import wald_test_of_instruments
-from tests.statistics.worlds import autocorrelated_world, joint_rows
+from tests.statistics.worlds import joint_rows
 
 
 def white_joint(seed, n_rows=800, n_columns=4, factor=1.0, joint="joint", first=0):
@@ -73,14 +73,6 @@ def test_columns_that_one_joint_cannot_tell_apart_are_one_restriction():
     assert test.statistic == pytest.approx(narrow.statistic, rel=1e-6)
 
 
-def test_instruments_of_smoothed_measurements_are_not_tested_and_say_why():
-    tests = wald_test_of_instruments(
-        [white_joint(7)], np.ones(4), not_simulated="instruments are smoothed measurements"
-    )
-    assert [t.accepted for t in tests] == [None, None]
-    assert {t.reason for t in tests} == {"instruments are smoothed measurements"}
-
-
 def test_what_cannot_be_tested_is_a_value_with_a_reason():
     rows = white_joint(8)
     same = replace(rows, matrix=rows.instruments)
@@ -98,13 +90,3 @@ def test_a_joint_that_cannot_be_tested_does_not_keep_the_others_from_it():
     everything, good, short = wald_test_of_instruments(joints, np.ones(8))
     assert everything.accepted and good.accepted
     assert short.accepted is None
-
-
-def test_the_result_does_not_depend_on_the_order_of_columns_or_joints():
-    rows, estimate = autocorrelated_world(np.random.default_rng(12), [-0.8], [-0.8])
-    order = np.random.default_rng(13).permutation(len(estimate))
-    shuffled = with_columns(rows, order, rows.columns[order])
-    plain = wald_test_of_instruments([rows], estimate)
-    other = wald_test_of_instruments([shuffled], estimate)
-    for a, b in zip(plain, other, strict=True):
-        assert a.statistic == pytest.approx(b.statistic, rel=1e-6)

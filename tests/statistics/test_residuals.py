@@ -17,16 +17,6 @@ def joint_with(residual, runs=None, seed=0):
     return joint_rows("joint", z, z, z.sum(axis=1) + residual, np.arange(3), runs)
 
 
-def test_white_residual_is_white_and_gaussian():
-    rows = joint_with(np.random.default_rng(1).standard_normal(3000))
-    diagnosis = diagnose_residual(rows, np.ones(3))
-    assert diagnosis.white
-    assert diagnosis.normality.accepted
-    assert diagnosis.rms == pytest.approx(1.0, abs=0.05)
-    assert diagnosis.sigma_understatement == pytest.approx(1.0, abs=0.1)
-    assert np.mean(np.abs(diagnosis.acf[1:]) < diagnosis.acf_bound) > 0.8
-
-
 def test_autocorrelated_residual_is_autocorrelated_and_its_filter_whitens_it():
     residual = autoregressive(np.random.default_rng(2), [-1.5, 0.7], (4000,))
     diagnosis = diagnose_residual(joint_with(residual), np.ones(3))

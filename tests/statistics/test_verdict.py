@@ -66,14 +66,6 @@ def test_a_stiff_loop_does_not_make_a_large_residual_small(white):
     assert judge_joint(rejected(0.4), white, [], None).verdict == "misspecified"
 
 
-def test_the_joint_whose_deviation_is_largest_comes_first(white):
-    noise = noise_below(white, 0.5)
-    other = replace(judge_joint(rejected(0.1), white, [], noise), joint="joint_3")
-    speed = replace(judge_joint(VALID, white, [left(0.4)], noise), joint="joint_2")
-    sentence = judge_all([other, speed], rejected(0.2)).sentence
-    assert sentence.index("joint_2") < sentence.index("joint_3")
-
-
 def test_a_note_at_one_joint_does_not_hide_what_all_rows_reject(white):
     """The residual of a joint follows the speed a little; all rows together differ by far more."""
     noted = judge_joint(VALID, white, [left(0.4)], noise_below(white, 5.0))

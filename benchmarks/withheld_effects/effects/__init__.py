@@ -9,56 +9,49 @@ from benchmarks.withheld_effects.effects import (
 )
 from benchmarks.withheld_effects.effects.effect import Draw, Effect
 
-STRUCTURAL: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        friction.stribeck,
-        friction.nonlinear_viscous,
-        friction.asymmetric_friction,
-        friction.load_dependent_friction,
-        friction.position_dependent_friction,
-        friction.friction_drift,
-        friction.presliding,
-        transmission.backlash,
-        transmission.elasticity,
-        actuation.time_delay,
-        actuation.torque_saturation,
-        transmission.position_ripple,
-        transmission.spring,
-        transmission.encoder_eccentricity,
-        transmission.joint_coupling,
-        actuation.controller_mismatch,
-    )
-}
-PARAMETRIC: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        parametric.payload,
-        parametric.link_inertia,
-        parametric.gravity_direction,
-        parametric.torque_gain,
-        parametric.friction_level,
-        parametric.drive_inertia,
-    )
-}
-OUTSIDE: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        outside.contact_pulses,
-        outside.one_sided_stop,
-        outside.random_bursts,
-        outside.sensor_dropout,
-    )
-}
+
+def _named(*draws: Draw) -> dict[str, Draw]:
+    return {draw.__name__: draw for draw in draws}
+
+
+STRUCTURAL = _named(
+    friction.stribeck,
+    friction.nonlinear_viscous,
+    friction.asymmetric_friction,
+    friction.load_dependent_friction,
+    friction.position_dependent_friction,
+    friction.friction_drift,
+    friction.presliding,
+    transmission.backlash,
+    transmission.elasticity,
+    actuation.time_delay,
+    actuation.torque_saturation,
+    transmission.position_ripple,
+    transmission.spring,
+    transmission.encoder_eccentricity,
+    transmission.joint_coupling,
+    actuation.controller_mismatch,
+)
+PARAMETRIC = _named(
+    parametric.payload,
+    parametric.link_inertia,
+    parametric.gravity_direction,
+    parametric.torque_gain,
+    parametric.friction_level,
+    parametric.drive_inertia,
+)
+OUTSIDE = _named(
+    outside.contact_pulses,
+    outside.one_sided_stop,
+    outside.random_bursts,
+    outside.sensor_dropout,
+)
 # Other forms of effects above: their name is that of the effect.
-VARIANTS: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        friction.static_load_friction,
-        friction.friction_drift_anew,
-        actuation.common_delay,
-    )
-}
+VARIANTS = _named(
+    friction.static_load_friction,
+    friction.friction_drift_anew,
+    actuation.common_delay,
+)
 EFFECTS = {**STRUCTURAL, **VARIANTS, **PARAMETRIC, **OUTSIDE}
 
 __all__ = ["EFFECTS", "OUTSIDE", "PARAMETRIC", "STRUCTURAL", "VARIANTS", "Draw", "Effect"]

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.withheld_effects.drive import altered
-from benchmarks.withheld_effects.effects.effect import Effect
+from benchmarks.withheld_effects.effects.effect import Effect, on_drive
 from benchmarks.withheld_effects.robot import GivenRobot
 from benchmarks.withheld_effects.world import FloatArray, World, with_drive
 
 
 def time_delay(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     """Transport delay from the command to the torque; the catalogue linearises it."""
-
-    def apply(world: World, strength: float) -> World:
-        return with_drive(world, altered(world.drive, joint, delay=1e-3 * strength))
+    apply = on_drive(joint, lambda strength: {"delay": 1e-3 * strength})
 
     return Effect("time_delay", joint, apply, 2.3, 16.0)
 

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from benchmarks.withheld_effects.drive import altered
 from benchmarks.withheld_effects.robot import GivenRobot
-from benchmarks.withheld_effects.world import World
+from benchmarks.withheld_effects.world import World, with_drive
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,15 @@ class Effect:
         if self.joints:
             return self.joints[0]
         return 0 if self.joint is None else self.joint
+
+
+def on_drive(
+    joint: int, values: Callable[[float], dict[str, Any]]
+) -> Callable[[World, float], World]:
+    """An `apply` that gives the drive of one joint other values of `Drive`, by the strength."""
+    return lambda world, strength: with_drive(
+        world, altered(world.drive, joint, **values(strength))
+    )
 
 
 Draw = Callable[[np.random.Generator, GivenRobot, int], Effect]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.withheld_effects.drive import BRISTLES, altered
-from benchmarks.withheld_effects.effects.effect import Effect
+from benchmarks.withheld_effects.effects.effect import Effect, on_drive
 from benchmarks.withheld_effects.robot import GivenRobot
 from benchmarks.withheld_effects.world import World, with_drive
 
@@ -14,17 +14,14 @@ def stribeck(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     """Dry friction higher at low speed: exponent 0.6 to 1.6 instead of 2."""
     shape = {"exponent": rng.uniform(0.6, 1.6), "speed": rng.uniform(0.04, 0.2)}
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                breakaway=strength * given.dry[joint],
-                breakaway_speed=shape["speed"],
-                breakaway_exponent=shape["exponent"],
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "breakaway": strength * given.dry[joint],
+            "breakaway_speed": shape["speed"],
+            "breakaway_exponent": shape["exponent"],
+        },
+    )
 
     return Effect("stribeck", joint, apply, 0.3, 6.0, dict(shape))
 
@@ -35,17 +32,13 @@ def nonlinear_viscous(rng: np.random.Generator, given: GivenRobot, joint: int) -
     exponent = rng.uniform(0.35, 0.65) if concave else rng.uniform(1.6, 2.6)
     reference = 0.4 * given.fastest[joint]
 
-    def apply(world: World, strength: float) -> World:
-        torque = strength * given.viscous[joint] * reference
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                drag=torque / reference**exponent,
-                drag_exponent=exponent,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "drag": (strength * given.viscous[joint] * reference) / reference**exponent,
+            "drag_exponent": exponent,
+        },
+    )
 
     return Effect("nonlinear_viscous", joint, apply, 0.35, 20.0, {"exponent": exponent})
 
@@ -85,18 +78,15 @@ def load_dependent_friction(rng: np.random.Generator, given: GivenRobot, joint: 
     shape = {"exponent": rng.uniform(0.85, 1.35), "direction": rng.uniform(-0.25, 0.25)}
     scale = 0.15 * given.effort[joint]
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                load=strength * scale,
-                load_scale=scale,
-                load_exponent=shape["exponent"],
-                load_direction=shape["direction"],
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "load": strength * scale,
+            "load_scale": scale,
+            "load_exponent": shape["exponent"],
+            "load_direction": shape["direction"],
+        },
+    )
 
     return Effect("load_dependent_friction", joint, apply, 0.035, 0.9, dict(shape))
 
@@ -136,17 +126,10 @@ def position_dependent_friction(rng: np.random.Generator, given: GivenRobot, joi
     spot = centre + rng.uniform(-0.3, 0.3) * room
     width = rng.uniform(0.08, 0.25)
 
-    def tight(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                patch=[0.0, strength],
-                patch_at=[0.0, spot],
-                patch_width=width,
-            ),
-        )
+    tight = on_drive(
+        joint,
+        lambda strength: {"patch": [0.0, strength], "patch_at": [0.0, spot], "patch_width": width},
+    )
 
     return Effect(
         "position_dependent_friction", joint, tight, 0.3, 10.0, {"spot": spot, "width": width}
@@ -206,16 +189,13 @@ def presliding(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
     span[-1] = 1.0
     weight = rng.dirichlet(np.full(BRISTLES, 3.0))
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                bristle_travel=3e-3 * strength,
-                bristle_span=span,
-                bristle_weight=weight,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "bristle_travel": 3e-3 * strength,
+            "bristle_span": span,
+            "bristle_weight": weight,
+        },
+    )
 
     return Effect("presliding", joint, apply, 0.12, 7.0, {"longest_share": float(weight[-1])})

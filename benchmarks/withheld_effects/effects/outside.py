@@ -5,10 +5,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from benchmarks.withheld_effects.drive import altered
-from benchmarks.withheld_effects.effects.effect import Effect
+from benchmarks.withheld_effects.effects.effect import Effect, on_drive
 from benchmarks.withheld_effects.robot import GivenRobot, rigid_body_model
-from benchmarks.withheld_effects.world import FloatArray, World, with_drive
+from benchmarks.withheld_effects.world import FloatArray, World
 
 
 def contact_pulses(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
@@ -58,17 +57,14 @@ def one_sided_stop(rng: np.random.Generator, given: GivenRobot, joint: int) -> E
     side, inside = rng.choice([-1.0, 1.0]), rng.uniform(0.1, 0.25)
     at = given.centre[joint] + side * inside * (given.upper - given.lower)[joint] * 0.4
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                stop=strength * 0.5 * given.effort[joint],
-                stop_at=at,
-                stop_side=side,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "stop": strength * 0.5 * given.effort[joint],
+            "stop_at": at,
+            "stop_side": side,
+        },
+    )
 
     return Effect("one_sided_stop", joint, apply, 0.05, 200.0, {"at": at, "side": side})
 

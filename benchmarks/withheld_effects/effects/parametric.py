@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.withheld_effects.drive import altered
-from benchmarks.withheld_effects.effects.effect import Effect
+from benchmarks.withheld_effects.effects.effect import Effect, on_drive
 from benchmarks.withheld_effects.robot import GivenRobot, Inertials, with_body
 from benchmarks.withheld_effects.world import World, with_drive
 
@@ -62,8 +62,7 @@ def torque_gain(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effe
     """The torque constant is off: what is recorded is not what acts."""
     side = rng.choice([-1.0, 1.0])
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(world, altered(world.drive, joint, gain=np.exp(0.05 * side * strength)))
+    apply = on_drive(joint, lambda strength: {"gain": np.exp(0.05 * side * strength)})
 
     return Effect("torque_gain", joint, apply, 0.2, 12.0, {"side": side}, measure="given")
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.withheld_effects.drive import altered
-from benchmarks.withheld_effects.effects.effect import Effect
+from benchmarks.withheld_effects.effects.effect import Effect, on_drive
 from benchmarks.withheld_effects.robot import GivenRobot
 from benchmarks.withheld_effects.world import World, with_drive
 
@@ -20,16 +20,12 @@ def elasticity(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
 
     def apply(world: World, strength: float) -> World:
         stiffness = inertia * (2.0 * np.pi * 20.0) ** 2 / strength
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                stiffness=stiffness,
-                hardening=hardening,
-                damping=2.0 * damping * np.sqrt(stiffness * inertia),
-            ),
-        )
+        values = {
+            "stiffness": stiffness,
+            "hardening": hardening,
+            "damping": 2.0 * damping * np.sqrt(stiffness * inertia),
+        }
+        return with_drive(world, altered(world.drive, joint, **values))
 
     return Effect("elasticity", joint, apply, 0.3, 12.0, {"hardening": hardening})
 
@@ -39,17 +35,14 @@ def backlash(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     damping = rng.uniform(0.2, 0.5)
     stiffness = LINK_INERTIA * given.armature[joint] * (2.0 * np.pi * rng.uniform(150, 220)) ** 2
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                stiffness=stiffness,
-                damping=2.0 * damping * np.sqrt(stiffness * LINK_INERTIA * given.armature[joint]),
-                gap=4e-3 * strength,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "stiffness": stiffness,
+            "damping": 2.0 * damping * np.sqrt(stiffness * LINK_INERTIA * given.armature[joint]),
+            "gap": 4e-3 * strength,
+        },
+    )
 
     return Effect("backlash", joint, apply, 0.5, 5.0, {"stiffness": stiffness})
 
@@ -91,17 +84,14 @@ def spring(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
     bend = rng.uniform(0.35, 0.7) * rng.choice([1.0, 1.0, -0.4])
     at = given.centre[joint] + rng.uniform(-0.3, 0.3)
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                spring=strength * 0.1 * given.effort[joint],
-                spring_at=at,
-                spring_bend=bend,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "spring": strength * 0.1 * given.effort[joint],
+            "spring_at": at,
+            "spring_bend": bend,
+        },
+    )
 
     return Effect("spring", joint, apply, 0.05, 40.0, {"bend": bend, "at": at})
 
@@ -112,18 +102,14 @@ def position_ripple(rng: np.random.Generator, given: GivenRobot, joint: int) -> 
     waves = np.array([wave, wave * rng.uniform(1.35, 1.9)])
     share, phase = rng.uniform(0.1, 0.35), rng.uniform(0.0, 2.0 * np.pi, 2)
 
-    def apply(world: World, strength: float) -> World:
-        size = strength * 0.01 * given.effort[joint]
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                ripple=size * np.array([1.0, share]),
-                ripple_wave=waves,
-                ripple_phase=phase,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "ripple": (strength * 0.01 * given.effort[joint]) * np.array([1.0, share]),
+            "ripple_wave": waves,
+            "ripple_phase": phase,
+        },
+    )
 
     return Effect(
         "position_ripple", joint, apply, 0.2, 40.0, {"wave": wave, "second": float(waves[1])}
@@ -134,15 +120,12 @@ def encoder_eccentricity(rng: np.random.Generator, given: GivenRobot, joint: int
     """On what the encoder tells, controller included; with a part twice a turn."""
     phase, second = rng.uniform(0.0, 2.0 * np.pi, 2), rng.uniform(0.2, 0.5)
 
-    def apply(world: World, strength: float) -> World:
-        return with_drive(
-            world,
-            altered(
-                world.drive,
-                joint,
-                eccentricity=2e-3 * strength * np.array([1.0, second]),
-                eccentricity_phase=phase,
-            ),
-        )
+    apply = on_drive(
+        joint,
+        lambda strength: {
+            "eccentricity": 2e-3 * strength * np.array([1.0, second]),
+            "eccentricity_phase": phase,
+        },
+    )
 
     return Effect("encoder_eccentricity", joint, apply, 8.0, 10.0, {"second": second})
