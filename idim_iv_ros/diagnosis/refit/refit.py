@@ -1,6 +1,6 @@
 """The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +145,6 @@ def refitted(
     recordings: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str],
-    with_nominal: Callable[[Baseline], Baseline] | None = None,
 ) -> Refit:
     """Refit the nominal model and align the effort.
 
@@ -154,8 +153,6 @@ def refitted(
     without
         Effects that are left out of the catalogue: gravity is looked for where the configuration
         has none, unless its direction is among them.
-    with_nominal
-        Puts another nominal model in the place of the URDF's; gravity is then not looked for.
 
     Raises
     ------
@@ -163,9 +160,6 @@ def refitted(
         As `identify`.
     """
     data = baseline(recordings, configuration)
-    if with_nominal is not None:
-        data = with_nominal(data)
-        return _aligned_throughout(data, smooth_regression(data), without)
     regression = smooth_regression(data)
     may_lack = name_of("gravity") not in without
     gravity = missing_gravity(data, regression) if may_lack else None
