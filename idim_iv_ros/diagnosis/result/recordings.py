@@ -6,7 +6,6 @@ from typing import Literal
 from idim_iv_ros.diagnosis.result.causes import Attribution, Evidence, Indistinguishable
 from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 
@@ -66,8 +65,6 @@ class Transmission:
         rad, with both channels at the same instants, less constants and position.
     resolution : float
         Step of the coarser encoder, rad; zero where none shows.
-    tests : tuple of HypothesisTest
-        Whether one stiffness holds throughout.
     unit : str
         Of the twist.
     reason : str
@@ -88,7 +85,6 @@ class Transmission:
     twist_rms: Number = 0.0
     resolution: Number = 0.0
     rows: int = 0
-    tests: tuple[HypothesisTest, ...] = ()
     unit: str = "rad"
     reason: str = ""
 
