@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.comparison.named_columns import (
 from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import (
     TIMES,
@@ -150,7 +151,7 @@ def law_change(rows: CommandRows) -> LawChange:
         table = np.column_stack([rows.constants, *more])
         table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
         rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
-        if np.sqrt(np.mean(rest**2)) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
+        if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():
                 rows = rows.only(calm)
@@ -255,7 +256,7 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
         if set(changes) == {CONTROL_LAW.whole}:
             gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
         rest = change.beyond(rows)
-        sizes = float(np.sqrt(np.mean(rest**2))), rows.size
+        sizes = rms(rest), rows.size
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
@@ -332,7 +333,7 @@ def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Caus
     assert delay.std is not None
     changes = [change for _, change in shown.joints.values()]
     one, two = (
-        float(np.linalg.norm([_rms(rest) for rest in left]))
+        float(np.linalg.norm([rms(rest) for rest in left]))
         for left in (
             [change.left((), usual) for change in changes],
             [change.left() for change in changes],
@@ -363,7 +364,7 @@ def _cause(
         before = change.left((), longest)
     if not changes:
         return changes, None
-    one, two = _rms(before), _rms(after)
+    one, two = rms(before), rms(after)
     if two >= one:
         return {}, None  # likelier in the noise of the rows, and further from the commands
     cause = Cause(
@@ -376,7 +377,3 @@ def _cause(
         torque_gap=Gap.without_floor(one, two),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -180,6 +180,11 @@ def _log_likelihood(
     return float(-0.5 * len(residual) * np.log(variance)) - noise.order
 
 
+def rms(values: FloatArray) -> float:
+    """Root of the mean square of values (r,); zero of none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
 def width_of(columns: Columns) -> int:
     """How many columns a block has."""
     return int(next(iter(columns.values())).shape[1])

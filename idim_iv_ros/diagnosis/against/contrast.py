@@ -27,7 +27,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.likelihood import Columns
+from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
 from idim_iv_ros.diagnosis.sentences import capitalised, spaced, torque
@@ -263,12 +263,12 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     noise = float(np.sqrt(max(1.0, rates[0] / rates[1])))  # fewer samples in a row: more noise
     made, of_reference = [], []
     for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
-        first, second, least = (_rms(rest[joint][inside]) for rest in (before, after, alone))
+        first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
         least = min(least, second)
         share = float(np.sqrt(max(first**2 - least**2, 0.0)) / sets.sizes[joint])
         unexplained = float(np.sqrt(second**2 - least**2))
         made.append(JointContrast(name, first, second, least, share, unexplained))
-        of_reference.append(noise * _rms(after[joint][~inside]))
+        of_reference.append(noise * rms(after[joint][~inside]))
     return made, of_reference
 
 
@@ -302,7 +302,3 @@ def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]
         joint: sign * (rows @ term.coefficients) * sets.inside[joint]
         for joint, rows in columns.items()
     }
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -75,6 +75,11 @@ class Candidate:
             return self.effect.name, None, None, self.scope
         return self.effect.name, self.place.joint, self.place.other, self.scope
 
+    def estimates(self, values: FloatArray, deviations: FloatArray) -> list[Estimated]:
+        """Changes of a number with their values and deviations (w,)."""
+        rows = zip(self.changes, values.tolist(), deviations.tolist(), strict=True)
+        return [Estimated(*row) for row in rows]
+
     @property
     def options(self) -> int:
         """How many shapes there are."""
@@ -244,12 +249,7 @@ class Catalogue:
         effect, place = candidate.effect, candidate.place
         if isinstance(effect, ParametricEffect):
             joint = None if place is None else place.joint
-            estimates = [
-                Estimated(change, float(value), float(std))
-                for change, value, std in zip(
-                    candidate.changes, coefficients, deviations, strict=True
-                )
-            ]
+            estimates = candidate.estimates(coefficients, deviations)
             fits = effect.admissible(self.space, joint, estimates)
             return "" if fits else "its numbers are those of no arm"
         assert place is not None and shape is not None

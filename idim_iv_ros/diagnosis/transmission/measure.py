@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -296,7 +296,7 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         damping, play = values.get("damping"), values.get("gap", 0.0)
         elastic = _without_twist(data, regression, joint, stiffness.value, damping, play)
         after = elastic.fit(before.noise_models, steps=0)
-    one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
+    one, two = (rms(fit.residuals[joint]) for fit in (before, after))
     return Cause(
         effect=name_of(part),
         kind="structural",

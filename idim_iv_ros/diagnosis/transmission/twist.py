@@ -30,7 +30,7 @@ from idim_iv_ros.diagnosis.comparison.named_columns import (
     supported,
 )
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
 from idim_iv_ros.diagnosis.result import Evidence
 from idim_iv_ros.estimation.observation import segments_of
@@ -318,7 +318,7 @@ def _chosen(
     twist = rows.twist(offset)
     means = np.linalg.lstsq(rows.constants, twist)[0]
     size = float(np.std(twist - rows.constants @ means)) or 1e-300
-    late = FREE * size / max(float(np.sqrt(np.mean(rows.speed**2))), 1e-300)
+    late = FREE * size / max(rms(rows.speed), 1e-300)
     ledger = ledger_of_rows(
         twist, size, rows.speed[:, None], np.array([late]), rows.constants, rows.segments
     )
