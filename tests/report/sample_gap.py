@@ -38,7 +38,6 @@ _AXES = {
     "load": ("N m", (0.0, 5.0, 15.0, np.inf)),
     "time": ("s", (0.0, 20.0, 40.0, 60.0)),
     "reversal": ("rad", (0.0, 0.002, 0.02, np.inf)),
-    "frequency": ("Hz", (0.0, 1.0, 5.0, 20.0)),
 }
 
 
@@ -284,7 +283,6 @@ def _regimes(everything: tuple[GapSeries, ...]) -> tuple[Regime, ...]:
             "load": np.abs(series.load),
             "time": series.time,
             "reversal": series.since_reversal,
-            "frequency": np.random.default_rng(k).uniform(0.0, 20.0, len(energy)),
         }
         for axis, (unit, edges) in _AXES.items():
             scale = 1.0 + 0.2 * k if axis == "position" else 1.0

@@ -56,8 +56,8 @@ class Regime:
     Attributes
     ----------
     axis : str
-        ``speed``, ``direction``, ``position``, ``load``, ``time``, ``reversal`` (distance since
-        the last one) or ``frequency``.
+        ``speed``, ``direction``, ``position``, ``load``, ``time`` or ``reversal`` (distance since
+        the last one).
     low, high : float
         Of the axis, in `unit`; infinite where the end is open.
     unit : str
