@@ -241,9 +241,9 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     columns = unit_gravity_rows(data, np.eye(3))
     plain = regression.fit()
     heavy = regression.with_columns(dict(enumerate(columns))).fit()
-    wald = float(
-        heavy.coefficients @ np.linalg.solve(heavy.coefficient_covariance, heavy.coefficients)
-    )
+    # A direction that no joint feels has no variance: a planar arm's, out of its plane.
+    weight = np.linalg.pinv(heavy.coefficient_covariance, hermitian=True)
+    wald = float(heavy.coefficients @ weight @ heavy.coefficients)
     rows = sum(len(joint.torque) for joint in regression.joints)
     share = max(
         1.0 - float(after @ after) / max(float(before @ before), 1e-300)
