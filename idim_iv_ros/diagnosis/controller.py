@@ -40,12 +40,6 @@ from idim_iv_ros.types import FloatArray
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
 
-def _noisy(rows: CommandRows) -> CommandRows:
-    """Add the noise that rows have at least, or nothing else than an exact law would be likely."""
-    least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
-    return replace(rows, rest=rows.rest + least)
-
-
 def _ledger(rows: CommandRows, lag: float | None = None) -> Ledger:
     """Rows of the comparison: its numbers are the errors, and then the constants.
 
@@ -301,7 +295,8 @@ def shown_law(data: Baseline) -> ShownLaw:
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
-            rows = _noisy(rows)
+            least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
+            rows = replace(rows, rest=rows.rest + least)
             joints[joint] = rows, law_change(rows)
     interval = 1.0 / min(motion.signals.rate for motion in motions)
     return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)

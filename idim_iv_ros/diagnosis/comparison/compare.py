@@ -359,8 +359,8 @@ class _Ranking:
         unit = vectors @ (left * z / np.sqrt(values))
         coefficients = basis @ unit
         candidate = options.candidates[options.candidate[k]]
-        shape = int(options.shape[k])
-        if not comparison.catalogue.allowed(candidate, shape, coefficients, deviations):
+        shape = candidate.shapes[options.shape[k]] if candidate.shapes else None
+        if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
             return None
         return unit, coefficients, deviations
 

@@ -65,15 +65,12 @@ class MissingGravity:
             effect=name_of("gravity"),
             kind="parametric",
             joint=None,
-            other_joint=None,
             parameters={
                 f"gravity_{axis}": EffectParameter(float(value), float(std), "m/s²")
                 for axis, value, std in zip("xyz", self.acceleration, self.deviation, strict=True)
             },
             evidence=Evidence(self.statistic),
-            indistinguishable_from=(),
-            torque_gap=Gap(before, after, None, 1.0 - after / before, None),
-            simulation_gap=None,
+            torque_gap=Gap.without_floor(before, after),
             sentence=(
                 f"the nominal model has no gravity, but the recordings show it: ({shown}) m/s² "
                 "with the masses of the nominal model. Everything else was diagnosed with gravity "

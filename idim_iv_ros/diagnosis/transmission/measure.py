@@ -301,7 +301,7 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         effect=name_of(part),
         kind="structural",
         joint=result.joint,
-        sentence=sentences.play(result) if part == "play" else sentences.shaft(result),
+        sentence=sentences.measured_gear(result, name_of(part)),
         parameters=parameters,
         evidence=fit.evidence(SIDE if part == "play" else LOAD),
         torque_gap=Gap.without_floor(one, two),
