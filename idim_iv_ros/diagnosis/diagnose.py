@@ -152,7 +152,7 @@ def concluded(
         *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),
         *numbers,
         *law.causes,
-        *refit.gravity_causes(explanation.tested),
+        *(() if refit.gravity is None else (refit.gravity.cause(stages[0]),)),
         *(refit.delays or law.delay),
     ]
     transmissions = measured_transmissions(data, regression)
@@ -231,9 +231,9 @@ def concluded(
     base, values = prepared.model.base, explanation.fit.values
     deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0))
     leads = () if refit.softened is None else zip(data.joints, refit.softened.leads, strict=True)
-    if refit.weightless is not None:
+    if refit.gravity is not None:
         with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
-        stages = (refit.weightless, with_gravity, *stages[1:])
+        stages = (refit.gravity.weightless, with_gravity, *stages[1:])
     return GapResult(
         robot=prepared.model.robot.name,
         joints=data.joints,

@@ -25,7 +25,6 @@ def sample_everything(folder: Path) -> GapResult:
         lost_motion=None,
         time_offset=EffectParameter(4.1e-4, 2e-5, "s"),
         position_error=True,
-        explained=0.83,
     )
     return replace(
         result,

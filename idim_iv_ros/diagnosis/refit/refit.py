@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     refit_of,
     smooth_regression,
 )
-from idim_iv_ros.diagnosis.refit.held_out import HeldOut, energies, row_blocks, stage_of
+from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
@@ -42,11 +42,14 @@ class MissingGravity:
     statistic : float
         Wald, with the noise of the model that has gravity: without it a joint's residual is so
         smooth that its noise model takes it for noise, and the likelihood hardly separates them.
+    weightless : Stage
+        The nominal model without it.
     """
 
     acceleration: FloatArray
     deviation: FloatArray
     statistic: float
+    weightless: Stage
 
     def corrected(self, configuration: Configuration) -> Configuration:
         """Return the configuration with gravity of the usual size in this direction."""
@@ -54,11 +57,11 @@ class MissingGravity:
         robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
         return configuration.model_copy(update={"robot": robot})
 
-    def cause(self, without: Stage, with_gravity: Stage) -> Cause:
-        """Build the cause from the nominal models without and with gravity."""
+    def cause(self, with_gravity: Stage) -> Cause:
+        """Build the cause from the nominal model with gravity."""
         before, after = (
             float(np.linalg.norm(list(stage.torque_rms.values())))
-            for stage in (without, with_gravity)
+            for stage in (self.weightless, with_gravity)
         )
         shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
         return Cause(
@@ -94,8 +97,6 @@ class Refit:
         Of a simulator's solver, in the place of dry friction that sticks.
     gravity : MissingGravity or None
         Which the nominal model lacks; `data` has it.
-    weightless : Stage or None
-        The nominal model without it.
     delays : tuple of Cause
         A shift that is longer than the control makes it.
     """
@@ -105,7 +106,6 @@ class Refit:
     shift: EffortShift
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
-    weightless: Stage | None = None
     delays: tuple[Cause, ...] = ()
 
     @property
@@ -130,12 +130,6 @@ class Refit:
             )
             for name, joint in self.hidden
         )
-
-    def gravity_causes(self, tested: HeldOut) -> list[Cause]:
-        """Missing gravity as a cause, if it is one; `tested`: the models with gravity."""
-        if self.gravity is None or self.weightless is None:
-            return []
-        return [self.gravity.cause(self.weightless, tested.stages()[0])]
 
 
 def refitted(
@@ -162,11 +156,8 @@ def refitted(
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
         return _aligned_throughout(data, regression, without)
-    parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
-    weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
     data = baseline(recordings, gravity.corrected(configuration))
-    refit = _aligned_throughout(data, smooth_regression(data), without)
-    return replace(refit, gravity=gravity, weightless=weightless)
+    return replace(_aligned_throughout(data, smooth_regression(data), without), gravity=gravity)
 
 
 def _aligned_throughout(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
@@ -251,10 +242,12 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     low, high = _LIKELY_GRAVITY
     if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
         return None
+    parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
     return MissingGravity(
         acceleration=heavy.coefficients,
         deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
         statistic=wald,
+        weightless=stage_of("given", data.joints, [energies(*part) for part in parts]),
     )
 
 

@@ -58,11 +58,8 @@ class Transmission:
         Time by which the link's channel is late, s. No elasticity.
     position_error : bool
         Whether the twist also follows the position: an error of one of the encoders.
-    explained, elastic_share : float
-        Shares of the twist's variance, position aside, that are explained, and that follow the load
-        in proportion, 0 to 1.
-    twist_rms : float
-        rad, with both channels at the same instants, less constants and position.
+    elastic_share : float
+        Share of the twist's variance, position aside, that follows the load in proportion, 0 to 1.
     resolution : float
         Step of the coarser encoder, rad; zero where none shows.
     unit : str
@@ -80,9 +77,7 @@ class Transmission:
     lost_motion: EffectParameter | None = None
     time_offset: EffectParameter | None = None
     position_error: bool = False
-    explained: Number = 0.0
     elastic_share: Number = 0.0
-    twist_rms: Number = 0.0
     resolution: Number = 0.0
     rows: int = 0
     unit: str = "rad"
