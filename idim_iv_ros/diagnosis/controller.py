@@ -11,14 +11,12 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.named_columns import (
     NamedColumns,
     ledger_of_rows,
     supported,
 )
-from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import rms
@@ -38,20 +36,6 @@ from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
 
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
-
-
-def _ledger(rows: CommandRows, lag: float | None = None) -> Ledger:
-    """Rows of the comparison: its numbers are the errors, and then the constants.
-
-    Parameters
-    ----------
-    lag
-        Of the effort, s; None: any. With a lag, all else is on time.
-    """
-    rest, likely = rows.rest, rows.likely.copy()
-    if lag is not None:
-        rest, likely[:TIMES] = rest - lag * rows.errors[:, 0], 0.0
-    return ledger_of_rows(rest, rows.size, rows.errors, likely, rows.constants, rows.runs)
 
 
 @dataclass(frozen=True)
@@ -106,20 +90,14 @@ class LawChange:
         """Twice the evidence of the terms."""
         return 2.0 * sum(term.evidence for term in self.terms)
 
-    def left(self, terms: Sequence[Term] = (), lag: float | None = None) -> FloatArray:
-        """(r,) what some terms and errors of the recording leave, N m (N).
+    def left(self, terms: Sequence[Term] = ()) -> FloatArray:
+        """(r,) what some terms and errors of the recording leave, N m (N)."""
+        return ModelWithTerms(self.comparison.nominal, tuple(terms)).residuals(white=False)[0]
 
-        Parameters
-        ----------
-        lag
-            That the effort has, s; None: any.
-        """
-        nominal = self.comparison.nominal
-        if lag is not None:
-            options = Options(_ledger(self.rows, lag), self.comparison.catalogue.candidates)
-            white = whitened(options, nominal.white.noise)
-            nominal = NominalErrors(options, white, nominal.torques, nominal.errors)
-        return ModelWithTerms(nominal, tuple(terms)).residuals(white=False)[0]
+    def left_of_lag(self, lag: float) -> FloatArray:
+        """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
+        rest, constants = self.rows.rest - lag * self.rows.errors[:, 0], self.rows.constants
+        return np.asarray(rest - constants @ np.linalg.lstsq(constants, rest)[0])
 
     def beyond(self, rows: CommandRows) -> FloatArray:
         """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
@@ -150,7 +128,11 @@ def law_change(rows: CommandRows) -> LawChange:
             if not calm.all():
                 rows = rows.only(calm)
                 break
-    selection = select(NamedColumns(rows.groups, rows.second), _ledger(rows))
+    # The numbers of the comparison are the errors of the recording, and then the constants.
+    ledger = ledger_of_rows(
+        rows.rest, rows.size, rows.errors, rows.likely, rows.constants, rows.runs
+    )
+    selection = select(NamedColumns(rows.groups, rows.second), ledger)
     terms = supported(selection.comparison, selection.terms, settings.LAW_LEAST_SUPPORT)
     large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
     return LawChange(rows, selection.comparison, together(selection.comparison, large))
@@ -330,7 +312,7 @@ def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Caus
     one, two = (
         float(np.linalg.norm([rms(rest) for rest in left]))
         for left in (
-            [change.left((), usual) for change in changes],
+            [change.left_of_lag(usual) for change in changes],
             [change.left() for change in changes],
         )
     )
@@ -356,7 +338,7 @@ def _cause(
     if lag - settings.CLEAR_DEVIATIONS * std > longest:
         changes[CONTROL_LAW.lag] = lag, std
         statistic += ((lag - longest) / std) ** 2
-        before = change.left((), longest)
+        before = change.left_of_lag(longest)
     if not changes:
         return changes, None
     one, two = rms(before), rms(after)
