@@ -6,6 +6,7 @@ errors of the recording with their likely sizes, its candidates the groups of th
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -55,19 +56,15 @@ class LawChange:
     comparison: Comparison
     terms: tuple[Term, ...]
 
-    @property
-    def errors(self) -> FloatArray:
-        """(e,) of the recording."""
-        return ModelWithTerms(self.comparison.nominal, self.terms).errors[:TIMES]
+    @cached_property
+    def model(self) -> ModelWithTerms:
+        """The law with these terms and errors of the recording."""
+        return ModelWithTerms(self.comparison.nominal, self.terms)
 
     @property
     def lag(self) -> tuple[float, float]:
         """(value, std) of the lag of the effort, s, that all errors of time together make."""
-        nominal, model = (
-            self.comparison.nominal,
-            ModelWithTerms(self.comparison.nominal, self.terms),
-        )
-        rate = self.rows.errors[:, 0]
+        nominal, model, rate = self.comparison.nominal, self.model, self.rows.errors[:, 0]
         part = np.zeros(len(nominal.root))
         part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
         spread = float(np.sum((part @ nominal.root) ** 2))
@@ -90,9 +87,10 @@ class LawChange:
         """Twice the evidence of the terms."""
         return 2.0 * sum(term.evidence for term in self.terms)
 
-    def left(self, terms: Sequence[Term] = ()) -> FloatArray:
-        """(r,) what some terms and errors of the recording leave, N m (N)."""
-        return ModelWithTerms(self.comparison.nominal, tuple(terms)).residuals(white=False)[0]
+    @property
+    def before(self) -> FloatArray:
+        """(r,) what the errors of the recording alone leave, N m (N)."""
+        return ModelWithTerms(self.comparison.nominal, ()).residuals(white=False)[0]
 
     def left_of_lag(self, lag: float) -> FloatArray:
         """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
@@ -107,7 +105,7 @@ class LawChange:
         rows
             All of the joint, those beside events too.
         """
-        rest = rows.rest - rows.errors @ self.errors
+        rest = rows.rest - rows.errors @ self.model.errors[:TIMES]
         for name, (value, _) in self.changes.items():
             rest = rest - value * rows.groups[name]
         for number in np.unique(rows.recording):
@@ -313,7 +311,7 @@ def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Caus
         float(np.linalg.norm([rms(rest) for rest in left]))
         for left in (
             [change.left_of_lag(usual) for change in changes],
-            [change.left() for change in changes],
+            [change.before for change in changes],
         )
     )
     return Cause(
@@ -332,7 +330,7 @@ def _cause(
 ) -> tuple[dict[str, tuple[float, float]], Cause | None]:
     """What differs from the law at one joint, (value, std) by group, and the cause if it does."""
     changes, statistic = change.changes, change.statistic
-    before, after = change.left(), change.left(change.terms)
+    before, after = change.before, change.model.residuals(white=False)[0]
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
     if lag - settings.CLEAR_DEVIATIONS * std > longest:
