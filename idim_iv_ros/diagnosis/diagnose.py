@@ -110,7 +110,8 @@ def diagnose(
             # Of the configuration with gravity, where it was missing and found.
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
-            contrast = contrasted(recordings, others, same, excluded)
+            apart = [recording.bag for recording in result.recordings if not recording.agrees]
+            contrast = contrasted(recordings, others, same, excluded, apart)
             by_itself = f"The reference ({', '.join(result.bags)}) by itself: {result.summary}"
             summary = f"{contrast.sentence} {by_itself}"
             result = replace(result, contrast=contrast, summary=summary)

@@ -17,7 +17,6 @@ from idim_iv_ros.diagnosis.against.causes import (
 )
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
-    agreement,
     changes_between,
     number_changes,
     quarters,
@@ -41,13 +40,15 @@ def contrasted(
     against: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str] = (),
+    disagreeing: Sequence[str] = (),
 ) -> ContrastResult:
     """Say what changed from the reference recordings to the others.
 
     Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel. What one set has is looked for in its recordings alone.
 
-    `without`: effects that are left out of the catalogue.
+    `without`: effects that are left out of the catalogue; `disagreeing`: recordings of the
+    reference that differ from its others, as its diagnosis says.
 
     Raises
     ------
@@ -60,9 +61,6 @@ def contrasted(
         numbers += [frozenset({number}) for number in sorted(sets.second)]
     scopes = [sets.first, sets.second]
     changes = changes_between(sets.data, sets.regression, scopes, numbers, without)
-    first = sets.refits[0]
-    among_reference = agreement(first.data, first.regression, (), without)
-    disagreeing = [recording.bag for recording in among_reference if not recording.agrees]
     return contrast_of(sets, changes, disagreeing, without)
 
 
