@@ -59,14 +59,6 @@ def diagnose_command(
             metavar="BAG...",
         ),
     ] = None,
-    nominal: Annotated[
-        Path | None,
-        typer.Option(
-            help="A result.json or gap.json of this robot whose base parameters take the place of "
-            "the URDF's.",
-            metavar="FILE.json",
-        ),
-    ] = None,
     picture: shared.Picture = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -100,7 +92,6 @@ def diagnose_command(
             configuration,
             without=names,
             against=against or (),
-            nominal=nominal,
             progress=progress,
         ),
         GAP,

@@ -6,21 +6,21 @@ errors of the recording with their likely sizes, its candidates the groups of th
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.named_columns import (
     NamedColumns,
     ledger_of_rows,
     supported,
 )
-from idim_iv_ros.diagnosis.comparison.options import Options, whitened
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import (
     TIMES,
@@ -37,26 +37,6 @@ from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
 
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
-
-
-def _noisy(rows: CommandRows) -> CommandRows:
-    """Add the noise that rows have at least, or nothing else than an exact law would be likely."""
-    least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
-    return replace(rows, rest=rows.rest + least)
-
-
-def _ledger(rows: CommandRows, lag: float | None = None) -> Ledger:
-    """Rows of the comparison: its numbers are the errors, and then the constants.
-
-    Parameters
-    ----------
-    lag
-        Of the effort, s; None: any. With a lag, all else is on time.
-    """
-    rest, likely = rows.rest, rows.likely.copy()
-    if lag is not None:
-        rest, likely[:TIMES] = rest - lag * rows.errors[:, 0], 0.0
-    return ledger_of_rows(rest, rows.size, rows.errors, likely, rows.constants, rows.runs)
 
 
 @dataclass(frozen=True)
@@ -76,19 +56,15 @@ class LawChange:
     comparison: Comparison
     terms: tuple[Term, ...]
 
-    @property
-    def errors(self) -> FloatArray:
-        """(e,) of the recording."""
-        return ModelWithTerms(self.comparison.nominal, self.terms).errors[:TIMES]
+    @cached_property
+    def model(self) -> ModelWithTerms:
+        """The law with these terms and errors of the recording."""
+        return ModelWithTerms(self.comparison.nominal, self.terms)
 
     @property
     def lag(self) -> tuple[float, float]:
         """(value, std) of the lag of the effort, s, that all errors of time together make."""
-        nominal, model = (
-            self.comparison.nominal,
-            ModelWithTerms(self.comparison.nominal, self.terms),
-        )
-        rate = self.rows.errors[:, 0]
+        nominal, model, rate = self.comparison.nominal, self.model, self.rows.errors[:, 0]
         part = np.zeros(len(nominal.root))
         part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
         spread = float(np.sum((part @ nominal.root) ** 2))
@@ -111,20 +87,15 @@ class LawChange:
         """Twice the evidence of the terms."""
         return 2.0 * sum(term.evidence for term in self.terms)
 
-    def left(self, terms: Sequence[Term] = (), lag: float | None = None) -> FloatArray:
-        """(r,) what some terms and errors of the recording leave, N m (N).
+    @property
+    def before(self) -> FloatArray:
+        """(r,) what the errors of the recording alone leave, N m (N)."""
+        return ModelWithTerms(self.comparison.nominal, ()).residuals(white=False)[0]
 
-        Parameters
-        ----------
-        lag
-            That the effort has, s; None: any.
-        """
-        nominal = self.comparison.nominal
-        if lag is not None:
-            options = Options(_ledger(self.rows, lag), self.comparison.catalogue.candidates)
-            white = whitened(options, nominal.white.noise)
-            nominal = NominalErrors(options, white, nominal.torques, nominal.errors)
-        return ModelWithTerms(nominal, tuple(terms)).residuals(white=False)[0]
+    def left_of_lag(self, lag: float) -> FloatArray:
+        """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
+        rest, constants = self.rows.rest - lag * self.rows.errors[:, 0], self.rows.constants
+        return np.asarray(rest - constants @ np.linalg.lstsq(constants, rest)[0])
 
     def beyond(self, rows: CommandRows) -> FloatArray:
         """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
@@ -134,7 +105,7 @@ class LawChange:
         rows
             All of the joint, those beside events too.
         """
-        rest = rows.rest - rows.errors @ self.errors
+        rest = rows.rest - rows.errors @ self.model.errors[:TIMES]
         for name, (value, _) in self.changes.items():
             rest = rest - value * rows.groups[name]
         for number in np.unique(rows.recording):
@@ -150,12 +121,16 @@ def law_change(rows: CommandRows) -> LawChange:
         table = np.column_stack([rows.constants, *more])
         table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
         rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
-        if np.sqrt(np.mean(rest**2)) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
+        if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():
                 rows = rows.only(calm)
                 break
-    selection = select(NamedColumns(rows.groups, rows.second), _ledger(rows))
+    # The numbers of the comparison are the errors of the recording, and then the constants.
+    ledger = ledger_of_rows(
+        rows.rest, rows.size, rows.errors, rows.likely, rows.constants, rows.runs
+    )
+    selection = select(NamedColumns(rows.groups, rows.second), ledger)
     terms = supported(selection.comparison, selection.terms, settings.LAW_LEAST_SUPPORT)
     large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
     return LawChange(rows, selection.comparison, together(selection.comparison, large))
@@ -255,7 +230,7 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
         if set(changes) == {CONTROL_LAW.whole}:
             gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
         rest = change.beyond(rows)
-        sizes = float(np.sqrt(np.mean(rest**2))), rows.size
+        sizes = rms(rest), rows.size
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
@@ -300,7 +275,8 @@ def shown_law(data: Baseline) -> ShownLaw:
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
-            rows = _noisy(rows)
+            least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
+            rows = replace(rows, rest=rows.rest + least)
             joints[joint] = rows, law_change(rows)
     interval = 1.0 / min(motion.signals.rate for motion in motions)
     return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)
@@ -332,10 +308,10 @@ def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Caus
     assert delay.std is not None
     changes = [change for _, change in shown.joints.values()]
     one, two = (
-        float(np.linalg.norm([_rms(rest) for rest in left]))
+        float(np.linalg.norm([rms(rest) for rest in left]))
         for left in (
-            [change.left((), usual) for change in changes],
-            [change.left() for change in changes],
+            [change.left_of_lag(usual) for change in changes],
+            [change.before for change in changes],
         )
     )
     return Cause(
@@ -354,16 +330,16 @@ def _cause(
 ) -> tuple[dict[str, tuple[float, float]], Cause | None]:
     """What differs from the law at one joint, (value, std) by group, and the cause if it does."""
     changes, statistic = change.changes, change.statistic
-    before, after = change.left(), change.left(change.terms)
+    before, after = change.before, change.model.residuals(white=False)[0]
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
     if lag - settings.CLEAR_DEVIATIONS * std > longest:
         changes[CONTROL_LAW.lag] = lag, std
         statistic += ((lag - longest) / std) ** 2
-        before = change.left((), longest)
+        before = change.left_of_lag(longest)
     if not changes:
         return changes, None
-    one, two = _rms(before), _rms(after)
+    one, two = rms(before), rms(after)
     if two >= one:
         return {}, None  # likelier in the noise of the rows, and further from the commands
     cause = Cause(
@@ -376,7 +352,3 @@ def _cause(
         torque_gap=Gap.without_floor(one, two),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -33,7 +32,6 @@ from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
-from idim_iv_ros.diagnosis.nominal import read_nominal_model, with_nominal
 from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
@@ -43,7 +41,7 @@ from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, w
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, FilePaths
+from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.assembly import software_versions
 from idim_iv_ros.identification.identify import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
@@ -60,7 +58,6 @@ def diagnose(
     *,
     without: Sequence[str] = (),
     against: FilePaths = (),
-    nominal: FilePath | None = None,
     progress: Progress | None = None,
 ) -> GapResult:
     """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
@@ -76,8 +73,6 @@ def diagnose(
     against
         Recordings of the same robot, or of a simulator of it, that may differ: what changed from
         `bags` to them is `GapResult.contrast`. Everything else is of `bags` alone.
-    nominal
-        A result.json or gap.json whose base parameters take the place of the URDF's.
     progress
         Called with a stage in words and the share that is done, 0 to 1.
 
@@ -98,27 +93,25 @@ def diagnose(
                 f"--against {bag}: it is among the reference recordings, too; "
                 "a set cannot differ from itself"
             )
-    given_model = None if nominal is None else read_nominal_model(nominal, configuration)
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(given, configuration, progress)
         others = read_configured(second, configuration, progress) if second else ()
         return_freed_memory()
         watch.stage("refit", 0.1)
-        with_given = None if given_model is None else partial(with_nominal, nominal=given_model)
-        refit = refitted(recordings, configuration, excluded, with_given)
+        refit = refitted(recordings, configuration, excluded)
         return_freed_memory()
         watch.stage("attribution", 0.2)
         explanation = compared(refit, excluded)
         return_freed_memory()
         result = concluded(refit, explanation, configuration, excluded, watch)
-        result = replace(result, nominal=given_model)
         if second:
             watch.stage("contrast", 0.97)
             # Of the configuration with gravity, where it was missing and found.
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
-            contrast = contrasted(recordings, others, same, excluded)
+            apart = [recording.bag for recording in result.recordings if not recording.agrees]
+            contrast = contrasted(recordings, others, same, excluded, apart)
             by_itself = f"The reference ({', '.join(result.bags)}) by itself: {result.summary}"
             summary = f"{contrast.sentence} {by_itself}"
             result = replace(result, contrast=contrast, summary=summary)
@@ -160,7 +153,7 @@ def concluded(
         *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),
         *numbers,
         *law.causes,
-        *refit.gravity_causes(explanation.tested),
+        *(() if refit.gravity is None else (refit.gravity.cause(stages[0]),)),
         *(refit.delays or law.delay),
     ]
     transmissions = measured_transmissions(data, regression)
@@ -196,7 +189,6 @@ def concluded(
         sentences.not_in_catalogue(outside),
         sentences.unexplained_residual(data, residual),
         sentences.remaining_parameter_errors(data, more_errors, hints),
-        sentences.next_step(causes, unknown=verdict == "unknown", remaining=bool(more_errors)),
         sentences.left_out(data),
         *law.beyond,
         *(cause.sentence for cause in causes[1:] if cause in shafts),
@@ -240,9 +232,9 @@ def concluded(
     base, values = prepared.model.base, explanation.fit.values
     deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0))
     leads = () if refit.softened is None else zip(data.joints, refit.softened.leads, strict=True)
-    if refit.weightless is not None:
+    if refit.gravity is not None:
         with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
-        stages = (refit.weightless, with_gravity, *stages[1:])
+        stages = (refit.gravity.weightless, with_gravity, *stages[1:])
     return GapResult(
         robot=prepared.model.robot.name,
         joints=data.joints,

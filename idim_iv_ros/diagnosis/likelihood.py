@@ -38,8 +38,9 @@ class Fit:
         Zero for such columns.
     noise_models : tuple of AutoregressiveModel
     residuals : one (r_j,) array for each joint, N m, not whitened
-    log_likelihood : float
-        Concentrated, less one for each coefficient of a noise model (Akaike).
+    log_likelihoods : (n_joints,)
+        Concentrated, less one for each coefficient of a noise model (Akaike); zero of a joint that
+        is left out.
     """
 
     values: FloatArray
@@ -47,7 +48,12 @@ class Fit:
     covariance: FloatArray
     noise_models: tuple[AutoregressiveModel, ...]
     residuals: tuple[FloatArray, ...]
-    log_likelihood: float
+    log_likelihoods: FloatArray
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of all joints."""
+        return float(self.log_likelihoods.sum())
 
     @property
     def coefficient_covariance(self) -> FloatArray:
@@ -131,10 +137,11 @@ class Regression:
             covariance=root @ root.T,
             noise_models=current,
             residuals=residuals,
-            log_likelihood=sum(
-                _log_likelihood(residual, rows.segments, noise)
-                for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
-                if not rows.left_out
+            log_likelihoods=np.array(
+                [
+                    0.0 if rows.left_out else _log_likelihood(residual, rows.segments, noise)
+                    for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
+                ]
             ),
         )
 
@@ -178,6 +185,11 @@ def _log_likelihood(
     """Of one joint with its own innovations, less the order of its noise model."""
     variance = max(float(np.mean(noise.whiten(residual, segments) ** 2)), 1e-300)
     return float(-0.5 * len(residual) * np.log(variance)) - noise.order
+
+
+def rms(values: FloatArray) -> float:
+    """Root of the mean square of values (r,); zero of none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def width_of(columns: Columns) -> int:

@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.effects.registry import BY_NAME, name_of, parameter_words
+from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 
 MOST_EVENTS = 5  # that are listed
 _MOST_CAUSES = 4  # after the first, in a summary
@@ -160,16 +160,26 @@ def beyond_the_law(
 
 def transmission(measured: Transmission) -> str:
     """All that encoders before and behind a gear say of it, in one sentence."""
-    where, unit = f"gear of {measured.joint}", f"m{measured.unit}"
+    return f"gear of {measured.joint}: {_gear(measured)}"
+
+
+def measured_gear(measured: Transmission, effect: str) -> str:
+    """A shaft or play as a cause, measured by the encoder behind the gear."""
+    where = f"{spaced(effect)} at {measured.joint}, measured by the encoder behind the gear"
+    return f"{where}: {_gear(measured)}"
+
+
+def _gear(measured: Transmission) -> str:
+    unit = f"m{measured.unit}"
     if measured.time_offset is None:
-        return f"{where}: {measured.reason}"
+        return measured.reason
     least, most = measured.stiffness_at_least, measured.backlash_at_most
     if measured.stiffness is not None:
-        text = f"{where}: stiffness {with_interval(measured.stiffness)}"
+        text = f"stiffness {with_interval(measured.stiffness)}"
         if measured.damping is not None:
             text += f", damping {with_interval(measured.damping)}"
     else:
-        text = f"{where}: no stiffness is measured, {measured.reason}"
+        text = f"no stiffness is measured, {measured.reason}"
         if least is not None and least < _RIGID:
             text += f" (95 %: at least {least:.2g} {'N m/rad' if unit == 'mrad' else 'N/m'})"
     if measured.backlash is not None:
@@ -185,40 +195,11 @@ def transmission(measured: Transmission) -> str:
         )
     if measured.position_error:
         text += "; an error of an encoder over the position was taken out"
-    return f"{text}; {_time_offset(measured)}"
-
-
-def _time_offset(measured: Transmission) -> str:
-    """The time between the channels of the two encoders."""
     offset = measured.time_offset
-    assert offset is not None
     late = "late" if offset.value >= 0.0 else "early"
     half = "" if offset.std is None else f" ± {1e3 * settings.NORMAL_95 * offset.std:.2g}"
-    return f"the link is read {1e3 * abs(offset.value):.3g}{half} ms {late}, which is no elasticity"
-
-
-def shaft(measured: Transmission) -> str:
-    """Where a shaft twists, measured by the encoder behind it."""
-    assert measured.stiffness is not None
-    rms = 1e3 * measured.twist_rms * measured.elastic_share**0.5
-    return (
-        f"{spaced(name_of('shaft'))} at {measured.joint}, measured by the encoder behind the gear: "
-        f"stiffness {with_interval(measured.stiffness)}; under the load the gear twists by "
-        f"{rms:.2g} m{measured.unit} rms, {100.0 * measured.elastic_share:.0f} % of what motor and "
-        f"link differ by ({_time_offset(measured)})"
-    )
-
-
-def play(measured: Transmission) -> str:
-    """Where a gear has play, measured by the encoder behind it."""
-    assert measured.backlash is not None
-    text = (
-        f"{spaced(name_of('play'))} at {measured.joint}, measured by the encoder behind the gear: "
-        f"gap {with_interval(measured.backlash, 1e3, f'm{measured.unit}')}"
-    )
-    if measured.stiffness is not None:
-        text += f", stiffness beyond it {with_interval(measured.stiffness)}"
-    return f"{text} ({_time_offset(measured)})"
+    size = f"{1e3 * abs(offset.value):.3g}{half} ms"
+    return f"{text}; the link is read {size} {late}, which is no elasticity"
 
 
 def refuted(measured: Transmission, effect: str) -> str:
@@ -376,25 +357,6 @@ def not_in_catalogue(unexplained: Unexplained | None) -> str:
     return f"not in the catalogue: {unexplained.where}" + (
         "" if unexplained.family == "event" else share
     )
-
-
-def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str:
-    """What to do with the answer; `remaining`: parameter errors are left that no cause names."""
-    if unknown:
-        return "next: look at where the residual lies, or record a motion that excites it more"
-    if not causes and remaining:
-        return (
-            "next: put the estimates into the simulator (idim-iv export --remainder changes the "
-            "numbers that the recording asks for, --refit all of them)"
-        )
-    if not causes:
-        return ""
-    if any(cause.indistinguishable_from for cause in causes):
-        return (
-            "next: put the causes into the simulator (idim-iv export), or record the motion that "
-            "the report names, which tells them apart"
-        )
-    return "next: put the causes into the simulator (idim-iv export)"
 
 
 def capitalised(text: str) -> str:

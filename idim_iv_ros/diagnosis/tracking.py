@@ -23,10 +23,9 @@ class Tracking:
 
     Attributes
     ----------
-    positions : one (n_samples, n_joints) array for each recording
-        On its span, rad (m), through the filter of the measurement; empty where it failed.
-    errors : the same
-        Simulated less measured.
+    errors : one (n_samples, n_joints) array for each recording
+        Simulated less measured position on its span, rad (m), through the filter of the
+        measurement; empty where it failed.
     rates : tuple of float
         Of the recordings, Hz: an error counts for the time that its sample lasts.
     note : str
@@ -36,7 +35,6 @@ class Tracking:
     """
 
     joints: tuple[str, ...]
-    positions: tuple[FloatArray, ...]
     errors: tuple[FloatArray, ...]
     rates: tuple[float, ...]
     note: str
@@ -75,12 +73,12 @@ def simulated_tracking(
     rates = tuple(motion.signals.rate for motion in data.prepared.motions)
 
     def failed(note: str) -> Tracking:
-        return Tracking(data.joints, (), (), rates, note)
+        return Tracking(data.joints, (), rates, note)
 
     if not isinstance(source, SimulatedLoop):
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
         return failed(f"not simulated: {reason}")
-    model, positions, errors = data.prepared.model, [], []
+    model, errors = data.prepared.model, []
     parts = data.prepared.session.parts
     for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
         dynamics, name = model.dynamic_parameters(values), motion.signals.name
@@ -93,13 +91,12 @@ def simulated_tracking(
         if simulated.diverged is not None:
             return failed(f"the simulation diverges: {name}: {simulated.diverged}")
         measured = motion.position[motion.span]
-        positions.append(motion.filtered(simulated.position)[motion.span])
-        errors.append(positions[-1] - measured)
+        errors.append(motion.filtered(simulated.position)[motion.span] - measured)
         spread = np.maximum(np.ptp(measured, axis=0), 1e-3)
         lost = np.flatnonzero(np.abs(errors[-1]).max(axis=0) > settings.SIMULATION_LOST * spread)
         if len(lost):
             return failed(f"{name}: simulated {data.joints[lost[0]]} leaves the motion")
-    return Tracking(data.joints, tuple(positions), tuple(errors), rates, "")
+    return Tracking(data.joints, tuple(errors), rates, "")
 
 
 def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationGap | None:
@@ -127,12 +124,12 @@ def tracking_series(
             continue
         wanted = reference[motion.span]
         thin = slice(None, None, -(-len(wanted) // settings.MOST_POINTS))
+        measured = wanted - motion.position[motion.span]
         simulated = [
-            None if gap is None or gap.note else wanted - gap.positions[number]
+            None if gap is None or gap.note else measured - gap.errors[number]
             for gap in (before, after)
         ]
         time = (motion.span.start + np.arange(len(wanted))) / motion.signals.rate
-        measured = wanted - motion.position[motion.span]
         for joint, name in enumerate(data.joints):
             made.append(
                 TrackingSeries(

@@ -14,15 +14,12 @@ from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
 from idim_iv_ros.recording import SessionPart, in_recordings
 from idim_iv_ros.types import FloatArray, IntArray
 
-_BANDS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the band of the rows; they end between two lines
 _LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
 _LEAST_BLOCKS = 5  # of time behind a regime's interval
 _LEAST_LIFT = 1.3  # energy share over occupancy from which on a regime is said
 _LEAST_ENERGY = 0.2  # of the gap, the same
 _NOMINAL_FINDINGS = 3  # at most, about the nominal model
 _REFIT_FINDINGS = 2  # at most, about the refit
-_PIECE = 1.0  # s, of a residual, of which a spectrum is taken
-_LEAST_PIECE = 16  # rows in it
 
 
 def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -> FloatArray:
@@ -67,8 +64,7 @@ def motion_at_rows(data: Baseline, joint: int) -> FloatArray:
 class Axis:
     """A quantity by which the energy of a joint's residual is split.
 
-    `values` (r,): at each row, or at each line of the spectra; `edges` (k + 1,); `unit`: of both,
-    of a joint that turns.
+    `values` (r,): at each row; `edges` (k + 1,); `unit`: of both, of a joint that turns.
     """
 
     name: str
@@ -128,31 +124,6 @@ def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
     size = (int(block.max()) + 1) * count
     sums = [np.bincount(place, weights, size) for weights in (energy, np.ones(len(energy)))]
     return np.asarray(np.stack(sums, axis=1).reshape(-1, count, 2), dtype=np.float64)
-
-
-def spectral_lines(
-    residual: FloatArray, runs: Sequence[slice], row_rate: float, edge: float
-) -> list[tuple[Axis, FloatArray, IntArray]]:
-    """Lines of the spectra of stretches of a second: their axis, energies and stretches.
-
-    Nothing where there are too few rows in a second.
-
-    `residual`: (r,) N m (N); `runs`: rows without a gap in time; `row_rate`: Hz; `edge`: share of
-    the rows' Nyquist frequency that the decimation passes.
-    """
-    length = int(_PIECE * row_rate)
-    starts = [
-        start for run in runs for start in range(run.start, run.stop - length + 1, max(length, 1))
-    ]
-    if length < _LEAST_PIECE or not starts:
-        return []
-    pieces = np.array([residual[start : start + length] for start in starts])
-    lines = 1 + int(0.5 * edge * length)
-    step = row_rate / length
-    edges = np.maximum((np.round(np.array(_BANDS) * lines) - 0.5) * step, 0.0)
-    power = np.abs(np.fft.rfft(pieces * np.hanning(length), axis=1)[:, :lines]) ** 2
-    axis = Axis("frequency", np.tile(np.arange(lines) * step, len(pieces)), edges, "Hz")
-    return [(axis, power.ravel(), np.repeat(np.arange(len(pieces)), lines))]
 
 
 def lifts(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -241,16 +212,12 @@ def in_words(
         part = f"below {high}"
     elif last and regime.axis != "position":
         part = f"above {low} {regime.unit}"
-    what = {
-        "load": "load ",
-        "reversal": "" if first else "displacement since reversal ",
-        "frequency": "residual ",
-    }.get(regime.axis, "")
-    whole = "bandwidth" if regime.axis == "frequency" else "samples"
+    what = {"load": "load ", "reversal": "" if first else "displacement since reversal "}
+    model = "after a refit, " if after_refit else ""
     return (
-        f"{'after a refit, ' if after_refit else ''}{regime.joint}, {what}{part}: "
+        f"{model}{regime.joint}, {what.get(regime.axis, '')}{part}: "
         f"{100 * regime.energy_share:.0f} % of the gap in {100 * regime.occupancy:.0f} % of the "
-        f"{whole}"
+        "samples"
     )
 
 
@@ -269,11 +236,11 @@ def where(
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
     used = set(range(len(data.joints))) - data.left_out
-    regimes, large = _regimes(data, regression, shown, axes, gaps, used, after_refit=False)
+    regimes, large = _regimes(data, shown, axes, gaps, used, after_refit=False)
     findings = large[:_NOMINAL_FINDINGS]
     if nominal is not None:
         used = {joint for joint in used if above_noise(refit.residuals[joint], floors[joint])}
-        _, large = _regimes(data, regression, refit.residuals, axes, gaps, used, after_refit=True)
+        _, large = _regimes(data, refit.residuals, axes, gaps, used, after_refit=True)
         findings += large[:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
 
@@ -311,7 +278,6 @@ def above_noise(residual: FloatArray, floor: NoiseFloor) -> bool:
 
 def _regimes(
     data: Baseline,
-    regression: Regression,
     residuals: Sequence[FloatArray],
     axes: Sequence[Sequence[Axis]],
     gaps: Sequence[JointGap],
@@ -322,22 +288,17 @@ def _regimes(
     """Regimes whose interval excludes 1, and sentences of the joints `used`, the largest first."""
     regimes: list[Regime] = []
     findings: list[tuple[float, str]] = []
-    edge = data.prepared.configuration.processing.decimation_edge
     # A twentieth of the session: regimes may be events, and residuals are predictable for a while.
     rows = sum(len(motion.kept) for motion in data.motions)
     length = np.clip(rows / data.row_rate / 20, settings.LEAST_TIME_BLOCK, settings.TIME_BLOCK)
     blocks = row_blocks(data, float(length))
     for joint, name in enumerate(data.joints):
-        residual, runs = residuals[joint], regression.joints[joint].segments
-        parts = [(axis, residual**2, blocks[joint]) for axis in axes[joint]]
-        for axis, energy, block in parts + spectral_lines(residual, runs, data.row_rate, edge):
-            bins = split(axis, energy, block)
+        for axis in axes[joint]:
+            bins = split(axis, residuals[joint] ** 2, blocks[joint])
             unlike = regimes_of(name, axis, bins, data.unit_at(joint, axis.unit))
             regimes += unlike
             best = joined(unlike)
-            # Most of what moves slowly is slow: no finding.
-            slow = axis.name == "frequency" and best is not None and best.low <= 0.0
-            if best is None or slow or joint not in used:
+            if best is None or joint not in used:
                 continue
             excess = (best.energy_share - best.occupancy) * gaps[joint].share
             session = data.prepared.session.parts

@@ -46,7 +46,6 @@ AXES = {
     "load": "Load",
     "time": "Time",
     "reversal": "Distance since reversal",
-    "frequency": "Frequency",
 }
 _LEAST_SHARE = 0.01  # of the torque: a smaller parameter error is not mentioned first
 _STAGES = {"given": "nominal model", "refit": "refit"}

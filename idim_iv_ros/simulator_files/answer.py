@@ -112,11 +112,6 @@ def read_answer(
     given = np.array(model.robot.pinocchio.gravity.linear)
     corrected = CorrectedModel(physical.parameters, (), (), given)
     if gap is not None and not refit:
-        if gap.nominal is not None:
-            raise UsageError(
-                f"{path}: its causes are changes of {gap.nominal.file}, which is no {source}: "
-                "export with --refit, or diagnose with the URDF that an export of that file wrote"
-            )
         make = with_remainder if remainder else corrected_model
         corrected = make(model, kept, others, physical, str(path))
         notes += _far_links(corrected.parameters, model.robot.joints)

@@ -28,3 +28,7 @@ def test_the_page_lists_first_what_changes_most() -> None:
     rows = sensitivity.what_changes({"0123456789ab": of_cell})[2:]
     assert "| `LEAST_SUPPORT` | 8 | 4 | 1 | 1 | 1 | 1 | 0123: structural" in rows[0]
     assert rows[1].startswith("| `FOLDS` | 4 | 2 | 1 | 0 | 0 | 0 |")
+
+
+def test_every_setting_is_read_somewhere() -> None:
+    assert [name for name, files in sensitivity.readers().items() if not files] == []

@@ -18,7 +18,7 @@ class StandIn:
         self.case = case
         self.calls: list[tuple] = []
 
-    def __call__(self, bags, configuration, *, without, against, nominal, progress):
+    def __call__(self, bags, configuration, *, without, against, progress):
         self.calls.append((tuple(bags), configuration.robot.joints, without))
         progress("candidates", 0.5)
         return sample_gap(2, self.case)

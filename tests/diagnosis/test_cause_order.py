@@ -22,7 +22,7 @@ def closing(effect: str, kind: str, joint: str, before: float, after: float, siz
     made = replace(
         cause(effect, kind), joint=joint, torque_gap=Gap(before, after, None, None, None)
     )
-    return replace(made, evidence=Evidence(size, 1e-9, None, ""))
+    return replace(made, evidence=Evidence(size))
 
 
 FIRST = closing("stribeck", "structural", "joint_1", 2.0, 1.0, 50.0)

@@ -20,7 +20,7 @@ def cause(effect: str, kind: str) -> Cause:
         kind=kind,  # type: ignore[arg-type]
         joint="joint_1",
         parameters={},
-        evidence=Evidence(100.0, 1e-9, 0.3, "4 of 4"),
+        evidence=Evidence(100.0, 0.3, "4 of 4"),
         torque_gap=gap,
         sentence=f"{effect} at joint_1: it shrinks",
     )

@@ -14,7 +14,6 @@ from idim_iv_ros.diagnosis.where import (
     lifts,
     regimes_of,
     since_reversal,
-    spectral_lines,
     split,
 )
 from idim_iv_ros.recording import SessionPart
@@ -106,17 +105,6 @@ def test_adjacent_high_bins_are_joined() -> None:
     assert (best.low, best.high) == (1.0, 3.0)
     assert best.energy_share == pytest.approx(0.5)
     assert best.lift == pytest.approx(2.5)
-
-
-def test_a_tone_is_found_in_its_band_and_white_noise_in_none() -> None:
-    rate = 100.0
-    time = np.arange(4000) / rate
-    noise = np.random.default_rng(5).standard_normal(4000)
-    runs = (slice(0, 2500), slice(2500, 4000))
-    (white,) = spectral_lines(noise, runs, rate, 0.8)
-    np.testing.assert_allclose(lifts(split(*white))[2], 1.0, atol=0.2)
-    (tone,) = spectral_lines(0.1 * noise + np.sin(2 * np.pi * 8.0 * time), runs, rate, 0.8)
-    assert int(np.argmax(lifts(split(*tone))[0])) == 1  # bands end at 4, 12, 24 and 40 Hz
 
 
 def _reference(seed: int, seconds: float) -> np.ndarray:

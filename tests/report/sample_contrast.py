@@ -26,7 +26,7 @@ def sample_contrast() -> GapResult:
         change="changed",
         bags=("b1", "b2"),
         parameters={"mass": EffectParameter(0.81, 0.0102, "kg")},
-        evidence=Evidence(900.0, None, None, "", "4 of 4"),
+        evidence=Evidence(900.0, chosen_in_folds="4 of 4"),
         indistinguishable_from=(Indistinguishable("link_inertia", "joint_2", 0.99),),
         torques=(JointTorque("joint_2", 1.2, 0.31), JointTorque("joint_1", 3.4, 0.2)),
         sentence="payload of joint_2 changed: mass 0.81 ± 0.02 kg",

@@ -10,11 +10,7 @@ from tests.simulator_files.cases import case
 
 
 def sample_everything(folder: Path) -> GapResult:
-    """Contrast, suspicions, a transmission and physical parameters; causes without a p-value."""
-    result = sample_contrast()
-    causes = tuple(
-        replace(cause, evidence=replace(cause.evidence, p_value=None)) for cause in result.causes
-    )
+    """Contrast, hints, a transmission and physical parameters."""
     transmission = Transmission(
         joint="joint_1",
         stiffness=EffectParameter(8123.4, 41.2, "N m/rad"),
@@ -25,11 +21,9 @@ def sample_everything(folder: Path) -> GapResult:
         lost_motion=None,
         time_offset=EffectParameter(4.1e-4, 2e-5, "s"),
         position_error=True,
-        explained=0.83,
     )
     return replace(
-        result,
-        causes=causes,
+        sample_contrast(),
         hints=sample_gap(2, "none").hints,
         transmissions=(transmission,),
         physical=case(folder, "arm2").gap.physical,

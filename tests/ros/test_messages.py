@@ -145,7 +145,7 @@ def test_every_verdict_becomes_a_message(case: Case) -> None:
 
 
 def test_what_messages_have_no_field_for_is_left_to_gap_json(tmp_path: Path) -> None:
-    """A contrast, transmissions, physical parameters; causes without a p-value."""
+    """A contrast, transmissions, physical parameters."""
     result = sample_everything(tmp_path)
     assert result.hints and result.contrast and result.transmissions and result.physical
     message = report(result)

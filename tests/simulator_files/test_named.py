@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from idim_iv_ros.diagnosis.result import NominalModel
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.parameters import INERTIAL
 from tests.model.mjcf_robots import ARMS
@@ -233,10 +232,3 @@ def test_unknown_causes_are_refused_in_one_line(arm, tmp_path, options, words) -
     with pytest.raises(UsageError, match=words) as refused:
         arm.export(tmp_path / "out", **{"refit": False} | options)
     assert "\n" not in str(refused.value) and not (tmp_path / "out").exists()
-
-
-def test_changes_of_another_nominal_model_are_refused(arm: Case, tmp_path: Path) -> None:
-    other = arm.with_gap(nominal=NominalModel("found/result.json", "arm", (), {}))
-    with pytest.raises(UsageError, match=r"changes of found/result\.json"):
-        other.export(tmp_path / "out", refit=False)
-    assert other.export(tmp_path / "out").urdf.is_file()

@@ -61,8 +61,7 @@ def changes_between(
     ledger = torque_ledger(data, regression, free=True)
     gap = list(ledger.gap)
     for term in taken_out:
-        for joint, rows in term.columns.items():
-            gap[joint] = gap[joint] - rows @ term.coefficients
+        gap = term.taken_from(gap)
     selection = select(catalogue, replace(ledger, gap=tuple(gap)))
     accepted: dict[Term, str] = {}
     doubtful: dict[Term, str] = {}

@@ -17,7 +17,6 @@ from idim_iv_ros.diagnosis.against.causes import (
 )
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
-    agreement,
     changes_between,
     number_changes,
     quarters,
@@ -27,7 +26,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.likelihood import Columns
+from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
 from idim_iv_ros.diagnosis.sentences import capitalised, spaced, torque
@@ -41,13 +40,15 @@ def contrasted(
     against: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str] = (),
+    disagreeing: Sequence[str] = (),
 ) -> ContrastResult:
     """Say what changed from the reference recordings to the others.
 
     Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel. What one set has is looked for in its recordings alone.
 
-    `without`: effects that are left out of the catalogue.
+    `without`: effects that are left out of the catalogue; `disagreeing`: recordings of the
+    reference that differ from its others, as its diagnosis says.
 
     Raises
     ------
@@ -60,9 +61,6 @@ def contrasted(
         numbers += [frozenset({number}) for number in sorted(sets.second)]
     scopes = [sets.first, sets.second]
     changes = changes_between(sets.data, sets.regression, scopes, numbers, without)
-    first = sets.refits[0]
-    among_reference = agreement(first.data, first.regression, (), without)
-    disagreeing = [recording.bag for recording in among_reference if not recording.agrees]
     return contrast_of(sets, changes, disagreeing, without)
 
 
@@ -263,12 +261,12 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     noise = float(np.sqrt(max(1.0, rates[0] / rates[1])))  # fewer samples in a row: more noise
     made, of_reference = [], []
     for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
-        first, second, least = (_rms(rest[joint][inside]) for rest in (before, after, alone))
+        first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
         least = min(least, second)
         share = float(np.sqrt(max(first**2 - least**2, 0.0)) / sets.sizes[joint])
         unexplained = float(np.sqrt(second**2 - least**2))
         made.append(JointContrast(name, first, second, least, share, unexplained))
-        of_reference.append(noise * _rms(after[joint][~inside]))
+        of_reference.append(noise * rms(after[joint][~inside]))
     return made, of_reference
 
 
@@ -302,7 +300,3 @@ def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]
         joint: sign * (rows @ term.coefficients) * sets.inside[joint]
         for joint, rows in columns.items()
     }
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

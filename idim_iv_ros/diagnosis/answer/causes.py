@@ -12,6 +12,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import shrinkage
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
@@ -118,13 +119,13 @@ def parametric_causes(
         *signals,
         *explanation.selection.curves,
     ):
-        gap = _without(gap, term)
+        gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
     left, before, causes = list(explanation.numbers), first, []
     while left:
         judgement = _largest_error(explanation, left, gap)
         left = [other for other in left if other is not judgement]
-        gap = _without(gap, judgement.term)
+        gap = judgement.term.taken_from(gap)
         after = _rms(gap)
         causes.append(_parametric_cause(data, explanation, judgement, before, after))
         before = after
@@ -149,22 +150,14 @@ def _largest_error(
     def rank(judgement: JudgedTerm) -> tuple[bool, float]:
         effect = judgement.term.candidate.effect
         assert isinstance(effect, ParametricEffect)
-        rest = _rms(_without(gap, judgement.term)) / comparison.options.ledger.sizes
+        rest = _rms(judgement.term.taken_from(gap)) / comparison.options.ledger.sizes
         return effect.known_to_be_left_out(comparison.catalogue.space), -float(rest @ rest)
 
     return max(left, key=rank)
 
 
-def _without(gap: Sequence[FloatArray], term: Term) -> list[FloatArray]:
-    """Take a term's torque out of a gap."""
-    return [
-        left - term.columns[joint] @ term.coefficients if joint in term.columns else left
-        for joint, left in enumerate(gap)
-    ]
-
-
 def _rms(gap: Sequence[FloatArray]) -> FloatArray:
-    return np.array([np.sqrt(np.mean(left**2)) if len(left) else 0.0 for left in gap])
+    return np.array([rms(left) for left in gap])
 
 
 def _parametric_cause(

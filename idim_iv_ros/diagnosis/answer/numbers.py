@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of, with_parameters
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
-from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray, IntArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
@@ -33,10 +33,7 @@ def numbers_of(term: Term, explanation: Explained) -> dict[str, EffectParameter]
     if not isinstance(effect, ParametricEffect):
         return effect.parameters(term.shape, values, deviations)
     joint = None if term.candidate.place is None else term.candidate.place.joint
-    estimates = [
-        Estimated(change, float(value), float(std))
-        for change, value, std in zip(term.candidate.changes, values, deviations, strict=True)
-    ]
+    estimates = term.candidate.estimates(values, deviations)
     return effect.parameters(explanation.selection.comparison.catalogue.space, joint, estimates)
 
 

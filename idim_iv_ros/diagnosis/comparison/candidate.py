@@ -75,6 +75,11 @@ class Candidate:
             return self.effect.name, None, None, self.scope
         return self.effect.name, self.place.joint, self.place.other, self.scope
 
+    def estimates(self, values: FloatArray, deviations: FloatArray) -> list[Estimated]:
+        """Changes of a number with their values and deviations (w,)."""
+        rows = zip(self.changes, values.tolist(), deviations.tolist(), strict=True)
+        return [Estimated(*row) for row in rows]
+
     @property
     def options(self) -> int:
         """How many shapes there are."""
@@ -115,8 +120,9 @@ class Catalogue:
         self.covered: OperatingRange = operating_range(data)
         model = data.prepared.model
         axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
-        still = still_joints(data)
-        moving = frozenset(range(len(data.joints))) - still
+        joints = range(len(data.joints))
+        still = frozenset(joint for joint in joints if too_little(joint, self.covered))
+        moving = frozenset(joints) - still
         bare = moving if data.prepared.armature_missing and not number_scopes else frozenset()
         self.space = ParameterSpace(model, model.given, axes, bare)
         self._hidden = frozenset(hidden)
@@ -226,13 +232,6 @@ class Catalogue:
                         )
         return made
 
-    def allowed(
-        self, candidate: Candidate, option: int, coefficients: FloatArray, deviations: FloatArray
-    ) -> bool:
-        """Whether physics allows these coefficients (w,)."""
-        shape = candidate.shapes[option] if candidate.shapes else None
-        return not self.why_impossible(candidate, shape, coefficients, deviations)
-
     def why_impossible(
         self,
         candidate: Candidate,
@@ -244,12 +243,7 @@ class Catalogue:
         effect, place = candidate.effect, candidate.place
         if isinstance(effect, ParametricEffect):
             joint = None if place is None else place.joint
-            estimates = [
-                Estimated(change, float(value), float(std))
-                for change, value, std in zip(
-                    candidate.changes, coefficients, deviations, strict=True
-                )
-            ]
+            estimates = candidate.estimates(coefficients, deviations)
             fits = effect.admissible(self.space, joint, estimates)
             return "" if fits else "its numbers are those of no arm"
         assert place is not None and shape is not None
@@ -258,18 +252,14 @@ class Catalogue:
         return effect.impossible(shape, coefficients, place.joint, self.covered)
 
 
-def still_joints(data: Baseline) -> frozenset[int]:
-    """Joints that move too little to show any change."""
-    covered = operating_range(data)
-    return frozenset(joint for joint in range(len(data.joints)) if too_little(joint, covered))
-
-
 def change_rows(
     data: Baseline, regression: Regression, space: ParameterSpace
 ) -> tuple[FloatArray, ...]:
     """Rows (r_j, d) of unit changes of all numbers of a space, for each joint, N m."""
     b, units = regression.parameters, []
-    gravity = _gravity_rows(data, space.axes)
+    # Per small rotation of gravity about each axis, N m/rad.
+    down = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
+    gravity = unit_gravity_rows(data, np.array([np.cross(axis, down) for axis in space.axes]))
     for joint, rows in enumerate(regression.joints):
         unit = np.zeros((len(rows), space.size))
         unit[:, rows.columns] = rows.matrix
@@ -291,9 +281,3 @@ def level_axes(gravity: FloatArray) -> FloatArray:
     first = first / np.linalg.norm(first)
     second = np.cross(down, first)
     return np.array([first, second if second[max(kept)] > 0.0 else -second])
-
-
-def _gravity_rows(data: Baseline, axes: FloatArray) -> list[FloatArray]:
-    """Torque per small rotation of gravity about each axis: (r_j, 2) for each joint, N m/rad."""
-    gravity = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
-    return unit_gravity_rows(data, np.array([np.cross(axis, gravity) for axis in axes]))

@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.prior import Prior
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
 
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
@@ -109,8 +110,8 @@ class Comparison:
         whole, visible = np.zeros((2, len(sizes)))
         for joint, size in enumerate(sizes):
             if joint in plain:
-                whole[joint] = _rms(plain[joint] @ unit) / size
-            visible[joint] = _rms(uncovered[joint] @ unit) / size
+                whole[joint] = rms(plain[joint] @ unit) / size
+            visible[joint] = rms(uncovered[joint] @ unit) / size
         if candidate.kind is not Kind.EFFECT:
             visible = np.where(_taken(others, len(sizes)), visible, whole)
         return whole, visible
@@ -367,8 +368,8 @@ class _Ranking:
         unit = vectors @ (self._shrunk[row, self._directions[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
         candidate = options.candidates[options.candidate[k]]
-        shape = int(options.shape[k])
-        if not comparison.catalogue.allowed(candidate, shape, coefficients, deviations):
+        shape = candidate.shapes[options.shape[k]] if candidate.shapes else None
+        if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
             return None
         return unit, coefficients, deviations
 
@@ -448,7 +449,3 @@ def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
 
 def _logistic(odds: float) -> float:
     return float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0))))
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import EffectParameter, Family
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.diagnosis.comparison.signals import Unnamed
+from idim_iv_ros.effects.cause import Family
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
@@ -34,21 +35,10 @@ class StopShape(Shape):
     position: float
 
 
-class Nonparametric(Effect):
+class Nonparametric(Unnamed):
     """A family of functions; its coefficients mean nothing to an engineer."""
 
-    excitation = ""
     words: str
-
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        """Return True: any coefficients make a curve."""
-        return True
-
-    def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Return no numbers: coefficients of a curve mean nothing to an engineer."""
-        return {}
 
 
 # What a curve may depend on, (s,) of one joint, and the knots of the curve.
@@ -159,10 +149,6 @@ class Lags(Nonparametric):
     name = "dynamics of the torque"
     family = "frequency"
     words = "follows the torque's rate of change"
-
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """Return one shape, which has no numbers."""
-        return [Shape()]
 
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """Derivatives of the joint's torque, first to third."""

@@ -5,6 +5,7 @@ errors is aᵀb − (Xᵀa)ᵀ M Mᵀ (Xᵀb). Terms of a model are random effec
 in the same way, so that what they change is of their own low rank.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -91,6 +92,13 @@ class Term:
     def width(self) -> int:
         """Number of coefficients."""
         return len(self.coefficients)
+
+    def taken_from(self, gap: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return a gap (r_j,) of each joint less the term's torque."""
+        return [
+            left - self.columns[joint] @ self.coefficients if joint in self.columns else left
+            for joint, left in enumerate(gap)
+        ]
 
     @property
     def identity(self) -> tuple[object, ...]:

@@ -40,7 +40,7 @@ class Table:
     terms : int
         Of all of them.
     intercept : float
-    weights : tuple of float
+    weights : list of float
         One for each of `FEATURES`.
     effects : dict of str to float
         What is added for an effect, drawn towards zero: some are what misfit looks like.
@@ -49,7 +49,7 @@ class Table:
     origin: str
     terms: int
     intercept: float
-    weights: tuple[float, ...]
+    weights: list[float]
     effects: dict[str, float]
 
 
@@ -57,14 +57,7 @@ class Table:
 def table() -> Table:
     """Return the table that ships with the package."""
     text = resources.files(__package__).joinpath("probability.json").read_text()
-    content = json.loads(text)
-    return Table(
-        content["origin"],
-        content["terms"],
-        content["intercept"],
-        tuple(content["weights"]),
-        content["effects"],
-    )
+    return Table(**json.loads(text))
 
 
 def features(

@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
-from idim_iv_ros.diagnosis.likelihood import Columns
+from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.effects.effect import Shape, StructuralEffect
 from idim_iv_ros.types import FloatArray
 
@@ -134,6 +134,6 @@ def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
         spread = np.sqrt(np.diag(model.covariance)[part] * term.dispersion)
         whole = np.zeros(len(sizes))
         for joint, table in term.columns.items():
-            whole[joint] = np.sqrt(np.mean((table @ values) ** 2)) / sizes[joint]
+            whole[joint] = rms(table @ values) / sizes[joint]
         made.append(replace(term, coefficients=values, deviations=spread, whole=whole))
     return tuple(made)

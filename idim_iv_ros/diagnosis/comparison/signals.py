@@ -4,7 +4,7 @@ It is looked for beside the effects, so that none is named for it.
 """
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,21 +22,30 @@ _NO_WEIGHT = 1e-6
 _LARGEST_RIPPLE = 0.1  # of the gain
 
 
-class SignalError(Effect):
-    """An error of the recording, or of the mounting, at one place and of one shape."""
+class Unnamed(Effect):
+    """What is compared and is no effect of the catalogue; its coefficients are no numbers of it."""
 
-    family: ClassVar[Family] = "load"
     excitation = ""
 
     def grid(self, place: Place, covered: OperatingRange) -> Sequence[Shape]:
         """Return one shape, which has no numbers."""
         return [Shape()]
 
+    def admissible(self, shape: Any, coefficients: FloatArray) -> bool:
+        """Return True: coefficients of any size and sign."""
+        return True
+
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
         """Return no numbers: it is no cause."""
         return {}
+
+
+class SignalError(Unnamed):
+    """An error of the recording, or of the mounting, at one place and of one shape."""
+
+    family: ClassVar[Family] = "load"
 
     def note(self, joint: str, shape: Shape, values: FloatArray, deviations: FloatArray) -> str:
         """What a report says of it, beside the causes; nothing by default."""
@@ -56,10 +65,6 @@ class TiltedMoments(SignalError):
     def places(self, joints: int) -> list[Place]:
         """One place: the first joint."""
         return [Place(0)]
-
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        """Moments of any size."""
-        return True
 
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
         """Cosine and sine of the first joint's position; zero where gravity shows them."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Columns, Regression, width_of
+from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
@@ -93,7 +93,7 @@ class Baseline:
     @property
     def torque_sizes(self) -> tuple[float, ...]:
         """RMS of the recorded torque of each joint, N m (N)."""
-        return tuple(max(float(np.sqrt(np.mean(rows.torque**2))), 1e-300) for rows in self.rows)
+        return tuple(max(rms(rows.torque), 1e-300) for rows in self.rows)
 
     @property
     def slowest(self) -> FloatArray:

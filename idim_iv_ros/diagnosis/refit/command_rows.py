@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.effects.contribution import CommandParts
 from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.observation import segments_of
@@ -178,7 +179,7 @@ def command_rows(
     step = 1.0 / min(motion.signals.rate for motion in motions)
     return CommandRows(
         rest=table[:, 3],
-        size=float(np.sqrt(np.mean(table[:, 2] ** 2))),
+        size=rms(table[:, 2]),
         groups={name: table[:, first + k] for k, name in enumerate(CONTROL_LAW.groups)},
         errors=table[:, 4:first],
         likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),

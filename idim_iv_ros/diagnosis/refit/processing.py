@@ -136,25 +136,20 @@ def reason_for_margin(
     sticking
         Whether it is known where joints stick.
     """
-    given = configuration.processing.reversal_margin
-    why = "the closed loop is not simulated"
-    if estimate.failures:
-        why = f"the closed loop cannot be simulated: {estimate.failures[0]}"
-    elif configuration.controller.type == "unknown":
-        why = "the control law is not configured, and none that was fitted is simulated"
-    if given is not None:
-        if sticking or given >= REVERSAL_MARGIN:
-            return ""
-        return (
-            f"processing.reversal_margin {given:g} as configured, although it is not known where "
-            f"joints stick ({why}): rows beside a reversal count with the sign of the speed"
-        )
-    if margin < REVERSAL_MARGIN:
-        return (
-            f"rows beside a reversal count (processing.reversal_margin {margin:g} proposed): the "
-            "closed loop is simulated, which shows where joints stick"
-        )
+    given, counting = configuration.processing.reversal_margin, margin < REVERSAL_MARGIN
+    if given is not None and (sticking or not counting):
+        return ""
+    why = "the closed loop is simulated, which shows where joints stick"
+    if not (sticking and counting):
+        reason = "the closed loop is not simulated"
+        if estimate.failures:
+            reason = f"the closed loop cannot be simulated: {estimate.failures[0]}"
+        elif configuration.controller.type == "unknown":
+            reason = "the control law is not configured, and none that was fitted is simulated"
+        why = f"it is not known where joints stick, for {reason}"
+    which = "count with the sign of the speed" if counting and not sticking else "count"
     return (
-        f"rows beside a reversal do not count (processing.reversal_margin {margin:g} proposed): "
-        f"it is not known where joints stick, for {why}"
+        f"rows beside a reversal {which if counting else 'do not count'} "
+        f"(processing.reversal_margin {margin:g} {'proposed' if given is None else 'configured'}): "
+        f"{why}"
     )

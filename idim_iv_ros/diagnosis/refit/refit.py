@@ -1,6 +1,6 @@
 """The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     refit_of,
     smooth_regression,
 )
-from idim_iv_ros.diagnosis.refit.held_out import HeldOut, energies, row_blocks, stage_of
+from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
@@ -42,11 +42,14 @@ class MissingGravity:
     statistic : float
         Wald, with the noise of the model that has gravity: without it a joint's residual is so
         smooth that its noise model takes it for noise, and the likelihood hardly separates them.
+    weightless : Stage
+        The nominal model without it.
     """
 
     acceleration: FloatArray
     deviation: FloatArray
     statistic: float
+    weightless: Stage
 
     def corrected(self, configuration: Configuration) -> Configuration:
         """Return the configuration with gravity of the usual size in this direction."""
@@ -54,26 +57,23 @@ class MissingGravity:
         robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
         return configuration.model_copy(update={"robot": robot})
 
-    def cause(self, without: Stage, with_gravity: Stage) -> Cause:
-        """Build the cause from the nominal models without and with gravity."""
+    def cause(self, with_gravity: Stage) -> Cause:
+        """Build the cause from the nominal model with gravity."""
         before, after = (
             float(np.linalg.norm(list(stage.torque_rms.values())))
-            for stage in (without, with_gravity)
+            for stage in (self.weightless, with_gravity)
         )
         shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
         return Cause(
             effect=name_of("gravity"),
             kind="parametric",
             joint=None,
-            other_joint=None,
             parameters={
                 f"gravity_{axis}": EffectParameter(float(value), float(std), "m/s²")
                 for axis, value, std in zip("xyz", self.acceleration, self.deviation, strict=True)
             },
             evidence=Evidence(self.statistic),
-            indistinguishable_from=(),
-            torque_gap=Gap(before, after, None, 1.0 - after / before, None),
-            simulation_gap=None,
+            torque_gap=Gap.without_floor(before, after),
             sentence=(
                 f"the nominal model has no gravity, but the recordings show it: ({shown}) m/s² "
                 "with the masses of the nominal model. Everything else was diagnosed with gravity "
@@ -97,8 +97,6 @@ class Refit:
         Of a simulator's solver, in the place of dry friction that sticks.
     gravity : MissingGravity or None
         Which the nominal model lacks; `data` has it.
-    weightless : Stage or None
-        The nominal model without it.
     delays : tuple of Cause
         A shift that is longer than the control makes it.
     """
@@ -108,7 +106,6 @@ class Refit:
     shift: EffortShift
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
-    weightless: Stage | None = None
     delays: tuple[Cause, ...] = ()
 
     @property
@@ -134,18 +131,11 @@ class Refit:
             for name, joint in self.hidden
         )
 
-    def gravity_causes(self, tested: HeldOut) -> list[Cause]:
-        """Missing gravity as a cause, if it is one; `tested`: the models with gravity."""
-        if self.gravity is None or self.weightless is None:
-            return []
-        return [self.gravity.cause(self.weightless, tested.stages()[0])]
-
 
 def refitted(
     recordings: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str],
-    with_nominal: Callable[[Baseline], Baseline] | None = None,
 ) -> Refit:
     """Refit the nominal model and align the effort.
 
@@ -154,8 +144,6 @@ def refitted(
     without
         Effects that are left out of the catalogue: gravity is looked for where the configuration
         has none, unless its direction is among them.
-    with_nominal
-        Puts another nominal model in the place of the URDF's; gravity is then not looked for.
 
     Raises
     ------
@@ -163,19 +151,13 @@ def refitted(
         As `identify`.
     """
     data = baseline(recordings, configuration)
-    if with_nominal is not None:
-        data = with_nominal(data)
-        return _aligned_throughout(data, smooth_regression(data), without)
     regression = smooth_regression(data)
     may_lack = name_of("gravity") not in without
     gravity = missing_gravity(data, regression) if may_lack else None
     if gravity is None:
         return _aligned_throughout(data, regression, without)
-    parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
-    weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
     data = baseline(recordings, gravity.corrected(configuration))
-    refit = _aligned_throughout(data, smooth_regression(data), without)
-    return replace(refit, gravity=gravity, weightless=weightless)
+    return replace(_aligned_throughout(data, smooth_regression(data), without), gravity=gravity)
 
 
 def _aligned_throughout(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
@@ -247,9 +229,9 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     columns = unit_gravity_rows(data, np.eye(3))
     plain = regression.fit()
     heavy = regression.with_columns(dict(enumerate(columns))).fit()
-    wald = float(
-        heavy.coefficients @ np.linalg.solve(heavy.coefficient_covariance, heavy.coefficients)
-    )
+    # A direction that no joint feels has no variance: a planar arm's, out of its plane.
+    weight = np.linalg.pinv(heavy.coefficient_covariance, hermitian=True)
+    wald = float(heavy.coefficients @ weight @ heavy.coefficients)
     rows = sum(len(joint.torque) for joint in regression.joints)
     share = max(
         1.0 - float(after @ after) / max(float(before @ before), 1e-300)
@@ -260,10 +242,12 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     low, high = _LIKELY_GRAVITY
     if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
         return None
+    parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
     return MissingGravity(
         acceleration=heavy.coefficients,
         deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
         statistic=wald,
+        weightless=stage_of("given", data.joints, [energies(*part) for part in parts]),
     )
 
 

@@ -132,7 +132,6 @@ class _Tried:
         self.fit: Fit = regression.fit()
         self.fine = [_fine(motion) for motion in data.motions]
         self.columns: dict[tuple[int, Crossing], FloatArray] = {}
-        self.before = self._energies(self.fit, regression)
 
     def gains(self, crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
@@ -142,9 +141,8 @@ class _Tried:
             matrix[:, _column(self.data, self.regression, joint)] = self._rows(joint, crossing)
             joints[joint] = replace(joints[joint], matrix=matrix)
         changed = replace(self.regression, joints=tuple(joints))
-        after = self._energies(changed.fit(self.fit.noise_models, steps=0), changed)
-        rows = np.array([len(joint.torque) for joint in joints])
-        return np.asarray(0.5 * rows * np.log(self.before / after))
+        fit = changed.fit(self.fit.noise_models, steps=0)
+        return fit.log_likelihoods - self.fit.log_likelihoods
 
     def _rows(self, joint: int, crossing: Crossing) -> FloatArray:
         if (joint, crossing) not in self.columns:
@@ -156,16 +154,6 @@ class _Tried:
             ]
             self.columns[joint, crossing] = self.data.counting(joint, parts)
         return self.columns[joint, crossing]
-
-    def _energies(self, fit: Fit, regression: Regression) -> FloatArray:
-        """Energy (n_joints,) of the whitened residuals."""
-        whitened = [
-            noise.standardized(residual[:, None], rows.segments)
-            for residual, noise, rows in zip(
-                fit.residuals, self.fit.noise_models, regression.joints, strict=True
-            )
-        ]
-        return np.array([max(float(np.sum(white**2)), 1e-300) for white in whitened])
 
 
 def _column(data: Baseline, regression: Regression, joint: int) -> int | None:

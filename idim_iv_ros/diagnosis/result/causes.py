@@ -8,9 +8,6 @@ from pydantic import Field
 from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Family, Kind
 
-# Tests of parameters hold for a model without any other error: their p-values would be too small.
-_NOT_CALIBRATED = "none: no recordings were simulated from a model without this cause"
-
 
 @dataclass(frozen=True)
 class Evidence:
@@ -21,8 +18,6 @@ class Evidence:
     statistic : float
         Twice the logarithm of the likelihood ratio, of whitened residuals, with and without
         (structural); Wald statistic of the change of the parameters (parametric).
-    p_value : None
-        None of a cause is calibrated.
     held_out_gain : float or None
         Share of the energy of the whitened residual that the effect removes, on blocks not used to
         fit; None where there are no such blocks.
@@ -31,16 +26,12 @@ class Evidence:
     chosen_in_folds : str
         Without how many of the folds a search names it again: ``5 of 5``; empty of causes that
         no search selects.
-    p_value_from : str
-        Why there is none.
     """
 
     statistic: Number
-    p_value: float | None = None
     held_out_gain: float | None = None
     folds_positive: str = ""
     chosen_in_folds: str = ""
-    p_value_from: str = _NOT_CALIBRATED
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,8 @@ class Regime:
     Attributes
     ----------
     axis : str
-        ``speed``, ``direction``, ``position``, ``load``, ``time``, ``reversal`` (distance since
-        the last one) or ``frequency``.
+        ``speed``, ``direction``, ``position``, ``load``, ``time`` or ``reversal`` (distance since
+        the last one).
     low, high : float
         Of the axis, in `unit`; infinite where the end is open.
     unit : str
@@ -163,20 +163,6 @@ class GapSeries:
 
 
 @dataclass(frozen=True)
-class NominalModel:
-    """A nominal model, its base parameters, that was read from a result instead of the URDF.
-
-    `left_out`: effects that the file names and that are no part of the nominal model.
-    """
-
-    file: str
-    robot: str
-    left_out: tuple[str, ...]
-    parameters: dict[str, EffectParameter]
-    kinematics: Unsaved[str] = field(default="", compare=False)  # of the file, if it has one
-
-
-@dataclass(frozen=True)
 class TrackingSeries:
     """Tracking error of one joint in one recording, thinned for the figures; (s,) each, rad."""
 
@@ -213,8 +199,6 @@ class GapResult(Document):
         In the order of `bags`; empty of a single recording.
     contrast : ContrastResult or None
         What changed in a second set of recordings; all else is of the reference set, `bags`.
-    nominal : NominalModel or None
-        Where the nominal model was read from; None: the URDF's.
     transmissions : tuple of Transmission
         One for each joint with an encoder behind its gear.
     findings : tuple of str
@@ -254,7 +238,6 @@ class GapResult(Document):
     friction_leads: dict[str, Number] = field(default_factory=dict)
     recordings: tuple[RecordingAgreement, ...] = ()
     contrast: ContrastResult | None = None
-    nominal: NominalModel | None = None
     transmissions: tuple[Transmission, ...] = ()
     where: Where
     findings: tuple[str, ...]

@@ -6,7 +6,6 @@ from typing import Literal
 from idim_iv_ros.diagnosis.result.causes import Attribution, Evidence, Indistinguishable
 from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 
@@ -59,15 +58,10 @@ class Transmission:
         Time by which the link's channel is late, s. No elasticity.
     position_error : bool
         Whether the twist also follows the position: an error of one of the encoders.
-    explained, elastic_share : float
-        Shares of the twist's variance, position aside, that are explained, and that follow the load
-        in proportion, 0 to 1.
-    twist_rms : float
-        rad, with both channels at the same instants, less constants and position.
+    elastic_share : float
+        Share of the twist's variance, position aside, that follows the load in proportion, 0 to 1.
     resolution : float
         Step of the coarser encoder, rad; zero where none shows.
-    tests : tuple of HypothesisTest
-        Whether one stiffness holds throughout.
     unit : str
         Of the twist.
     reason : str
@@ -83,12 +77,9 @@ class Transmission:
     lost_motion: EffectParameter | None = None
     time_offset: EffectParameter | None = None
     position_error: bool = False
-    explained: Number = 0.0
     elastic_share: Number = 0.0
-    twist_rms: Number = 0.0
     resolution: Number = 0.0
     rows: int = 0
-    tests: tuple[HypothesisTest, ...] = ()
     unit: str = "rad"
     reason: str = ""
 

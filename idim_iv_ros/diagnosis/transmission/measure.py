@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import predicted
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
-    Evidence,
     Gap,
     Transmission,
     TransmissionSeries,
@@ -87,7 +85,7 @@ def _measured(data: Baseline, regression: Regression, encoder: JointFinding) -> 
         if not fit.clear(LOAD):
             break
         fit = fit_twist(_with_link_motion(data, regression, joint, fit))
-        if SIDE in fit.terms:
+        if SIDE in fit.chosen:
             fit = fit_twist(fit.rows.away_from_side_changes())
     return Measured(joint, _transmission(data, joint, fit), fit)
 
@@ -110,12 +108,12 @@ def _with_link_motion(
 def _transmission(data: Baseline, joint: int, fit: TwistFit) -> Transmission:
     """Everything that the twist of a joint says, with what makes it unsure."""
     rows, angle = fit.rows, data.unit_at(joint, "rad")
-    bending, std, test = compliance(fit)
+    bending, std = compliance(fit)
     elastic = bending * rows.load
     clear = bending > settings.CLEAR_DEVIATIONS * std
     exceeds_step = float(np.ptp(elastic)) > rows.resolution
     stiffness = damping = None
-    if LOAD in fit.terms and clear and exceeds_step:
+    if LOAD in fit.chosen and clear and exceeds_step:
         unit = data.unit_at(joint, "N m/rad")
         stiffness = EffectParameter(1.0 / bending, std / bending**2, unit)
         damping = _damping(fit, stiffness, data.unit_at(joint, "N m s/rad"))
@@ -140,13 +138,10 @@ def _transmission(data: Baseline, joint: int, fit: TwistFit) -> Transmission:
         backlash_at_most=most,
         lost_motion=friction,
         time_offset=EffectParameter(fit.offset, fit.offset_std, "s"),
-        position_error=POSITION in fit.terms,
-        explained=max(0.0, 1.0 - float(np.var(fit.fit.residuals[0])) / total),
+        position_error=POSITION in fit.chosen,
         elastic_share=min(1.0, float(np.var(elastic)) / total) if stiffness is not None else 0.0,
-        twist_rms=float(np.sqrt(total)),
         resolution=rows.resolution,
         rows=len(rows.load),
-        tests=(test,),
         unit=angle,
         reason="" if stiffness else _undecided(fit, clear=clear, exceeds_step=exceeds_step),
     )
@@ -162,7 +157,7 @@ def _undecided(fit: TwistFit, *, clear: bool, exceeds_step: bool) -> str:
     # Whether a twist of one step of the encoders would not have been significant.
     step = rows.resolution / max(float(np.ptp(rows.load)), 1e-300)
     hidden = step <= settings.CLEAR_DEVIATIONS * fit.numbers[LOAD][1]
-    if rows.resolution > 0.0 and (LOAD in fit.terms or hidden) and not exceeds_step:
+    if rows.resolution > 0.0 and (LOAD in fit.chosen or hidden) and not exceeds_step:
         return (
             f"the twist under the load stays below the encoders' step of {rows.resolution:.2g}: "
             "it cannot be determined"
@@ -170,7 +165,7 @@ def _undecided(fit: TwistFit, *, clear: bool, exceeds_step: bool) -> str:
     largest = max(float(np.abs(rows.load).max()), 1e-300)
     if float(np.std(rows.load)) <= _LEAST_VARIATION * largest:
         return "the load hardly varies: it cannot be determined"
-    if LOAD in fit.terms and not clear:
+    if LOAD in fit.chosen and not clear:
         return "what the encoders' errors and the load's leave open is as large as the twist"
     return "no twist follows the load"
 
@@ -179,7 +174,7 @@ def _damping(fit: TwistFit, stiffness: EffectParameter, unit: str) -> EffectPara
     """D = −K² times the coefficient of the load's rate, where it is shown."""
     rate, std = fit.numbers.get(RATE, (0.0, 0.0))
     value = -rate * stiffness.value**2
-    if RATE not in fit.terms or value <= 0.0 or stiffness.std is None:
+    if RATE not in fit.chosen or value <= 0.0 or stiffness.std is None:
         return None
     relative = float(np.hypot(std / rate, 2.0 * stiffness.std / stiffness.value))
     clear = settings.CLEAR_DEVIATIONS * relative < 1.0
@@ -299,37 +294,14 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         damping, play = values.get("damping"), values.get("gap", 0.0)
         elastic = _without_twist(data, regression, joint, stiffness.value, damping, play)
         after = elastic.fit(before.noise_models, steps=0)
-    one, two = (float(np.sqrt(np.mean(fit.residuals[joint] ** 2))) for fit in (before, after))
+    one, two = (rms(fit.residuals[joint]) for fit in (before, after))
     return Cause(
         effect=name_of(part),
         kind="structural",
         joint=result.joint,
-        sentence=sentences.play(result) if part == "play" else sentences.shaft(result),
+        sentence=sentences.measured_gear(result, name_of(part)),
         parameters=parameters,
-        evidence=_evidence(fit, SIDE if part == "play" else LOAD),
+        evidence=fit.evidence(SIDE if part == "play" else LOAD),
         torque_gap=Gap.without_floor(one, two),
         joint_gaps=(data.joint_change(joint, one, two),),
     )
-
-
-def _evidence(fit: TwistFit, term: str) -> Evidence:
-    """How a term predicts blocks that were not fitted.
-
-    Blocks lie at the same places of every recording: its constant is fitted from the others.
-    """
-    rows, count = fit.rows, int(settings.FOLDS)
-    regression = Regression(fit.regression.joints, fit.regression.parameters)
-    for other in [*(other for other in fit.terms if other != term), term]:
-        regression = regression.with_columns({0: fit.columns[other]})
-    block = np.zeros(len(rows.load), dtype=np.int64)
-    for number in np.unique(rows.recording):
-        places = np.flatnonzero(rows.recording == number)
-        block[places] = np.arange(len(places)) * count // len(places)
-    ends = np.array([regression.total - regression.widths[-1], regression.total])
-    before, after = (
-        np.maximum(np.bincount(block, residual**2, count), 1e-300)
-        for (residual,) in predicted(regression, fit.fit.noise_models, [block], ends)
-    )
-    left = float(after.sum() / before.sum())
-    helped = int(np.sum(after < before))
-    return Evidence(-len(block) * float(np.log(left)), None, 1.0 - left, f"{helped} of {count}")

@@ -21,20 +21,22 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.comparison.folds import chosen_without
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.named_columns import (
     FREE,
     NamedColumns,
     ledger_of_rows,
     supported,
 )
-from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.comparison.select import Selection, select
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
+from idim_iv_ros.diagnosis.result import Evidence
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.signals.motion import all_around
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 LINK_MOTION_STEPS = 3  # times that the load is computed again at the link's motion
@@ -224,8 +226,10 @@ class TwistFit:
         Time by which the link's channel is late, s.
     columns : dict of term to (r, k)
         Of every term that was tried.
-    terms : tuple of str
-        Accepted beside the time offset and the constants.
+    selection : Selection
+        Among them.
+    chosen : dict of str to Term
+        Accepted beside the time offset and the constants, in the order of the columns.
     numbers : dict of term to (float, float)
         Coefficient and its deviation, rad per unit of the column, beside the accepted terms.
         Position has none.
@@ -237,24 +241,31 @@ class TwistFit:
     offset: float
     offset_std: float
     columns: dict[str, FloatArray]
-    terms: tuple[str, ...]
+    selection: Selection
+    chosen: dict[str, Term]
     numbers: dict[str, tuple[float, float]]
     regression: Regression
     fit: Fit
 
     def accepted(self, term: str) -> float:
         """Coefficient of a term that is in the model; zero of any other."""
-        return self.numbers[term][0] if term in self.terms else 0.0
+        return self.numbers[term][0] if term in self.chosen else 0.0
+
+    def evidence(self, term: str) -> Evidence:
+        """Why a term of the model is believed."""
+        folds, of_term = chosen_without(self.selection), self.chosen[term]
+        times = f"{folds.times(of_term)} of {len(folds.keys)}"
+        return Evidence(2.0 * of_term.evidence, chosen_in_folds=times)
 
     def clear(self, term: str) -> bool:
         """Whether a term is in the model, and positive beyond noise."""
         value, std = self.numbers.get(term, (0.0, 0.0))
-        return term in self.terms and value > settings.CLEAR_DEVIATIONS * std
+        return term in self.chosen and value > settings.CLEAR_DEVIATIONS * std
 
     @property
     def twist(self) -> FloatArray:
         """(r,) rad with both channels at the same instants, less constants and position."""
-        followed = [self.columns[t][:, 0] * self.accepted(t) for t in self.terms if t != POSITION]
+        followed = [self.columns[t][:, 0] * self.accepted(t) for t in self.chosen if t != POSITION]
         return np.asarray(sum(followed, self.fit.residuals[0]))
 
 
@@ -271,7 +282,8 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     for _ in range(_OFFSET_STEPS):
         fit = _regression(rows, offset).with_columns({0: columns[LOAD]}).fit()
         offset += float(fit.values[0])
-    terms = _chosen(rows, offset, columns)
+    selection, chosen = _chosen(rows, offset, columns)
+    terms = list(chosen)
     regression = _regression(rows, offset)
     for term in terms:
         regression = regression.with_columns({0: columns[term]})
@@ -287,7 +299,8 @@ def fit_twist(rows: TwistRows) -> TwistFit:
         variance = float(wider.coefficient_covariance[place, place])
         numbers[term] = float(wider.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
     late, late_std = float(fit.values[0]), float(np.sqrt(max(fit.covariance[0, 0], 0.0)))
-    return TwistFit(rows, offset + late, late_std, columns, terms, numbers, regression, fit)
+    offset += late
+    return TwistFit(rows, offset, late_std, columns, selection, chosen, numbers, regression, fit)
 
 
 def _regression(rows: TwistRows, offset: float) -> Regression:
@@ -298,45 +311,48 @@ def _regression(rows: TwistRows, offset: float) -> Regression:
     return Regression((joint,), len(places))
 
 
-def _chosen(rows: TwistRows, offset: float, columns: dict[str, FloatArray]) -> tuple[str, ...]:
+def _chosen(
+    rows: TwistRows, offset: float, columns: dict[str, FloatArray]
+) -> tuple[Selection, dict[str, Term]]:
     """Terms that the comparison asks for, in the order of the columns."""
     twist = rows.twist(offset)
     means = np.linalg.lstsq(rows.constants, twist)[0]
     size = float(np.std(twist - rows.constants @ means)) or 1e-300
-    late = FREE * size / max(float(np.sqrt(np.mean(rows.speed**2))), 1e-300)
+    late = FREE * size / max(rms(rows.speed), 1e-300)
     ledger = ledger_of_rows(
         twist, size, rows.speed[:, None], np.array([late]), rows.constants, rows.segments
     )
     selection = select(NamedColumns(columns, acts_with={RATE: LOAD}), ledger)
     odds = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
     kept = supported(selection.comparison, selection.terms, odds)
-    names = {term.key[0] for term in kept}
-    if LOAD not in names:
-        names.discard(RATE)
-    return tuple(name for name in columns if name in names)
+    by_name = {term.key[0]: term for term in kept}
+    if LOAD not in by_name:
+        by_name.pop(RATE, None)
+    return selection, {name: by_name[name] for name in columns if name in by_name}
 
 
-def compliance(fit: TwistFit) -> tuple[float, float, HypothesisTest]:
-    """1/K, its standard deviation (rad/(N m)), and whether all parts of the recording agree.
+def compliance(fit: TwistFit) -> tuple[float, float]:
+    """1/K and its standard deviation (rad/(N m)).
 
-    The deviation holds the noise of the twist, the parameters of the links, an error over the
-    position that the twist allows and does not ask for, and by how much the parts of the
-    recording differ beyond noise (Birge's ratio).
+    The deviation holds the noise of the twist, by how much blocks of time differ beyond it, the
+    parameters of the links, and an error over the position that the twist allows and does not ask
+    for.
     """
     value, noise = fit.numbers[LOAD]
-    test, ratio = _agreement(fit)
-    variance = noise**2 * max(1.0, ratio) + _load_variance(fit)
-    if POSITION not in fit.terms and LOAD in fit.terms:
-        wider = fit.regression.with_columns({0: fit.columns[POSITION]}).fit()
-        variance += (float(wider.coefficients[fit.terms.index(LOAD)]) - value) ** 2
-    return value, float(np.sqrt(variance)), test
+    variance = noise**2 + _load_variance(fit)
+    if LOAD in fit.chosen:
+        variance += noise**2 * (fit.chosen[LOAD].dispersion - 1.0)
+        if POSITION not in fit.chosen:
+            wider = fit.regression.with_columns({0: fit.columns[POSITION]}).fit()
+            variance += (float(wider.coefficients[list(fit.chosen).index(LOAD)]) - value) ** 2
+    return value, float(np.sqrt(variance))
 
 
 def _load_variance(fit: TwistFit) -> float:
     """Variance of 1/K from the parameters of the links: its gradient along each of them."""
     rows = fit.rows
     noise, joint = fit.fit.noise_models[0], fit.regression.joints[0]
-    others = [joint.matrix, *(fit.columns[term] for term in fit.terms if term != LOAD)]
+    others = [joint.matrix, *(fit.columns[term] for term in fit.chosen if term != LOAD)]
     nuisance = np.linalg.qr(noise.standardized(np.column_stack(others), rows.segments))[0]
 
     def rest(values: FloatArray) -> FloatArray:
@@ -350,24 +366,3 @@ def _load_variance(fit: TwistFit) -> float:
     value = float(load @ twist) / energy
     gradient = (changes.T @ twist - 2.0 * value * (changes.T @ load)) / energy
     return float(np.maximum(gradient @ rows.load_covariance @ gradient, 0.0))
-
-
-def _agreement(fit: TwistFit) -> tuple[HypothesisTest, float]:
-    """H0: one compliance for every recording (of one, for both halves); χ² over its df."""
-    part, words = fit.rows.recording, "all recordings"
-    if len(np.unique(part)) < 2:
-        part = (np.arange(len(part)) >= len(part) // 2).astype(np.int64)
-        words = "both halves of the recording"
-    words = f"one compliance holds for {words}"
-    if LOAD not in fit.terms:
-        return HypothesisTest.not_run(words, "all", "no twist follows the load"), 1.0
-    blocks = fit.rows.load[:, None] * (part[:, None] == np.unique(part)[1:])
-    wider = fit.regression.with_columns({0: blocks}).fit()
-    added = slice(len(wider.coefficients) - blocks.shape[1], None)
-    change, covariance = wider.coefficients[added], wider.coefficient_covariance[added, added]
-    df = int(np.linalg.matrix_rank(covariance))
-    if df == 0:
-        return HypothesisTest.not_run(words, "all", "the load moves in one part only"), 1.0
-    statistic = float(change @ np.linalg.pinv(covariance) @ change)
-    p_value = float(scipy.stats.chi2.sf(statistic, df))
-    return HypothesisTest(words, "all", statistic, df, None, p_value, alpha=0.01), statistic / df
