@@ -14,7 +14,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
@@ -130,35 +129,12 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
         settings.check()
     except IdimError as error:
         raise UsageError(f"parameter {error}") from error
-
-    def accepted(parameters: list[Parameter]) -> list[Parameter]:
-        converted = []
-        try:
-            for given in parameters:
-                if given.name in described:
-                    value = _accepted(described[given.name], given)
-                    given = Parameter(given.name, value=value)
-                elif not node.has_parameter(given.name):
-                    raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
-                converted.append(given)
-        except UsageError as error:
-            raise _RefusedError(str(error)) from error
-        return converted
-
-    node.add_pre_set_parameters_callback(accepted)
     return settings
 
 
 def _given(node: Node) -> dict[str, Parameter]:
     """Return what rcl makes of files and command line; rclpy has no public name for it."""
     return dict(node._parameter_overrides)
-
-
-class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
-    """The one exception whose text rclpy sends to who asked for parameters to be set."""
-
-    def __init__(self, reason: str) -> None:
-        Exception.__init__(self, reason)
 
 
 def _default(described: "Field[Any]") -> Any:
@@ -204,8 +180,12 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     """Return the settings with new values; parameters of others change nothing."""
-    names = {item.name for item in fields(settings)}
-    given = {item.name: item.value for item in parameters if item.name in names}
+    described = {item.name: item for item in fields(settings)}
+    given = {
+        item.name: _accepted(described[item.name], item)
+        for item in parameters
+        if item.name in described
+    }
     if not given:
         return settings
     new = replace(settings, **given)

@@ -96,7 +96,7 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     assert managed.change("activate")
     assert f"ready: {arm}; identifies on request" in log()
     asked = [managed.ask() for _ in range(2)]
-    until(lambda: workers[0].requests and managed.identifier._jobs.waiting, "both jobs")
+    until(lambda: workers[0].request and managed.identifier._jobs.waiting, "both jobs")
     assert managed.change("deactivate")
     until(lambda: all(future.done() for future in asked), "both answers")
     assert {future.result().message for future in asked} == {"the identifier was deactivated"}

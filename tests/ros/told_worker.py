@@ -29,11 +29,3 @@ class ToldWorker:
 
     def close(self) -> None:
         """Nothing is left to be ended."""
-
-
-class EndsAtOnce(ToldWorker):
-    """A worker whose jobs have failed when they have begun."""
-
-    def begin(self, request: dict) -> None:
-        super().begin(request)
-        self.end(error="nothing moves")

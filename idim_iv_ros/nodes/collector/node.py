@@ -17,7 +17,11 @@ from idim_iv_ros.nodes.collector.neighbours import (
 )
 from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
-from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer, answer_all
+from idim_iv_ros.nodes.identifier.request_server import (
+    Clients,
+    DeferredActionServer,
+    send_last_answers,
+)
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import CollectorSettings
 
@@ -64,7 +68,8 @@ class Collector(NodeProgram[CollectorSettings]):
             self._collection.cancel("the collector was shut down")
         while self._goal is not None and self.node.executor is not None:
             self.node.executor.spin_once(timeout_sec=0.05)
-        answer_all(self.node, [self._actions])
+        send_last_answers(self.node)
+        self._actions.destroy()
         super().close()
 
     def _load(self) -> None:

@@ -18,7 +18,7 @@ from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue, StartWorker
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
-from idim_iv_ros.nodes.identifier.request_server import RequestServer, answer_all
+from idim_iv_ros.nodes.identifier.request_server import RequestServer, send_last_answers
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration, with_topics_of_node
 from idim_iv_ros.nodes.settings import IdentifierSettings
@@ -196,7 +196,9 @@ class Identifier(NodeProgram[IdentifierSettings]):
         """End the job that is worked on, and answer all requests."""
         self._managed.state = FINALIZED  # what comes now is refused
         self._jobs.close()
-        answer_all(self.node, self._servers)
+        send_last_answers(self.node)
+        for server in self._servers:
+            server.actions.destroy()
         super().close()
 
     def _loaded(self) -> Configuration | None:

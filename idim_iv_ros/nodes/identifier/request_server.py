@@ -6,8 +6,7 @@ answer are two callbacks.
 """
 
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -23,46 +22,8 @@ from idim_iv_ros.nodes.identifier.job import Job, JobListener
 # without an answer.
 BURST = QoSProfile(depth=1000)
 _LOOK, _SHORTEST_LOOK = 0.5, 0.4  # s between two looks for clients
-_LAST_LOOK, _LONGEST_END = 0.1, 10.0  # s for the last answers: a turn, and all
+_LAST_ANSWERS = 0.5  # s
 _ABSENCES = 2  # looks that must find none
-_AT_ONCE, _PAUSE = 5, 0.3  # answers in one go, and s until there may be as many again
-
-
-class PacedAnswers:
-    """Lets a few answers go at a time, so that a client that is busy for a moment gets them all.
-
-    A client keeps ten answers that it has not looked at, unless its program says otherwise, and the
-    eleventh replaces the first: of 200 goals that are sent in one go many would be answered while
-    the client still sends. Two turns are ten answers: it may be busy for a whole pause.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._waiting: deque[Callable[[], object]] = deque()
-        self._room = _AT_ONCE
-        self._timer = steady_timer(node, _PAUSE, self._next_turn)
-
-    def __call__(self, answer: Callable[[], object]) -> None:
-        """Call `answer` now or in a later turn; the order is kept."""
-        if self._timer.is_canceled():  # nothing has gone for a whole pause
-            self._timer.reset()
-        self._waiting.append(answer)
-        self._go()
-
-    @property
-    def waiting(self) -> int:
-        """Answers whose turn has not come."""
-        return len(self._waiting)
-
-    def _next_turn(self) -> None:
-        if self._room == _AT_ONCE:
-            self._timer.cancel()
-        self._room = _AT_ONCE
-        self._go()
-
-    def _go(self) -> None:
-        while self._waiting and self._room:
-            self._room -= 1
-            self._waiting.popleft()()
 
 
 class Clients:
@@ -94,8 +55,7 @@ class DeferredActionServer(ActionServer):
     """An action server whose goals run outside of it.
 
     `accepted` takes each goal, whose `execute` says that its work begins; `cancel` takes a goal for
-    which `finish` is to be called early. `unanswered` counts results that were asked for and not
-    yet sent.
+    which `finish` is to be called early.
     """
 
     def __init__(
@@ -121,28 +81,6 @@ class DeferredActionServer(ActionServer):
             result_service_qos_profile=BURST,
             cancel_service_qos_profile=BURST,
         )
-        self._goals_paced, self._results_paced = PacedAnswers(node), PacedAnswers(node)
-        self.unanswered = 0
-
-    async def execute(self, taken_data: dict[str, Any]) -> None:
-        """Do what was asked for; a goal, which is answered at once, when its turn has come."""
-        if "result" in taken_data:
-            _, request = taken_data["result"]
-            self.unanswered += bytes(request.goal_id.uuid) in self._goal_handles
-        goal = taken_data.pop("goal", None)
-        if goal is not None:
-            accept, executor = super().execute, self._node.executor
-            self._goals_paced(lambda: executor.create_task(accept, {"goal": goal}))
-        await super().execute(taken_data)  # type: ignore[no-untyped-call]
-
-    def _send_result_response(self, request_header: Any, future: Any) -> None:
-        send_now = super()._send_result_response
-
-        def send() -> None:
-            self.unanswered -= 1
-            send_now(request_header, future)  # type: ignore[no-untyped-call]
-
-        self._results_paced(send)
 
     def notify_execute(self, *_: Any) -> None:
         """Do nothing: whoever called `execute` does the work."""
@@ -195,28 +133,18 @@ class RequestServer:
         self._requesters = Clients(node, node.resolve_service_name(name))
         self._goal_senders = Clients(node, f"{goals}/_action/get_result")
         steady_timer(node, _LOOK, self._look)
-        self._paced = PacedAnswers(node)
         # The callback returns the request itself, which arrives where else the answer is sent.
         requests = node.create_service(service, name, lambda request, _: request, qos_profile=BURST)
         send = requests.send_response
 
         def asked(request: Any, header: Any) -> None:
-            def answer(response: Any) -> None:
-                self._paced(lambda: send(response, header))
-
-            self._submit_for(self._requesters, object(), request, service.Response(), answer)
+            self._submit_for(
+                *(self._requesters, object(), request, service.Response()),
+                lambda response: send(response, header),
+            )
 
         requests.send_response = asked  # type: ignore[assignment]
-        self._actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
-
-    @property
-    def unanswered(self) -> int:
-        """How many wait for an answer now."""
-        return len(self._requesters.jobs) + self._paced.waiting + self._actions.unanswered
-
-    def destroy(self) -> None:
-        """Take the action away; its goals are lost."""
-        self._actions.destroy()
+        self.actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         def progress(stage: str, share: float) -> None:
@@ -227,7 +155,7 @@ class RequestServer:
             bytes(goal.goal_id.uuid),
             goal.request,
             self._action.Result(),
-            partial(self._actions.finish, goal),
+            partial(self.actions.finish, goal),
             started=goal.execute,
             progress=progress,
         )
@@ -270,13 +198,8 @@ class RequestServer:
                     self._cancel_job(job)
 
 
-def answer_all(node: Node, servers: Sequence[RequestServer | DeferredActionServer]) -> None:
-    """Spin until nobody waits for an answer, or not for ever; then take the servers away."""
-    executor, until = node.executor, time.monotonic() + _LONGEST_END
-    while executor is not None and any(server.unanswered for server in servers):
-        executor.spin_once(timeout_sec=_LAST_LOOK)
-        if time.monotonic() > until:
-            break
-    time.sleep(_LAST_LOOK)  # the last answers lie in memory that ends with this process
-    for server in servers:
-        server.destroy()
+def send_last_answers(node: Node) -> None:
+    """Spin for a moment, in which the answers of what has ended are sent."""
+    executor, until = node.executor, time.monotonic() + _LAST_ANSWERS
+    while executor is not None and time.monotonic() < until:
+        executor.spin_once(timeout_sec=0.1)
