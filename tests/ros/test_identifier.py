@@ -192,21 +192,6 @@ def test_next_job_works_after_a_process_was_killed(served) -> None:
     assert served.identify("bag-1.mcap", estimator="idim-ls").success
 
 
-def test_job_of_a_client_that_is_gone_is_cancelled_and_until_then_it_hears_of_it(served) -> None:
-    feedback: list = []
-    with served.closed_gate():
-        served.goal(*BOTH, feedback=feedback)
-        worker = served.job()
-        heard = len(feedback)
-        served.observer.until(lambda: len(feedback) >= heard + 2, "signs of life")
-        served.action.destroy()
-        try:
-            served.observer.until(lambda: not served.process_exists(worker), "the end of the job")
-        finally:
-            served.connect()
-    assert "who asked is gone" in served.process.errors.read_text()
-
-
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
@@ -222,7 +207,6 @@ def test_job_of_a_client_that_is_gone_is_cancelled_and_until_then_it_hears_of_it
         ({"timeout": -1.0}, "is no time"),
         ({"timeout": float("nan")}, "is no time"),
         ({"without": ["phlogiston"]}, "'phlogiston' is no effect"),
-        ({"without": ["backlash"] * 101}, "101 effects; at most 100"),
     ],
 )
 def test_bad_request_is_one_line(served, simulated_bags: Path, request_, words: str) -> None:

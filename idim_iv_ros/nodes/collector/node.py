@@ -11,17 +11,14 @@ from idim_iv_interfaces.action import Collect
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.collector.collection import Collection, HeardRobot, Parts
 from idim_iv_ros.nodes.collector.neighbours import (
+    Clients,
     Controller,
     IdentifierNeighbour,
     RecorderNeighbour,
 )
 from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
-from idim_iv_ros.nodes.identifier.request_server import (
-    Clients,
-    DeferredActionServer,
-    send_last_answers,
-)
+from idim_iv_ros.nodes.identifier.request_server import DeferredActionServer, send_last_answers
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import CollectorSettings
 

@@ -35,18 +35,11 @@ _FEEDBACK_PERIOD = 0.05  # s
 _NO_ROOM = "failed to map segment"  # of a library that is loaded when the memory is used up
 _NICE = 5  # recorder and controllers on the same machine come first
 _RATE, _SECONDS = 500.0, 5.0  # Hz, s
-_LINK = """
-  <link name="link_{0}"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+_URDF = """<robot name="rehearsal"><link name="base"/>
+  <link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
     <inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="{0}" type="revolute"><parent link="{1}"/><child link="link_{0}"/>
-    <origin xyz="{2} 0 0"/><axis xyz="0 1 0"/>
-    <limit lower="-2" upper="2" velocity="6" effort="60"/></joint>"""
-_URDF = (
-    '<robot name="rehearsal"><link name="base"/>'
-    + _LINK.format("a", "base", "0")
-    + _LINK.format("b", "link_a", "0.4")
-    + "</robot>"
-)
+  <joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="6" effort="60"/></joint></robot>"""
 
 Send = Callable[[Mapping[str, object]], None]
 
@@ -125,7 +118,7 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
 
 
 def rehearse() -> None:
-    """Identify a bag of two simulated joints and draw the report, in a folder for a while.
+    """Identify a bag of a simulated joint and draw the report, in a folder for a while.
 
     On a machine where the loops were never compiled they are compiled here.
     """
@@ -134,15 +127,10 @@ def rehearse() -> None:
         (folder / "arm.urdf").write_text(_URDF)
         configuration = Configuration.model_validate(
             {
-                "robot": {"joints": ["a", "b"], "urdf": folder / "arm.urdf"},
-                "controller": {
-                    "type": "pd",
-                    "kp": [300.0, 100.0],
-                    "kd": [20.0, 6.0],
-                    "period": 1.0 / _RATE,
-                },
+                "robot": {"joints": ["a"], "urdf": folder / "arm.urdf"},
+                "controller": {"type": "pd", "kp": [300.0], "kd": [20.0], "period": 1.0 / _RATE},
                 "signals": {"joint_states": "/joint_states", "reference": "/joint_reference"},
-                "simulated_robot": {"position_noise": [1e-5] * 2, "torque_noise": [0.05] * 2},
+                "simulated_robot": {"position_noise": [1e-5], "torque_noise": [0.05]},
                 "processing": {"position_cutoff": 30.0},
             }
         )

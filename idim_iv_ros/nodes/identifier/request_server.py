@@ -7,7 +7,6 @@ answer are two callbacks.
 
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -15,40 +14,12 @@ from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
 
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
 # without an answer.
 BURST = QoSProfile(depth=1000)
-_LOOK, _SHORTEST_LOOK = 0.5, 0.4  # s between two looks for clients
 _LAST_ANSWERS = 0.5  # s
-_ABSENCES = 2  # looks that must find none
-
-
-class Clients:
-    """The clients of one service: whether there were any, and now there are none.
-
-    A server does not learn who asked: only when the last client is gone, nobody waits for an
-    answer. One that is killed counts until its lease in the middleware ends, 20 s as a rule.
-    `jobs` are those that any of them asked for.
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._node, self._name = node, name
-        self.jobs: dict[object, Job] = {}
-        self._seen, self._absences = False, 0
-        self._looked = float("-inf")
-
-    def gone(self) -> bool:
-        """Whether there were none in the last two looks; look again after a while."""
-        if time.monotonic() - self._looked > _SHORTEST_LOOK:
-            self._looked = time.monotonic()
-            if self._node.count_clients(self._name):
-                self._seen, self._absences = True, 0
-            elif self._seen:
-                self._absences += 1
-        return self._absences >= _ABSENCES
 
 
 class DeferredActionServer(ActionServer):
@@ -127,21 +98,16 @@ class RequestServer:
         cancel: Callable[[Job], None],
         result: Callable[[], Any],
     ) -> None:
-        self._node, self._action = node, action
+        self._action = action
         self._submit, self._cancel_job, self._result = submit, cancel, result
         goals = node.resolve_service_name(f"{name}_bags")
-        self._requesters = Clients(node, node.resolve_service_name(name))
-        self._goal_senders = Clients(node, f"{goals}/_action/get_result")
-        steady_timer(node, _LOOK, self._look)
+        self._goals: dict[bytes, Job] = {}
         # The callback returns the request itself, which arrives where else the answer is sent.
         requests = node.create_service(service, name, lambda request, _: request, qos_profile=BURST)
         send = requests.send_response
 
         def asked(request: Any, header: Any) -> None:
-            self._submit_for(
-                *(self._requesters, object(), request, service.Response()),
-                lambda response: send(response, header),
-            )
+            self._submit_for(request, service.Response(), lambda answer: send(answer, header))
 
         requests.send_response = asked  # type: ignore[assignment]
         self.actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
@@ -150,52 +116,34 @@ class RequestServer:
         def progress(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
 
-        self._submit_for(
-            self._goal_senders,
-            bytes(goal.goal_id.uuid),
-            goal.request,
-            self._action.Result(),
-            partial(self.actions.finish, goal),
-            started=goal.execute,
-            progress=progress,
-        )
+        number = bytes(goal.goal_id.uuid)
+
+        def ended(result: Any) -> None:
+            self._goals.pop(number, None)
+            self.actions.finish(goal, result)
+
+        callbacks = {"started": goal.execute, "progress": progress}
+        job = self._submit_for(goal.request, self._action.Result(), ended, **callbacks)
+        if job is not None:
+            self._goals[number] = job
 
     def _submit_for(
-        self,
-        clients: Clients,
-        key: object,
-        request: Any,
-        response: Any,
-        answer: Callable[[Any], None],
-        **callbacks: Any,
-    ) -> None:
-        """Submit a job, whose clients wait until it has ended; `answer` takes the response then."""
+        self, request: Any, response: Any, answer: Callable[[Any], None], **callbacks: Any
+    ) -> Job | None:
+        """Submit a job; `answer` takes the response when it has ended."""
 
         def ended(success: bool, message: str) -> None:
-            clients.jobs.pop(key, None)
             response.success, response.message = success, message
             if success:
                 response.result = self._result()
             answer(response)
 
-        job = self._submit(request, JobListener(ended, **callbacks))
-        if job is not None:
-            clients.jobs[key] = job
+        return self._submit(request, JobListener(ended, **callbacks))
 
     def _cancel(self, goal: ServerGoalHandle) -> None:
-        job = self._goal_senders.jobs.get(bytes(goal.goal_id.uuid))
+        job = self._goals.get(bytes(goal.goal_id.uuid))
         if job is not None:
             self._cancel_job(job)
-
-    def _look(self) -> None:
-        """Cancel what nobody waits for any more."""
-        for clients in (self._requesters, self._goal_senders):
-            jobs = list(clients.jobs.values())
-            if jobs and clients.gone():
-                names = "; ".join(", ".join(job.names) for job in jobs)
-                self._node.get_logger().warning(f"{names}: who asked is gone")
-                for job in jobs:
-                    self._cancel_job(job)
 
 
 def send_last_answers(node: Node) -> None:
