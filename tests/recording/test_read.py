@@ -221,7 +221,7 @@ def test_unusable_recording_is_one_line_with_the_file(tmp_path, make, keywords, 
         ("table.csv", "1,2", DataError, "idim-iv import"),
         ("text.mcap", "not a bag", DataError, "not an MCAP file"),
         ("text.db3", "not a bag", DataError, "not a rosbag2 database"),
-        (".", None, DataError, r"no \.mcap, \.db3 or \.bag"),
+        (".", None, DataError, r"no \.mcap or \.db3"),
     ],
 )
 def test_missing_file_and_foreign_file_are_named(tmp_path, name, content, error, words) -> None:

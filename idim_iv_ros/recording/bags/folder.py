@@ -1,4 +1,4 @@
-"""A bag is an MCAP, .db3 or ROS 1 .bag file, or a folder with any number of them."""
+"""A bag is an MCAP or .db3 file, or a folder with any number of them."""
 
 import os
 import shutil
@@ -21,11 +21,10 @@ from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, MessageBatch, copied
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
-from idim_iv_ros.recording.bags.ros1 import Ros1File
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
 from idim_iv_ros.recording.recording import Note
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")  # in small letters
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # in small letters
 
 _LONGEST_METADATA = 1 << 24  # bytes
 
@@ -124,8 +123,7 @@ class Bag:
             return McapFile(path, source=source)
         local = path if source is None else _copy(path, source, stack)
         whole = _decompressed(local, stack) if local.suffix.lower() == ".zstd" else local
-        kinds: dict[str, type[BagFile]] = {".mcap": McapFile, ".bag": Ros1File}
-        return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
+        return McapFile(whole) if whole.suffix.lower() == ".mcap" else SqliteFile(whole)
 
     def _compare(self, wanted: set[str]) -> None:
         """Count what is missing against metadata.yaml, where it says how much there was."""
@@ -158,16 +156,21 @@ def bag_files(path: Path) -> list[Path]:
     if not path.is_dir():
         if not path.is_file():
             raise DataError(f"{path} is {NO_FILE}; write it to a file first")
+        if path.suffix.lower() == ".bag":
+            raise DataError(
+                f"{path}: a bag of ROS 1; `rosbags-convert --src {path} --dst {path.stem}` makes a "
+                "folder of ROS 2 of it, with the same messages"
+            )
         if not is_bag_file(path.name):
             raise DataError(
-                f"{path}: not a bag (an .mcap, .db3 or .bag file, or a rosbag2 folder); tables "
+                f"{path}: not a bag (an .mcap or .db3 file, or a rosbag2 folder); tables "
                 "come in through idim-iv import"
             )
         return [path]
     there = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
     files = _listed(path) or there
     if not files:
-        raise DataError(f"{path}: no .mcap, .db3 or .bag file in this folder")
+        raise DataError(f"{path}: no .mcap or .db3 file in this folder")
     return files
 
 
