@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import zstandard
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -49,13 +48,6 @@ class Bag:
     seen: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
     counted: bool = True
-    _passed: Counter[str] = field(default_factory=Counter)
-    _steps: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def intervals(self) -> dict[str, float]:
-        """Mean time between two messages of each wanted topic, s; zero for a single one."""
-        return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -75,9 +67,6 @@ class Bag:
                     note_type(self.topics, topic, file.topics[topic])
                     self._define(file)
                     self.seen[topic] += len(batch)
-                    # Batch by batch: what is lost between two of them has no part in it.
-                    self._passed[topic] += int(np.ptp(batch.arrival))
-                    self._steps[topic] += len(batch) - 1
                     yield topic, batch
                 for topic, kind in file.topics.items():
                     note_type(self.topics, topic, kind)
@@ -248,7 +237,7 @@ def _decompressed(path: Path, stack: ExitStack) -> Path:
 
 
 def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
-    """Say how many messages and seconds of some topics were saved; empty for a whole bag."""
+    """Say how many messages of some topics were saved; empty for a whole bag."""
     if not bag.damages:
         return ""
     parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
@@ -272,14 +261,5 @@ def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
 
 
 def _topic_sentence(bag: Bag, topic: str) -> str:
-    saved_count, missing = bag.seen[topic], bag.missing[topic]
-    interval = bag.intervals.get(topic, 0.0)
-    saved = f"{saved_count * interval:.4g} s"
-    if not bag.counted:
-        least = f"at least {missing} and perhaps more" if missing else "how many more there were"
-        tail = "are lost" if missing else "is not known"
-        return f"{saved_count} messages on {topic} ({saved}) were saved, {least} {tail}"
-    if not missing:
-        return f"no message on {topic} is lost"
-    lost = f" ({missing * interval:.3g} s)" if interval else ""
-    return f"{missing} messages on {topic}{lost} are lost, {saved_count} ({saved}) were saved"
+    lost = f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
+    return f"{bag.seen[topic]} messages on {topic} were saved, {lost}"
