@@ -64,6 +64,5 @@ def test_two_types_on_one_topic_are_named(tmp_path: Path, swapped: bool) -> None
 
 def test_a_field_that_a_joint_state_has_is_not_denied(tmp_path: Path) -> None:
     bag = write(tmp_path / "run", steady())
-    with pytest.raises(UsageError, match="leave #velocity out") as caught:
+    with pytest.raises(UsageError, match="leave #velocity out"):
         read_recordings(bag, joints="a", joint_states="/joint_states#velocity")
-    assert "no field" not in str(caught.value)
