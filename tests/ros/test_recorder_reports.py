@@ -39,7 +39,7 @@ def test_an_arm_in_two_messages_holds_all_joints_and_what_one_lacks_is_named() -
     content.look([message("a", "b"), message("c")])
     assert content.problems == []
     content.look([message("c", effort=[np.nan])])
-    assert content.problems == ["effort of c is NaN"]
+    assert content.problems == ["effort of c is NaN or missing"]
 
 
 def test_a_joint_that_is_lost_is_said_until_it_is_found_again() -> None:

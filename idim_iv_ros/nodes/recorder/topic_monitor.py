@@ -1,7 +1,6 @@
 """What happens on one topic: lost, late and malformed messages, gaps, stamps, joints, numbers."""
 
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -10,8 +9,9 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, JointValues
+from idim_iv_ros.recording.bags.bag_file import MessageBatch
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.types import IntArray
 
 Taken = tuple[bytes, dict[str, int | None]]
@@ -34,52 +34,41 @@ class JointContent:
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:
         self.malformed = 0
-        self._type, self._joints, self._needed = message_type, tuple(joints), tuple(needed)
-        self._reader = JointMessageType(message_type)
-        self._met: deque[tuple[str, ...]] = deque(maxlen=_LOOKED_AT)
-        self._missing: tuple[str, ...] = ()
+        self._type, self._joints, self._needed = JointMessageType(message_type), joints, needed
+        self._without = dict.fromkeys(joints, _LOOKED_AT)  # messages since it was named last
+        self._names: tuple[str, ...] = ()
+        self._missing: list[str] = []
 
     @property
     def problems(self) -> list[str]:
         """What the latest messages lack, in words."""
-        present = {name for names in self._met for name in names}
-        absent = [joint for joint in self._joints if joint not in present]
-        lacks = [f"it does not hold joint {', '.join(absent)}"] if present and absent else []
+        absent = [joint for joint, count in self._without.items() if count >= _LOOKED_AT]
+        lacks = [f"it does not hold joint {', '.join(absent)}"] if self._names and absent else []
         return [*lacks, *self._missing]
 
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
-        latest: JointValues | None = None
-        for message in messages[-_LOOKED_AT:]:
-            try:
-                latest = self._reader.read(message, self._needed)
-            except DataError:
-                self.malformed += 1
-                latest = None
-                continue
-            if self._type == JOINT_STATE:
-                self._met.append(latest.names)
-        if latest is not None:
-            self._numbers(latest)
-
-    def _numbers(self, message: JointValues) -> None:
-        if self._joints and message.names and set(message.names).isdisjoint(self._joints):
-            return  # of another part of the robot
-        missing = []
-        for field in self._needed:
-            values = message.numbers.get(field, np.zeros(0))
-            names = message.names or self._joints
-            if len(values) != len(names):
-                missing.append(f"{len(values)} values of {field} for {len(names)} joints")
-                continue
-            bad = [
-                joint
-                for joint, value in zip(names, values, strict=True)
-                if not np.isfinite(value) and (not self._joints or joint in self._joints)
-            ]
+        latest = [(0, message) for message in messages[-_LOOKED_AT:]]
+        reader = JointMessageReader("", self._type, self._joints, self._needed)
+        try:
+            reader.add(MessageBatch.of(latest))
+        except DataError as error:  # an array of another length
+            self._missing = [str(error).removeprefix(": ")]
+            return
+        read = reader.finish()
+        self.malformed += read.damaged
+        self._names = read.names or self._names
+        for column, joint in enumerate(self._joints):
+            named = read.named[:, column].any()
+            self._without[joint] = 0 if named else self._without[joint] + len(latest)
+        if not len(read):  # all are of another part of the robot, or malformed
+            return
+        self._missing = []
+        for field, values in read.values.items():
+            wrong = read.named[read.layout[-1]] & ~np.isfinite(values[-1])
+            bad = [joint for joint, is_wrong in zip(self._joints, wrong, strict=True) if is_wrong]
             if bad:
-                missing.append(f"{field} of {', '.join(bad)} is NaN")
-        self._missing = tuple(missing)
+                self._missing.append(f"{field} of {', '.join(bad)} is NaN or missing")
 
 
 @dataclass(frozen=True)
