@@ -1,7 +1,7 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
 from ast import literal_eval
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from difflib import get_close_matches
 from itertools import pairwise
@@ -19,6 +19,7 @@ from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
 from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
 
@@ -253,7 +254,7 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]
     if not unknown:
         return
-    others = _for_any_node(node, arguments)
+    others = _for_any_node(arguments)
     wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
         raise UsageError(f"unknown parameter {with_nearest(wrong, names)}")
@@ -271,21 +272,20 @@ def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:
     return ", ".join(words)
 
 
-def _for_any_node(node: Node, arguments: Sequence[str]) -> Collection[str]:
-    """Names of the parameters that a node of another name is given by the same files."""
-    files = [text for pair in pairwise(arguments) if pair[0] == _FILE for text in pair]
-    silent = Parameter("start_type_description_service", value=False)  # no policy allows it
-    other = Node(
-        "_of_no_name",
-        context=node.context,
-        namespace=node.get_namespace(),
-        cli_args=["--ros-args", *files],
-        use_global_arguments=False,
-        enable_rosout=False,
-        start_parameter_services=False,
-        parameter_overrides=[silent],
-    )
-    try:
-        return _given(other)
-    finally:
-        other.destroy_node()
+def _for_any_node(arguments: Sequence[str]) -> set[str]:
+    """Names of the parameters that files hold for nodes of any name: in ``/**``, ``/left/*``."""
+    files = [Path(file) for option, file in pairwise(arguments) if option == _FILE]
+    sections = [item for file in files for item in read_mapping(file).items()]
+    wanted = [
+        content.get("ros__parameters", {}) for name, content in sections if name.endswith("*")
+    ]
+    return {name for parameters in wanted for name in _flat(parameters, "")}
+
+
+def _flat(parameters: Mapping[str, Any], prefix: str) -> Iterator[str]:
+    """Names of nested parameters, with points."""
+    for key, value in parameters.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"

@@ -55,7 +55,7 @@ class ManagedNode(LifecycleNode):
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
         self.state = UNCONFIGURED
-        self._transitions = transitions
+        self._transitions, self._starting = transitions, False
         self._failure: Exception | None = None
         for transition in transitions:
             setattr(self, f"on_{transition}", partial(self._do, transition))
@@ -63,19 +63,22 @@ class ManagedNode(LifecycleNode):
 
     def start(self) -> None:
         """Configure and activate; an IdimError says why that is not possible."""
+        self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
                 assert self._failure is not None
                 raise self._failure
+        self._starting = False
 
     def _do(self, transition: str, _: LifecycleState | None = None) -> TransitionCallbackReturn:
         try:
             self._transitions[transition]()
         except Exception as error:  # rclpy would end the node without a word
             self._failure = error
-            text = str(error) if isinstance(error, IdimError) else one_line(error)
-            node: Node = self
-            node.get_logger().error(f"cannot {transition}: {text}")
+            if not self._starting:
+                text = str(error) if isinstance(error, IdimError) else one_line(error)
+                node: Node = self
+                node.get_logger().error(f"cannot {transition}: {text}")
             return TransitionCallbackReturn.FAILURE
         self.state = _AFTER[transition]
         return TransitionCallbackReturn.SUCCESS
