@@ -7,8 +7,6 @@ from collections.abc import Callable
 class ToldWorker:
     """Begins a job, and the test says how it goes on."""
 
-    process_id = 99
-
     def __init__(self, heard: Callable[["ToldWorker", dict], None]) -> None:
         self._heard = heard
         self.request: dict = {}

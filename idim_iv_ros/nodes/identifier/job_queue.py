@@ -45,7 +45,6 @@ class Worker:
             env={**os.environ, **_ONE_THREAD},
             start_new_session=True,
         )
-        self.process_id = self._process.pid
         self._heard = heard
         self._thread = threading.Thread(target=self._listen, name="worker", daemon=True)
         self._thread.start()
@@ -60,7 +59,7 @@ class Worker:
     def kill(self) -> None:
         """End the process and what it started, now."""
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process_id, signal.SIGKILL)
+            os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
         """End the process and wait until all of its events were heard."""
@@ -113,11 +112,6 @@ class JobQueue:
     def waiting(self) -> int:
         """Jobs that are not worked on yet."""
         return len(self._waiting)
-
-    @property
-    def process_id(self) -> int | None:
-        """Of the process that does the present job."""
-        return None if self._worker is None else self._worker.process_id
 
     @property
     def _jobs(self) -> list[Job]:

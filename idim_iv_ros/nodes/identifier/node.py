@@ -243,11 +243,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
             sentence = f"{', '.join(jobs.running.names)}: {jobs.running.stage}"
         elif self._failure:
             level, sentence = DiagnosticStatus.ERROR, self._failure
-        values: dict[str, object] = {
-            "state": state,
-            "waiting": jobs.waiting,
-            "worker (process id)": jobs.process_id or "none",
-        }
+        values = {"state": state, "waiting": jobs.waiting}
         return diagnostic_status(level, f"{name}: identification", name, sentence, values)
 
     def _apply(self, given: set[str]) -> None:
