@@ -323,18 +323,18 @@ def test_results_survive_a_kill_and_an_interrupted_node_answers(
         served.process.kill()
         observer.until(lambda: not served.process_exists(worker), "the end of the worker")
     # A diagnosis that was kept.
-    (results(served) / "diagnosis").mkdir()
-    example = Path(__file__).with_name("gap.json")
-    shutil.copy(example, results(served) / "diagnosis" / "gap.json")
-    kept = {"stamp": 7 * 10**9, "bags": ["a.mcap"], "folder": "diagnosis"}
-    record = json.dumps({"format": "idim_iv_ros/last_gap/1", **kept})
-    (results(served) / "last_gap.json").write_text(record)
+    kept = results(served) / "diagnosis_3000"
+    kept.mkdir()
+    shutil.copy(Path(__file__).with_name("gap.json"), kept / "gap.json")
+    later = 2**31 - 8
+    os.utime(kept / "gap.json", (later, later))
     folder = served.process.errors.parent
     client = start_identifier(stack, folder, observer, bag_directory=simulated_bags)
     # Another estimator leaves the result that is published.
     assert str(client.latched()) == str(first)
     gap = client.latched("gap", GapReport)
-    assert (gap.header.stamp.sec, list(gap.bags), gap.verdict) == (7, ["a.mcap"], "structural")
+    assert (gap.header.stamp.sec, list(gap.bags)) == (later, ["bag-1.mcap"])
+    assert (gap.verdict, gap.files[0]) == ("structural", "diagnosis_3000/gap.json")
     compared = client.latched("drift", DriftReport).comparisons
     assert {entry.estimator for entry in compared} == {"idim-iv", "idim-ls"}
     assert client.call("get_history", GetHistory, estimator="").identifications == before

@@ -151,11 +151,10 @@ def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() 
     assert message.files == ["identification/result.json", "identification/report.html"]
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"format": "idim_iv_ros/last_gap/1"}'])
-def test_damaged_record_of_the_last_diagnosis_is_a_warning(
-    tmp_path: Path, text: str, observer
-) -> None:
-    (tmp_path / "last_gap.json").write_text(text)
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": "idim_iv_ros/gap/1"}'])
+def test_a_damaged_last_diagnosis_is_a_warning(tmp_path: Path, text: str, observer) -> None:
+    (tmp_path / "diagnosis_1").mkdir()
+    (tmp_path / "diagnosis_1" / "gap.json").write_text(text)
     publisher = GapPublisher(observer.node, tmp_path)
     publisher.publish_last()
     assert publisher.last is None

@@ -13,6 +13,7 @@ from idim_iv_ros.nodes.settings import IdentifierSettings
 
 WAITING = "waiting"
 Task = Literal["identification", "diagnosis"]
+DIAGNOSIS: Task = "diagnosis"
 
 _LONGEST = 1000  # characters of a name
 ESTIMATORS = ("idim-iv", "idim-ls")
