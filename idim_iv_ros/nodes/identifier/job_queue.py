@@ -23,7 +23,7 @@ from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 Event = dict[str, Any]
 
 _START = "from idim_iv_ros.nodes.identifier.identification_worker import main; main()"
-# Jobs compute in one thread.
+# Jobs compute in one thread; buffers of many would count for `memory_limit`.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 _SIGN_OF_LIFE = 1.0  # s; who asked hears at least so often what is done
