@@ -14,7 +14,7 @@ from idim_iv_ros.errors import UsageError
 
 Bags = Annotated[
     list[Path],
-    typer.Argument(help="MCAP files, rosbag2 folders, .db3 or ROS 1 .bag files of one robot."),
+    typer.Argument(help="MCAP files, rosbag2 folders or .db3 files of one robot."),
 ]
 Config = Annotated[
     Path, typer.Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one.")

@@ -102,18 +102,13 @@ def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -
 
 def _start_failure(error: Exception) -> str:
     text = one_line(error)
-    if "security libraries" in text:
-        return (
-            "DDS security is switched on (ROS_SECURITY_ENABLE) but this Fast DDS was built "
-            "without it: use a full ROS 2 installation, or unset ROS_SECURITY_ENABLE"
-        )
-    if os.environ.get("ROS_SECURITY_ENABLE") == "true":
-        return (
-            f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): does "
-            "ROS_SECURITY_KEYSTORE hold an enclave for this node? The ROS 2 wheels of PyPI have "
-            "no DDS security"
-        )
-    return f"cannot start: {text}"
+    if "security libraries" not in text and os.environ.get("ROS_SECURITY_ENABLE") != "true":
+        return f"cannot start: {text}"
+    return (
+        f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): does "
+        "ROS_SECURITY_KEYSTORE hold an enclave for this node, and has this ROS 2 DDS security (the "
+        "wheels of PyPI have none)?"
+    )
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:

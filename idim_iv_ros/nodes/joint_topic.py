@@ -90,7 +90,7 @@ class JointTopic:
         if not taken or channel is None:
             nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
             return dict.fromkeys(self._fields, nothing)
-        arrived = batch_of(self.name, taken)
+        arrived = batch_of(taken)
         # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
         times = np.where(arrived.sent > 0, arrived.sent, arrived.received)
         batch = MessageBatch.of(list(zip(times.tolist(), arrived.messages, strict=True)))

@@ -1,7 +1,7 @@
 """Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
 
 from ast import literal_eval
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from difflib import get_close_matches
 from itertools import pairwise
@@ -14,12 +14,12 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
 from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
 
@@ -130,35 +130,12 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
         settings.check()
     except IdimError as error:
         raise UsageError(f"parameter {error}") from error
-
-    def accepted(parameters: list[Parameter]) -> list[Parameter]:
-        converted = []
-        try:
-            for given in parameters:
-                if given.name in described:
-                    value = _accepted(described[given.name], given)
-                    given = Parameter(given.name, value=value)
-                elif not node.has_parameter(given.name):
-                    raise UsageError(f"unknown parameter {with_nearest([given.name], described)}")
-                converted.append(given)
-        except UsageError as error:
-            raise _RefusedError(str(error)) from error
-        return converted
-
-    node.add_pre_set_parameters_callback(accepted)
     return settings
 
 
 def _given(node: Node) -> dict[str, Parameter]:
     """Return what rcl makes of files and command line; rclpy has no public name for it."""
     return dict(node._parameter_overrides)
-
-
-class _RefusedError(ParameterNotDeclaredException):  # type: ignore[misc]
-    """The one exception whose text rclpy sends to who asked for parameters to be set."""
-
-    def __init__(self, reason: str) -> None:
-        Exception.__init__(self, reason)
 
 
 def _default(described: "Field[Any]") -> Any:
@@ -204,8 +181,12 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
     """Return the settings with new values; parameters of others change nothing."""
-    names = {item.name for item in fields(settings)}
-    given = {item.name: item.value for item in parameters if item.name in names}
+    described = {item.name: item for item in fields(settings)}
+    given = {
+        item.name: _accepted(described[item.name], item)
+        for item in parameters
+        if item.name in described
+    }
     if not given:
         return settings
     new = replace(settings, **given)
@@ -273,7 +254,7 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]
     if not unknown:
         return
-    others = _for_any_node(node, arguments)
+    others = _for_any_node(arguments)
     wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
         raise UsageError(f"unknown parameter {with_nearest(wrong, names)}")
@@ -291,21 +272,20 @@ def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:
     return ", ".join(words)
 
 
-def _for_any_node(node: Node, arguments: Sequence[str]) -> Collection[str]:
-    """Names of the parameters that a node of another name is given by the same files."""
-    files = [text for pair in pairwise(arguments) if pair[0] == _FILE for text in pair]
-    silent = Parameter("start_type_description_service", value=False)  # no policy allows it
-    other = Node(
-        "_of_no_name",
-        context=node.context,
-        namespace=node.get_namespace(),
-        cli_args=["--ros-args", *files],
-        use_global_arguments=False,
-        enable_rosout=False,
-        start_parameter_services=False,
-        parameter_overrides=[silent],
-    )
-    try:
-        return _given(other)
-    finally:
-        other.destroy_node()
+def _for_any_node(arguments: Sequence[str]) -> set[str]:
+    """Names of the parameters that files hold for nodes of any name: in ``/**``, ``/left/*``."""
+    files = [Path(file) for option, file in pairwise(arguments) if option == _FILE]
+    sections = [item for file in files for item in read_mapping(file).items()]
+    wanted = [
+        content.get("ros__parameters", {}) for name, content in sections if name.endswith("*")
+    ]
+    return {name for parameters in wanted for name in _flat(parameters, "")}
+
+
+def _flat(parameters: Mapping[str, Any], prefix: str) -> Iterator[str]:
+    """Names of nested parameters, with points."""
+    for key, value in parameters.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"

@@ -2,7 +2,7 @@
 
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import ClockQuality, FrozenStretches, Note, Recording, Signal
-from idim_iv_ros.recording.session import Session, SessionPart, in_recordings, part_at, session_of
+from idim_iv_ros.recording.session import Session, SessionPart, in_recordings, session_of
 from idim_iv_ros.recording.table import ImportSummary, import_mapped, import_table
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
@@ -19,7 +19,6 @@ __all__ = [
     "import_mapped",
     "import_table",
     "in_recordings",
-    "part_at",
     "read_recordings",
     "session_of",
     "write_bag",

@@ -132,7 +132,7 @@ def on_one_clock(
     Stretches in which time goes on are put together to the longest recording in which it does.
 
     `time` and `arrival` (n,) are stamps and times of arrival, `interval` is that of sampling, ns.
-    Returns the places (k,) of the messages that one clock stamped, and notes on the others.
+    Returns the places (k,) of the messages that one clock stamped, and a note on the others.
     """
     # After a pause, too, a stretch begins: a stray time of arrival makes one.
     starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))
@@ -140,30 +140,18 @@ def on_one_clock(
     if len(starts) == 1:
         return np.arange(len(time)), []
     chain = _longest_chain(starts, stops, time, arrival, interval)
-    number = np.arange(len(starts))
-    chained = np.isin(number, chain)
-    between = (number > chain[0]) & (number < chain[-1])
-    stray = ~chained & (between | (stops - starts == 1))
-    lengths = stops - starts
-    stray_messages = np.flatnonzero(np.repeat(stray, lengths))
-    notes = []
-    if len(stray_messages):
-        first = f"message {stray_messages[0] + 1} is stamped {_seconds(time[stray_messages[0]])}"
-        what = f"{first}, far from its neighbours: it is left out"
-        if len(stray_messages) > 1:
-            what = "messages with a stray stamp are left out; the first:"
-            what = f"{len(stray_messages)} {what} {first}"
-        notes.append(Note(topic, what, 1, limits=True))
-    lost = int(lengths[~chained & ~stray].sum())
-    if lost:
-        clocks = np.flatnonzero(~stray)
-        jumps = clocks[1:][~(chained[clocks[1:]] & chained[clocks[:-1]])]
-        before = clocks[np.searchsorted(clocks, jumps[0]) - 1]
-        where = _jump_sentence(time, int(stops[before]) - 1, int(starts[jumps[0]]), len(jumps))
-        left = "1 message is left out" if lost == 1 else f"{lost} messages are left out"
-        what = f"{where}: only the longest stretch in order is used, {left}"
-        notes.append(Note(topic, what, 1, limits=True))
-    return np.flatnonzero(np.repeat(chained, lengths)), notes
+    chained = np.isin(np.arange(len(starts)), chain)
+    kept = np.repeat(chained, stops - starts)
+    if kept.all():
+        return np.arange(len(time)), []
+    jumps = starts[1:][~(chained[1:] & chained[:-1])]
+    first, lost = int(jumps[0]), int(np.count_nonzero(~kept))
+    what = (
+        f"at message {first + 1} the clock goes from {_seconds(time[first - 1])} to "
+        f"{_seconds(time[first])}, the first of {len(jumps)} jumps: of {len(time)} messages {lost} "
+        "that another clock stamped are left out"
+    )
+    return np.flatnonzero(kept), [Note(topic, what, 1, limits=True)]
 
 
 def _usual(steps: IntArray, interval: float) -> BoolArray:
@@ -191,16 +179,6 @@ def _longest_chain(
     while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
     return np.array(chain[::-1])
-
-
-def _jump_sentence(time: IntArray, last: int, first: int, jumps: int) -> str:
-    """Say where the clock was set between the messages `last` and `first`."""
-    how = "was set back" if time[first] < time[last] else "jumps forward"
-    where = (
-        f"at message {first + 1} the clock {how} from {_seconds(time[last])} to "
-        f"{_seconds(time[first])}"
-    )
-    return f"{where} (the first of {jumps} jumps)" if jumps > 1 else where
 
 
 def _seconds(stamp: int) -> str:

@@ -173,8 +173,8 @@ def _assemble(
         names = [joints[column] for column in part.columns]
         stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
         parts[number] = replace(part, stamped=stamped)
-    grid = _common_grid(path, request, parts)
-    notes += _inactive_notes(request, parts[0].stamped, grid)
+    grid, inactive = _common_grid(path, request, parts)
+    notes += inactive
     frozen: tuple[FrozenStretches, ...] = ()
     for number, part in enumerate(parts):
         for source, topic in part.stamped.items():
@@ -220,26 +220,10 @@ def _assemble(
     )
 
 
-def _inactive_notes(
-    request: Request, stamped: Mapping[str, StampedMessages], grid: Grid
-) -> list[Note]:
-    """Say what was cut off because the controller was not active."""
-    if request.reference is None or not stamped[request.reference].messages.origins:
-        return []
-    states = stamped[request.joint_states].time
-    end = grid.start + round((grid.samples - 1) * 1e9 / grid.rate)
-    before, after = (grid.start - int(states[0])) * 1e-9, (int(states[-1]) - end) * 1e-9
-    if max(before, after) < _NOTED:
-        return []
-    what = (
-        f"the controller is not active in the first {max(before, 0.0):.3g} s and the last "
-        f"{max(after, 0.0):.3g} s, which are left out"
-    )
-    return [Note(topic_of(request.reference), what, 1)]
-
-
-def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
+def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[Grid, list[Note]]:
     """Grid of the time during which all topics were recorded, at the rate of the slowest part.
+
+    Also says what was cut off because the controller was not active.
 
     Raises DataError: there is no such time, or too little of it, or hardly anything was recorded in
     it.
@@ -257,13 +241,22 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
     jumps = [note.sentence for _, topic in topics for note in topic.notes if note.limits]
     because = f" ({'; '.join(dict.fromkeys(jumps))})" if jumps else ""
     apart = f"do not overlap in time{because}"
+    notes: list[Note] = []
     if last <= first:
         raise DataError(f"{path}: {request.joint_states} and {request.effort} {apart}")
     for source, topic in topics:
         if topic.time[-1] < first or topic.time[0] > last:
             raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
-            first, last = _while_active(topic, first, last)
+            begin, end = _while_active(topic, first, last)
+            before, after = (begin - first) * 1e-9, (last - end) * 1e-9
+            if max(before, after) >= _NOTED:
+                what = (
+                    f"the controller is not active in the first {before:.3g} s and the last "
+                    f"{after:.3g} s, which are left out"
+                )
+                notes.append(Note(topic_of(source), what, 1))
+            first, last = begin, end
     grid = make_grid(states, first, last)
     if grid.samples > _SAMPLES_A_MESSAGE * len(states) + _SAMPLES_MORE:
         raise DataError(
@@ -276,7 +269,7 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> Grid:
             f"{path}: {grid.samples} samples are too few to identify anything; record for longer"
             f"{because}"
         )
-    return grid
+    return grid, notes
 
 
 def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:

@@ -77,16 +77,11 @@ def session_of(recordings: Sequence[Recording]) -> Session:
     return Session(ordered, tuple(parts), _sentences(parts, overlapping, shortened))
 
 
-def part_at(parts: Sequence[SessionPart], time: float) -> tuple[SessionPart, float]:
-    """Recording at a time of the session, and the time since its start, s."""
-    place = int(np.searchsorted([part.start for part in parts], time, side="right")) - 1
-    part = parts[max(place, 0)]
-    return part, time - part.start
-
-
 def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
     """A stretch of the session in the times of its recordings, "9.9 to 15 s of run2.mcap"."""
-    first, since = part_at(parts, low)
+    place = int(np.searchsorted([part.start for part in parts], low, side="right")) - 1
+    first = parts[max(place, 0)]
+    since = low - first.start
     # The end belongs to the recording before, where the next one starts there.
     last = [part for part in parts if part.start < high][-1] if high > parts[0].start else first
     until = min(high - last.start, last.duration)

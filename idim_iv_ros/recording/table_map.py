@@ -21,9 +21,7 @@ from idim_iv_ros.recording.table_file import (
     TextTable,
     array_shapes,
     one_line_errors,
-    read_array,
-    real_numbers,
-    samples_first,
+    read_table,
 )
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
@@ -192,21 +190,21 @@ def column_names(table: Path) -> list[str]:
 
 def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
     """Columns of a file of arrays: whole ones, or ``NAME[k]``."""
-    names, arrays, columns = array_shapes(table), dict[str, FloatArray](), []
+    arrays: dict[str, FloatArray] = {}
+    columns = []
     for name in wanted:
         whole, _, rest = name.partition("[")
-        if whole not in names:
-            raise UsageError(f"{table}: no {whole}; there are {', '.join(sorted(names)[:30])}")
         if whole not in arrays:
-            arrays[whole] = real_numbers(read_array(table, whole), f"{table}: {whole}")
+            arrays[whole] = read_table(f"{table}:{whole}")
         values, number = arrays[whole], rest.rstrip("]")
-        if rest and not (number.isdigit() and values.ndim == 2 and int(number) < min(values.shape)):
-            raise UsageError(f"{table}: no column {name}")
-        if not rest and values.ndim > 1 and min(values.shape) > 1:
+        if number.isdigit() and int(number) < values.shape[1]:
+            columns.append(values[:, int(number)])
+        elif rest or values.shape[1] > 1:
             raise UsageError(
-                f"{table}: {name} has {min(values.shape)} columns; say which, {name}[0]"
+                f"{table}: no column {name}; write {whole}[0] to [{values.shape[1] - 1}]"
             )
-        columns.append(samples_first(values)[:, int(number)] if rest else np.ravel(values))
+        else:
+            columns.append(values[:, 0])
     return columns
 
 

@@ -118,7 +118,7 @@ def test_clock_set_back_keeps_the_longest_stretch(tmp_path: Path) -> None:
     messages += [("/joint_states", 9.0 + k / 100, joint_state(0.2 + k / 100)) for k in range(50)]
     recording = read(write(tmp_path / "bag", messages))
     assert recording.samples == 300
-    assert "set back" in notes(recording)
+    assert "of 350 messages 50 that another clock stamped" in notes(recording)
     assert_values_tell_joint_and_time(recording)
 
 
@@ -221,7 +221,7 @@ def test_unusable_recording_is_one_line_with_the_file(tmp_path, make, keywords, 
         ("table.csv", "1,2", DataError, "idim-iv import"),
         ("text.mcap", "not a bag", DataError, "not an MCAP file"),
         ("text.db3", "not a bag", DataError, "not a rosbag2 database"),
-        (".", None, DataError, r"no \.mcap, \.db3 or \.bag"),
+        (".", None, DataError, r"no \.mcap or \.db3"),
     ],
 )
 def test_missing_file_and_foreign_file_are_named(tmp_path, name, content, error, words) -> None:

@@ -253,8 +253,8 @@ def test_a_joint_state_within_a_message_is_read_by_name(tmp_path: Path) -> None:
     [
         ("/lbr/state", r"say which of its fields .* as /lbr/state#FIELD \(session_state, "),
         ("/lbr/state#wrong", "has no numbers in wrong; its fields are session_state, "),
-        (f"{STATE}#wrong", "which has no field wrong; it has reference, feedback, error, output"),
-        ("/joint_states#wrong", "sensor_msgs/msg/JointState, which has no field wrong"),
+        (f"{STATE}#wrong", "#wrong is none of reference, feedback, error, output"),
+        ("/joint_states#wrong", "sensor_msgs/msg/JointState: leave #wrong out"),
     ],
 )
 def test_a_field_that_is_not_there_is_refused_with_those_that_are(tmp_path, source, sentence):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.recording import Recording, Signal, in_recordings, part_at, session_of
+from idim_iv_ros.recording import Recording, Signal, in_recordings, session_of
 from idim_iv_ros.recording.session import LONGEST_PAUSE
 
 RATE = 100.0
@@ -76,7 +76,6 @@ def test_overlapping_stamps_are_named_and_one_recording_needs_no_words() -> None
 
 def test_a_time_of_the_session_is_told_in_the_time_of_its_recording() -> None:
     parts = session_of([recording("run1", 0.0), recording("run2", 100.0)]).parts
-    assert part_at(parts, 105.0) == (parts[1], pytest.approx(5.0))
     assert in_recordings(parts, 101.5, 109.0) == "1.5 to 9 s of run2"
     assert in_recordings(parts, 8.0, 102.0) == "8 s of run1 to 2 s of run2"
     assert in_recordings(parts, 2.0, 100.0) == "2 to 9.99 s of run1"

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ruamel.yaml import YAML
 
 FENCED = re.compile(r"^```\w*\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
@@ -81,28 +80,3 @@ def fill(message: object, text: str) -> None:
     for name, value in (YAML(typ="safe").load(text) or {}).items():
         assert hasattr(message, name), f"{type(message).__name__} has no field {name}"
         setattr(message, name, value)  # the type is checked with ROS_PYTHON_CHECK_FIELDS
-
-
-def echo_profile(command: Command, offered: list[QoSProfile]) -> QoSProfile:
-    """Return how `ros2 topic echo` subscribes.
-
-    Without an option it takes what all publishers offer. With any of them nothing is taken from the
-    publishers: what is not named is best effort and volatile, as for sensor data.
-    """
-    given = {name: value for name, value in command.options.items() if name.startswith("--qos-")}
-    reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-    profile = QoSProfile(
-        depth=int(given.get("--qos-depth", 5)),
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.VOLATILE,
-    )
-    if not given:
-        if all(item.reliability == reliable for item in offered):
-            profile.reliability = reliable
-        if all(item.durability == latched for item in offered):
-            profile.durability = latched
-    if "--qos-reliability" in given:
-        profile.reliability = ReliabilityPolicy[given["--qos-reliability"].upper()]
-    if "--qos-durability" in given:
-        profile.durability = DurabilityPolicy[given["--qos-durability"].upper()]
-    return profile

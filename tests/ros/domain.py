@@ -8,12 +8,12 @@ from pathlib import Path
 DOMAINS = range(20, 100)
 
 
-def free_domain(folder: Path | None = None) -> int:
+def free_domain() -> int:
     """Number of a domain that is this process's until it ends.
 
     Two workers, or two suites on one machine, that shared a domain would hear each other's nodes.
-    The domain is a lock on a file in `folder` (default: that of temporary files), which the system
-    releases however the process ends.
+    The domain is a lock on a file beside temporary files, which the system releases however the
+    process ends.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def free_domain(folder: Path | None = None) -> int:
         All are taken.
     """
     for domain in DOMAINS:
-        path = (folder or Path(tempfile.gettempdir())) / f"idim_iv_ros_domain_{domain}.lock"
+        path = Path(tempfile.gettempdir()) / f"idim_iv_ros_domain_{domain}.lock"
         lock = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy
 from ruamel.yaml import YAML
 from sensor_msgs.msg import JointState
 
@@ -26,7 +26,6 @@ from tests.ros.documented_commands import (
     Command,
     commands,
     commands_of_page,
-    echo_profile,
     fill,
     interface,
 )
@@ -127,18 +126,16 @@ def test_echo_gets_a_message_also_if_it_is_late(
 ) -> None:
     topic, *kind = command.words
     (publisher,) = publishers(nodes, topic)
-    offered = [item.qos_profile for item in observer.node.get_publishers_info_by_topic(topic)]
-    profile = echo_profile(command, offered)
+    # With any option of QoS it would take the others from nobody: best effort, volatile.
+    assert not any(option.startswith("--qos-") for option in command.options)
     if kind:
         assert interface(*kind) is publisher.msg_type
     latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     if latched:
-        assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        assert profile.reliability == ReliabilityPolicy.RELIABLE, "best effort: it gets nothing"
         publisher.publish(publisher.msg_type())
     heard: list = []
     subscription = observer.node.create_subscription(
-        publisher.msg_type, topic, heard.append, profile
+        publisher.msg_type, topic, heard.append, publisher.qos_profile
     )
 
     def arrived() -> list:
@@ -148,13 +145,6 @@ def test_echo_gets_a_message_also_if_it_is_late(
 
     observer.until(arrived, str(command))
     observer.node.destroy_subscription(subscription)
-
-
-def test_one_option_of_echo_replaces_what_the_publishers_offer() -> None:
-    (old,) = commands(
-        "before", "ros2 topic echo /identifier/result --qos-durability transient_local"
-    )
-    assert echo_profile(old, []).reliability == ReliabilityPolicy.BEST_EFFORT
 
 
 def served(nodes: list[Node], name: str) -> list[str]:

@@ -112,7 +112,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     identifier = Identifier((), lambda heard: workers.append(ToldWorker(heard)) or workers[-1])
     identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))
     identifier._jobs.poll()
-    (request,) = workers[0].requests
+    request = workers[0].request
     identifier.close()
     namespaced = configuration.with_node_topics(request["topics"])
     result = identify([Path(bag) for bag in request["bags"]], namespaced, estimator="idim-ls")

@@ -27,14 +27,11 @@ def message(*names: str, effort: Sequence[float] | None = None) -> bytes:
     return bytes(STORE.serialize_cdr(made, JOINT_STATE))
 
 
-def test_a_gripper_of_its_own_is_no_change_of_the_joints() -> None:
+def test_a_gripper_of_its_own_lacks_no_joint() -> None:
     content = JointContent(JOINT_STATE, ["a", "b"], BOTH)
     for latest in (message("a", "b"), message("finger", effort=[])) * 3:
         content.look([latest])
         assert content.problems == []
-    content.reset()
-    content.look([message("finger", effort=[])])
-    assert content.problems == []
 
 
 def test_an_arm_in_two_messages_holds_all_joints_and_what_one_lacks_is_named() -> None:
@@ -42,19 +39,14 @@ def test_an_arm_in_two_messages_holds_all_joints_and_what_one_lacks_is_named() -
     content.look([message("a", "b"), message("c")])
     assert content.problems == []
     content.look([message("c", effort=[np.nan])])
-    assert content.problems == ["effort of c is NaN"]
+    assert content.problems == ["effort of c is NaN or missing"]
 
 
-def test_a_joint_that_is_lost_and_found_again_is_said_until_the_next_bag() -> None:
+def test_a_joint_that_is_lost_is_said_until_it_is_found_again() -> None:
     content = JointContent(JOINT_STATE, ["a", "b"], BOTH)
-    content.look([message("a", "b"), message("a")])
-    lacks = "it does not hold joint b"
-    assert content.problems == [lacks, "the set of joints changed: a, b / a"]
-    content.reset()
-    assert content.problems == [lacks]
+    content.look([message("a", "b"), *[message("a")] * 50])
+    assert content.problems == ["it does not hold joint b"]
     content.look([message("a", "b")])
-    assert content.problems == ["the set of joints changed: a / a, b"]
-    content.reset()
     assert content.problems == []
 
 
@@ -76,7 +68,7 @@ def topic_of_period(clock: Clock, period: float, count: int = 20) -> SimpleNames
     """A topic with messages that came at a steady period, s, the last one now."""
     sent = np.arange(count) * round(1e9 * period)
     monitor = TopicMonitor(None, False, clock)
-    batch = Received("/states", [b""] * count, sent + 1000, sent, np.arange(count))
+    batch = Received([b""] * count, sent + 1000, sent, np.arange(count))
     monitor.add(batch, RecorderSettings())
     return SimpleNamespace(
         name="/states",

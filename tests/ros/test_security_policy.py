@@ -11,16 +11,8 @@ from tests.ros.conftest import ARM2
 from tests.ros.processes import HANG, ROOT
 
 
-@pytest.mark.parametrize(
-    ("node", "keystore", "words"),
-    [
-        ("identifier", "", "but this Fast DDS was built without it: use a full ROS 2 installation"),
-        ("recorder", "missing", "cannot begin"),
-    ],
-)
-def test_security_that_cannot_begin_is_one_line(
-    tmp_path: Path, node: str, keystore: str, words: str
-) -> None:
+@pytest.mark.parametrize(("node", "keystore"), [("identifier", ""), ("recorder", "missing")])
+def test_security_that_cannot_begin_is_one_line(tmp_path: Path, node: str, keystore: str) -> None:
     (tmp_path / "enclaves").mkdir()
     environment = {
         **os.environ,
@@ -40,4 +32,4 @@ def test_security_that_cannot_begin_is_one_line(
     assert ended.returncode == 2
     (line,) = [line for line in ended.stderr.splitlines() if not line.startswith("[INFO]")]
     assert line.startswith(f"{node}: DDS security is switched on (ROS_SECURITY_ENABLE)")
-    assert words in line
+    assert "the wheels of PyPI have none" in line

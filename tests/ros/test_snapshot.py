@@ -6,7 +6,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosbags.highlevel import AnyReader
 
-from idim_iv_ros.nodes.recorder.node import ErrorWatch
 from idim_iv_ros.nodes.recorder.session import SnapshotRing
 from idim_iv_ros.recording.writing.write import TopicChannel
 from tests.ros.processes import numbers
@@ -43,21 +42,6 @@ def test_nothing_is_kept_where_none_is_asked_for() -> None:
     ring = SnapshotRing(0.0, 10**9)
     ring.add([TOPIC], messages(0, 100))
     assert (ring.content(), ring.size) == (([], []), 0)
-
-
-def test_an_error_counts_once_until_it_is_over() -> None:
-    watch = ErrorWatch(("recorder", "/left/recorder"))
-
-    def say(name: str, level: bytes) -> list[str]:
-        status = DiagnosticStatus(name=name, level=level, message="hot")
-        return watch.new(DiagnosticArray(status=[status]))
-
-    assert say("drive 3", DiagnosticStatus.WARN) == []
-    assert say("drive 3", DiagnosticStatus.ERROR) == ["drive 3: hot"]
-    assert say("drive 3", DiagnosticStatus.ERROR) == []
-    assert say("drive 3", DiagnosticStatus.OK) == []
-    assert say("drive 3", DiagnosticStatus.ERROR) == ["drive 3: hot"]
-    assert say("/left/recorder: recording", DiagnosticStatus.ERROR) == []
 
 
 def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(

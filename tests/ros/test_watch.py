@@ -42,7 +42,7 @@ def test_the_table_fits_eighty_columns_and_holds_every_number() -> None:
     text = shown(view())
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= 80
-    for words in ("joint_1 (N m)", "-123.456", "-123.000", "-0.456", "1.10", "1.20", "(N)"):
+    for words in ("joint_1 (N m)", "-123.456", "-123.000", "-0.456", "1.10", "1.40", "1.20", "(N)"):
         assert words in text
     assert "0.15 s behind the robot" in text
     assert "recorder: idle" in text

@@ -9,34 +9,21 @@ class ToldWorker:
 
     def __init__(self, heard: Callable[["ToldWorker", dict], None]) -> None:
         self._heard = heard
-        self.requests: list[dict] = []
-        self.process_id: int | None = None
-        self.ready, self.killed = True, False
+        self.request: dict = {}
 
     def begin(self, request: dict) -> None:
-        self.requests.append(request)
-        self.process_id = 99
+        self.request = request
 
     def say(self, **event: object) -> None:
         self._heard(self, event)
 
     def end(self, **answer: object) -> None:
-        """Answer, and end the process of the job."""
+        """Answer, and end the process."""
         self.say(**answer)
-        self.process_id = None
-        self.say(ended=0)
+        self.say(gone=0)
 
     def kill(self) -> None:
-        self.process_id = None
-        self.say(ended=-signal.SIGKILL)
+        self.say(gone=-signal.SIGKILL)
 
     def close(self) -> None:
         """Nothing is left to be ended."""
-
-
-class EndsAtOnce(ToldWorker):
-    """A worker whose jobs have failed when they have begun."""
-
-    def begin(self, request: dict) -> None:
-        super().begin(request)
-        self.end(error="nothing moves")

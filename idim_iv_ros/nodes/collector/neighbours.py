@@ -32,6 +32,7 @@ _CODES = (
 _ANSWER = 15.0  # s; the recorder gives up a disk that hangs after ten
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
+_BETWEEN_LOOKS, _ABSENCES = 0.4, 2  # s between two looks for clients; looks that must find none
 _WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
 Tick = Callable[[], None]  # lets a little time pass; may raise why nothing more is to be done
@@ -173,6 +174,29 @@ class Controller:
             self._failure = (
                 f"the controller ends the motion: {names.get(code, code)} {words}".strip()
             )
+
+
+class Clients:
+    """The clients of one service: whether there were any, and now there are none.
+
+    A server does not learn who asked: only when the last client is gone, nobody waits for an
+    answer. One that is killed counts until its lease in the middleware ends, 20 s as a rule.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node, self._name = node, name
+        self._seen, self._absences = False, 0
+        self._looked = float("-inf")
+
+    def gone(self) -> bool:
+        """Whether there were none in the last two looks; look again after a while."""
+        if time.monotonic() - self._looked > _BETWEEN_LOOKS:
+            self._looked = time.monotonic()
+            if self._node.count_clients(self._name):
+                self._seen, self._absences = True, 0
+            elif self._seen:
+                self._absences += 1
+        return self._absences >= _ABSENCES
 
 
 class RecorderNeighbour:

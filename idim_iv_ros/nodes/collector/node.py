@@ -11,13 +11,14 @@ from idim_iv_interfaces.action import Collect
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.collector.collection import Collection, HeardRobot, Parts
 from idim_iv_ros.nodes.collector.neighbours import (
+    Clients,
     Controller,
     IdentifierNeighbour,
     RecorderNeighbour,
 )
 from idim_iv_ros.nodes.entry import in_thread, run_node
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
-from idim_iv_ros.nodes.identifier.request_server import Clients, DeferredActionServer, answer_all
+from idim_iv_ros.nodes.identifier.request_server import DeferredActionServer, send_last_answers
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import CollectorSettings
 
@@ -64,7 +65,8 @@ class Collector(NodeProgram[CollectorSettings]):
             self._collection.cancel("the collector was shut down")
         while self._goal is not None and self.node.executor is not None:
             self.node.executor.spin_once(timeout_sec=0.05)
-        answer_all(self.node, [self._actions])
+        send_last_answers(self.node)
+        self._actions.destroy()
         super().close()
 
     def _load(self) -> None:

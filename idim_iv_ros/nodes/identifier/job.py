@@ -13,8 +13,8 @@ from idim_iv_ros.nodes.settings import IdentifierSettings
 
 WAITING = "waiting"
 Task = Literal["identification", "diagnosis"]
+DIAGNOSIS: Task = "diagnosis"
 
-_MOST_BAGS, _MOST_EFFECTS = 1000, 100
 _LONGEST = 1000  # characters of a name
 ESTIMATORS = ("idim-iv", "idim-ls")
 
@@ -88,13 +88,9 @@ def requested_job(
     without = getattr(request, "without", ())
     if estimator not in ESTIMATORS:
         raise UsageError(f"estimator {estimator!r} is neither {' nor '.join(ESTIMATORS)}")
-    if len(without) > _MOST_EFFECTS:
-        raise UsageError(f"without: {len(without)} effects; at most {_MOST_EFFECTS}")
     root = Path(settings.bag_directory)
     if not request.bags:
         raise UsageError("name at least one bag")
-    if len(request.bags) > _MOST_BAGS:
-        raise UsageError(f"{len(request.bags)} bags; at most {_MOST_BAGS}")
     bags = [confined_bag(root, name) for name in request.bags]
     size = sum(size for _, size in bags)
     if size > settings.max_bag_size:

@@ -1,4 +1,4 @@
-"""Jobs one after the other, in another process that is kept ready for the next."""
+"""Jobs one after the other, each in a process that was made ready for it."""
 
 import contextlib
 import json
@@ -23,25 +23,20 @@ from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 Event = dict[str, Any]
 
 _START = "from idim_iv_ros.nodes.identifier.identification_worker import main; main()"
-# No threads of the linear algebra: a process with threads cannot be forked safely, and the jobs
-# compute in one thread anyway.
+# Jobs compute in one thread; buffers of many would count for `memory_limit`.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
-_PATIENCE = 1.0  # s
 _SIGN_OF_LIFE = 1.0  # s; who asked hears at least so often what is done
 
 
 class Worker:
-    """A process that is kept and does one job after the other.
+    """A process that prepares for a job, does it and ends.
 
     `heard` takes each event of `identification_worker` in a thread of its own, at last ``{"gone":
-    exit status}``. The `process_id` is that of the present job, once it has begun; `ready` says
-    that everything is loaded, `killed` that `kill` ended the process itself.
+    exit status}``.
     """
 
     def __init__(self, heard: Callable[["Worker", Event], None]) -> None:
-        self.process_id: int | None = None
-        self.ready = self.killed = False
         self._process = subprocess.Popen(
             [sys.executable, "-c", _START],
             stdin=subprocess.PIPE,
@@ -55,50 +50,32 @@ class Worker:
         self._thread.start()
 
     def begin(self, request: Mapping[str, object]) -> None:
-        """Hand over a job; none other must be under way."""
+        """Hand over the job."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # it has ended already, which the other thread hears
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
 
     def kill(self) -> None:
-        """End the job and what it started, now; the process stays if it could begin the job."""
-        group = self.process_id or self._process.pid
-        self.killed = group == self._process.pid
-        if self._process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(group, signal.SIGKILL)
+        """End the process and what it started, now."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
         """End the process and wait until all of its events were heard."""
-        if self.process_id is not None:
-            self.kill()
-        assert self._process.stdin is not None
-        with contextlib.suppress(OSError):
-            self._process.stdin.close()  # it ends by itself, unless it is just starting
-        try:
-            self._process.wait(_PATIENCE)
-        except subprocess.TimeoutExpired:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+        self.kill()
         self._thread.join()
 
     def _listen(self) -> None:
-        assert self._process.stdout is not None
+        assert self._process.stdin is not None and self._process.stdout is not None
         for line in self._process.stdout:
-            with contextlib.suppress(ValueError):  # empty, or cut off by a kill
-                event = json.loads(line)
-                self.process_id = event.get("began", self.process_id)
-                self.ready = self.ready or "ready" in event
-                if "ended" in event:
-                    self.process_id = None
-                self._heard(self, event)
+            with contextlib.suppress(ValueError):  # cut off by a kill
+                self._heard(self, json.loads(line))
         status = self._process.wait()
-        self.process_id = None
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(OSError):
-                    pipe.close()
+        self.kill()  # what the job started and left
+        self._process.stdout.close()
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
         self._heard(self, {"gone": status})
 
 
@@ -108,9 +85,9 @@ StartWorker = Callable[[Callable[[Worker, Event], None]], Worker]
 class JobQueue:
     """One job at a time; everything but `wake` happens in the thread of `poll`.
 
-    The worker process is kept from job to job. It is replaced when it has ended, and where a job
-    had to be killed before the process could begin it. `wake` is called in any thread when `poll`
-    has something to do, `ended` takes a job when all is over; `clock` is monotonic, s.
+    Each job has a worker process of its own; the one for the next job prepares meanwhile. `wake` is
+    called in any thread when `poll` has something to do, `ended` takes a job when all is over;
+    `clock` is monotonic, s.
     """
 
     def __init__(
@@ -127,6 +104,7 @@ class JobQueue:
         self._over: deque[Job] = deque()
         self._events: queue.SimpleQueue[tuple[Worker, Event]] = queue.SimpleQueue()
         self._worker: Worker | None = None
+        self._next: Worker | None = None
         self._begun = 0.0
         self.running: Job | None = None
 
@@ -136,19 +114,14 @@ class JobQueue:
         return len(self._waiting)
 
     @property
-    def process_id(self) -> int | None:
-        """Of the process that does the present job."""
-        return None if self._worker is None else self._worker.process_id
-
-    @property
     def _jobs(self) -> list[Job]:
         return [*self._waiting, *([self.running] if self.running else [])]
 
     def warm(self) -> None:
-        """Start the worker in the background, so that the first job finds it ready."""
-        if self._worker is None:
+        """Start the worker of the next job, so that the job finds it ready."""
+        if self._next is None:
             with contextlib.suppress(OSError):  # the next job says why
-                self._worker = self._start_worker(self._put)
+                self._next = self._start_worker(self._put)
 
     def submit(self, job: Job) -> None:
         """Work on a job now or later.
@@ -196,11 +169,10 @@ class JobQueue:
     def close(self) -> None:
         """End all jobs."""
         self.end_all("the identifier was shut down")
-        worker, self._worker = self._worker, None
-        if worker is not None:
-            worker.close()
-        if self.running is not None:
-            self._end(1)
+        for worker in (self._worker, self._next):
+            if worker is not None:
+                worker.close()
+        self._next = None
         self.poll()
 
     def _end_what_is_late(self, now: float) -> None:
@@ -245,7 +217,7 @@ class JobQueue:
                 "file_limit": settings.max_bag_size,
             }
             job.folder = folder
-            self._worker = self._worker or self._start_worker(self._put)
+            self._worker = self._next or self._start_worker(self._put)
         except OSError as error:
             job.message = f"cannot be begun: {error.strerror or error}"
             self._finish(job)
@@ -254,28 +226,25 @@ class JobQueue:
         self._begun = self._clock()
         job.listener.started()
         self._worker.begin(request)
+        self._next = None
+        self.warm()
 
     def _put(self, worker: Worker, event: Event) -> None:
         self._events.put((worker, event))
         self._wake()
 
     def _hear(self, worker: Worker, event: Event) -> None:
-        if worker is not self._worker:
-            return
+        if worker is self._next:  # it has ended; another one would end, too
+            self._next = None
         job = self.running
+        if worker is not self._worker or job is None:
+            return
         if "gone" in event:
             self._worker = None
-            if job is not None:
-                self._end(int(event["gone"]))
-            if worker.ready or worker.killed:  # else it would only end again
-                self.warm()
-        elif job is None:
-            return
+            self._end(int(event["gone"]))
         elif "stage" in event:
             job.say(str(event["stage"]), float(event["progress"]), self._clock())
-        elif "ended" in event:
-            self._end(int(event["ended"]))
-        elif event.keys() & {"message", "error"} and not job.message:  # not cancelled or late
+        elif not job.message:  # neither cancelled nor late
             job.success = "message" in event
             job.message = str(event["message" if job.success else "error"])
 

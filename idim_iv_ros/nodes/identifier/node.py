@@ -18,7 +18,7 @@ from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue, StartWorker
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
-from idim_iv_ros.nodes.identifier.request_server import RequestServer, answer_all
+from idim_iv_ros.nodes.identifier.request_server import RequestServer, send_last_answers
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration, with_topics_of_node
 from idim_iv_ros.nodes.settings import IdentifierSettings
@@ -50,8 +50,7 @@ class ManagedNode(LifecycleNode):
     """A node in one of the states unconfigured, inactive, active and finalized.
 
     `transitions` are what is done in ``configure``, ``activate`` and so on; an IdimError is why it
-    cannot be done. A transition that fails leaves the state as it was, with the reason in the log;
-    so does one that this state does not have, whose request rclpy would never answer.
+    cannot be done. A transition that fails leaves the state as it was, with the reason in the log.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -61,30 +60,15 @@ class ManagedNode(LifecycleNode):
         for transition in transitions:
             setattr(self, f"on_{transition}", partial(self._do, transition))
         super().__init__(name)  # type: ignore[no-untyped-call]
-        change = self._service_change_state
-        asked = change.callback
-
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                return asked(request, response)
-            except Exception:  # what `_do` does not catch: this state has no such transition
-                what = request.transition.label or request.transition.id
-                self._complain(f"transition {what} is not possible: the node is {self.state}")
-                response.success = False
-                return response
-
-        change.callback = answer
 
     def start(self) -> None:
         """Configure and activate; an IdimError says why that is not possible."""
         self._starting = True
-        try:
-            for trigger in (self.trigger_configure, self.trigger_activate):
-                if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
-                    assert self._failure is not None
-                    raise self._failure
-        finally:
-            self._starting = False
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
+                assert self._failure is not None
+                raise self._failure
+        self._starting = False
 
     def _do(self, transition: str, _: LifecycleState | None = None) -> TransitionCallbackReturn:
         try:
@@ -93,14 +77,11 @@ class ManagedNode(LifecycleNode):
             self._failure = error
             if not self._starting:
                 text = str(error) if isinstance(error, IdimError) else one_line(error)
-                self._complain(f"cannot {transition}: {text}")
+                node: Node = self
+                node.get_logger().error(f"cannot {transition}: {text}")
             return TransitionCallbackReturn.FAILURE
         self.state = _AFTER[transition]
         return TransitionCallbackReturn.SUCCESS
-
-    def _complain(self, text: str) -> None:
-        node: Node = self
-        node.get_logger().error(text)
 
 
 class Identifier(NodeProgram[IdentifierSettings]):
@@ -196,7 +177,9 @@ class Identifier(NodeProgram[IdentifierSettings]):
         """End the job that is worked on, and answer all requests."""
         self._managed.state = FINALIZED  # what comes now is refused
         self._jobs.close()
-        answer_all(self.node, self._servers)
+        send_last_answers(self.node)
+        for server in self._servers:
+            server.actions.destroy()
         super().close()
 
     def _loaded(self) -> Configuration | None:
@@ -260,11 +243,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
             sentence = f"{', '.join(jobs.running.names)}: {jobs.running.stage}"
         elif self._failure:
             level, sentence = DiagnosticStatus.ERROR, self._failure
-        values: dict[str, object] = {
-            "state": state,
-            "waiting": jobs.waiting,
-            "worker (process id)": jobs.process_id or "none",
-        }
+        values = {"state": state, "waiting": jobs.waiting}
         return diagnostic_status(level, f"{name}: identification", name, sentence, values)
 
     def _apply(self, given: set[str]) -> None:

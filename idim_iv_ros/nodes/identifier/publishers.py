@@ -2,9 +2,8 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -12,7 +11,6 @@ from rclpy.node import Node
 from idim_iv_interfaces import msg
 from idim_iv_interfaces.srv import GetHistory, SetBaseline
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Stage
-from idim_iv_ros.documents import Document
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import GAP, REPORT, RESULT
 from idim_iv_ros.identification.result import IdentificationResult
@@ -24,11 +22,9 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
     drift_diagnosis,
     drift_report,
 )
-from idim_iv_ros.nodes.identifier.job import ESTIMATORS, Job
+from idim_iv_ros.nodes.identifier.job import DIAGNOSIS, ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
-
-LAST_GAP = "last_gap.json"
 
 _LEVELS = {
     "valid": DiagnosticStatus.OK,
@@ -180,18 +176,6 @@ def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[Diagno
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _LastGap(Document):
-    """When the last diagnosis ended, of which bags, and the folder of its gap.json."""
-
-    what: ClassVar[str] = "a record of the last diagnosis"
-    written_by: ClassVar[str] = "serve"
-    format: Literal["idim_iv_ros/last_gap/1"] = "idim_iv_ros/last_gap/1"
-    stamp: int
-    bags: tuple[str, ...]
-    folder: str
-
-
 class GapPublisher:
     """Topic `~/gap`; `last` is what was published last."""
 
@@ -201,25 +185,24 @@ class GapPublisher:
         self._reports = node.create_publisher(msg.GapReport, "~/gap", LATCHED)
 
     def publish_last(self) -> None:
-        """Publish the last diagnosis that was kept, if its file can be read."""
-        path = self._directory / LAST_GAP
-        if not path.exists():
+        """Publish the newest diagnosis in the output directory, if its file can be read."""
+        files = self._directory.glob(f"{DIAGNOSIS}_*/{GAP}")
+        newest = max(files, key=lambda file: file.stat().st_mtime_ns, default=None)
+        if newest is None:
             return
         try:
-            kept = _LastGap.read(path)
-            self._publish(kept.stamp, kept.bags, Path(kept.folder).name)
+            result = GapResult.read(newest)
+            self._publish(result, newest.stat().st_mtime_ns, result.bags, newest.parent.name)
         except IdimError as error:
             self._node.get_logger().warning(str(error))
 
     def add(self, job: Job) -> None:
-        """Publish and keep the diagnosis of a job that has ended."""
+        """Publish the diagnosis of a job that has ended."""
         assert job.folder is not None
-        last = _LastGap(stamp=_now(self._node), bags=job.names, folder=job.folder.name)
-        self._publish(last.stamp, last.bags, last.folder)
-        last.write(self._directory / LAST_GAP)
+        result = GapResult.read(job.folder / GAP)
+        self._publish(result, _now(self._node), job.names, job.folder.name)
 
-    def _publish(self, stamp: int, bags: Sequence[str], folder: str) -> None:
-        result = GapResult.read(self._directory / folder / GAP)
+    def _publish(self, result: GapResult, stamp: int, bags: Sequence[str], folder: str) -> None:
         self.last = gap_message(result, stamp, bags, folder)
         self._reports.publish(self.last)
 

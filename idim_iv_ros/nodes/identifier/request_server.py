@@ -6,9 +6,7 @@ answer are two callbacks.
 """
 
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -16,86 +14,19 @@ from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.identifier.job import Job, JobListener
 
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
 # without an answer.
 BURST = QoSProfile(depth=1000)
-_LOOK, _SHORTEST_LOOK = 0.5, 0.4  # s between two looks for clients
-_LAST_LOOK, _LONGEST_END = 0.1, 10.0  # s for the last answers: a turn, and all
-_ABSENCES = 2  # looks that must find none
-_AT_ONCE, _PAUSE = 5, 0.3  # answers in one go, and s until there may be as many again
-
-
-class PacedAnswers:
-    """Lets a few answers go at a time, so that a client that is busy for a moment gets them all.
-
-    A client keeps ten answers that it has not looked at, unless its program says otherwise, and the
-    eleventh replaces the first: of 200 goals that are sent in one go many would be answered while
-    the client still sends. Two turns are ten answers: it may be busy for a whole pause.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._waiting: deque[Callable[[], object]] = deque()
-        self._room = _AT_ONCE
-        self._timer = steady_timer(node, _PAUSE, self._next_turn)
-
-    def __call__(self, answer: Callable[[], object]) -> None:
-        """Call `answer` now or in a later turn; the order is kept."""
-        if self._timer.is_canceled():  # nothing has gone for a whole pause
-            self._timer.reset()
-        self._waiting.append(answer)
-        self._go()
-
-    @property
-    def waiting(self) -> int:
-        """Answers whose turn has not come."""
-        return len(self._waiting)
-
-    def _next_turn(self) -> None:
-        if self._room == _AT_ONCE:
-            self._timer.cancel()
-        self._room = _AT_ONCE
-        self._go()
-
-    def _go(self) -> None:
-        while self._waiting and self._room:
-            self._room -= 1
-            self._waiting.popleft()()
-
-
-class Clients:
-    """The clients of one service: whether there were any, and now there are none.
-
-    A server does not learn who asked: only when the last client is gone, nobody waits for an
-    answer. One that is killed counts until its lease in the middleware ends, 20 s as a rule.
-    `jobs` are those that any of them asked for.
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._node, self._name = node, name
-        self.jobs: dict[object, Job] = {}
-        self._seen, self._absences = False, 0
-        self._looked = float("-inf")
-
-    def gone(self) -> bool:
-        """Whether there were none in the last two looks; look again after a while."""
-        if time.monotonic() - self._looked > _SHORTEST_LOOK:
-            self._looked = time.monotonic()
-            if self._node.count_clients(self._name):
-                self._seen, self._absences = True, 0
-            elif self._seen:
-                self._absences += 1
-        return self._absences >= _ABSENCES
+_LAST_ANSWERS = 0.5  # s
 
 
 class DeferredActionServer(ActionServer):
     """An action server whose goals run outside of it.
 
     `accepted` takes each goal, whose `execute` says that its work begins; `cancel` takes a goal for
-    which `finish` is to be called early. `unanswered` counts results that were asked for and not
-    yet sent.
+    which `finish` is to be called early.
     """
 
     def __init__(
@@ -121,28 +52,6 @@ class DeferredActionServer(ActionServer):
             result_service_qos_profile=BURST,
             cancel_service_qos_profile=BURST,
         )
-        self._goals_paced, self._results_paced = PacedAnswers(node), PacedAnswers(node)
-        self.unanswered = 0
-
-    async def execute(self, taken_data: dict[str, Any]) -> None:
-        """Do what was asked for; a goal, which is answered at once, when its turn has come."""
-        if "result" in taken_data:
-            _, request = taken_data["result"]
-            self.unanswered += bytes(request.goal_id.uuid) in self._goal_handles
-        goal = taken_data.pop("goal", None)
-        if goal is not None:
-            accept, executor = super().execute, self._node.executor
-            self._goals_paced(lambda: executor.create_task(accept, {"goal": goal}))
-        await super().execute(taken_data)  # type: ignore[no-untyped-call]
-
-    def _send_result_response(self, request_header: Any, future: Any) -> None:
-        send_now = super()._send_result_response
-
-        def send() -> None:
-            self.unanswered -= 1
-            send_now(request_header, future)  # type: ignore[no-untyped-call]
-
-        self._results_paced(send)
 
     def notify_execute(self, *_: Any) -> None:
         """Do nothing: whoever called `execute` does the work."""
@@ -189,94 +98,56 @@ class RequestServer:
         cancel: Callable[[Job], None],
         result: Callable[[], Any],
     ) -> None:
-        self._node, self._action = node, action
+        self._action = action
         self._submit, self._cancel_job, self._result = submit, cancel, result
         goals = node.resolve_service_name(f"{name}_bags")
-        self._requesters = Clients(node, node.resolve_service_name(name))
-        self._goal_senders = Clients(node, f"{goals}/_action/get_result")
-        steady_timer(node, _LOOK, self._look)
-        self._paced = PacedAnswers(node)
+        self._goals: dict[bytes, Job] = {}
         # The callback returns the request itself, which arrives where else the answer is sent.
         requests = node.create_service(service, name, lambda request, _: request, qos_profile=BURST)
         send = requests.send_response
 
         def asked(request: Any, header: Any) -> None:
-            def answer(response: Any) -> None:
-                self._paced(lambda: send(response, header))
-
-            self._submit_for(self._requesters, object(), request, service.Response(), answer)
+            self._submit_for(request, service.Response(), lambda answer: send(answer, header))
 
         requests.send_response = asked  # type: ignore[assignment]
-        self._actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
-
-    @property
-    def unanswered(self) -> int:
-        """How many wait for an answer now."""
-        return len(self._requesters.jobs) + self._paced.waiting + self._actions.unanswered
-
-    def destroy(self) -> None:
-        """Take the action away; its goals are lost."""
-        self._actions.destroy()
+        self.actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
         def progress(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
 
-        self._submit_for(
-            self._goal_senders,
-            bytes(goal.goal_id.uuid),
-            goal.request,
-            self._action.Result(),
-            partial(self._actions.finish, goal),
-            started=goal.execute,
-            progress=progress,
-        )
+        number = bytes(goal.goal_id.uuid)
+
+        def ended(result: Any) -> None:
+            self._goals.pop(number, None)
+            self.actions.finish(goal, result)
+
+        callbacks = {"started": goal.execute, "progress": progress}
+        job = self._submit_for(goal.request, self._action.Result(), ended, **callbacks)
+        if job is not None:
+            self._goals[number] = job
 
     def _submit_for(
-        self,
-        clients: Clients,
-        key: object,
-        request: Any,
-        response: Any,
-        answer: Callable[[Any], None],
-        **callbacks: Any,
-    ) -> None:
-        """Submit a job, whose clients wait until it has ended; `answer` takes the response then."""
+        self, request: Any, response: Any, answer: Callable[[Any], None], **callbacks: Any
+    ) -> Job | None:
+        """Submit a job; `answer` takes the response when it has ended."""
 
         def ended(success: bool, message: str) -> None:
-            clients.jobs.pop(key, None)
             response.success, response.message = success, message
             if success:
                 response.result = self._result()
             answer(response)
 
-        job = self._submit(request, JobListener(ended, **callbacks))
-        if job is not None:
-            clients.jobs[key] = job
+        return self._submit(request, JobListener(ended, **callbacks))
 
     def _cancel(self, goal: ServerGoalHandle) -> None:
-        job = self._goal_senders.jobs.get(bytes(goal.goal_id.uuid))
+        job = self._goals.get(bytes(goal.goal_id.uuid))
         if job is not None:
             self._cancel_job(job)
 
-    def _look(self) -> None:
-        """Cancel what nobody waits for any more."""
-        for clients in (self._requesters, self._goal_senders):
-            jobs = list(clients.jobs.values())
-            if jobs and clients.gone():
-                names = "; ".join(", ".join(job.names) for job in jobs)
-                self._node.get_logger().warning(f"{names}: who asked is gone")
-                for job in jobs:
-                    self._cancel_job(job)
 
-
-def answer_all(node: Node, servers: Sequence[RequestServer | DeferredActionServer]) -> None:
-    """Spin until nobody waits for an answer, or not for ever; then take the servers away."""
-    executor, until = node.executor, time.monotonic() + _LONGEST_END
-    while executor is not None and any(server.unanswered for server in servers):
-        executor.spin_once(timeout_sec=_LAST_LOOK)
-        if time.monotonic() > until:
-            break
-    time.sleep(_LAST_LOOK)  # the last answers lie in memory that ends with this process
-    for server in servers:
-        server.destroy()
+def send_last_answers(node: Node) -> None:
+    """Spin for a moment, in which the answers of what has ended are sent."""
+    executor, until = node.executor, time.monotonic() + _LAST_ANSWERS
+    while executor is not None and time.monotonic() < until:
+        executor.spin_once(timeout_sec=0.1)

@@ -1,7 +1,6 @@
 """The node `predictor`: what the last identification predicts of a robot that runs."""
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -174,7 +173,6 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._live: LivePrediction | None = None
         self._newest = self._nothing("nothing has arrived")
         self._said = ""
-        self._cpu = time.process_time(), time.monotonic()
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
         self._diagnostics = Diagnostics(node)
@@ -278,8 +276,6 @@ class Predictor(NodeProgram[PredictorSettings]):
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         live, identified = self._live, self._source.identified
-        cpu, began = self._cpu
-        self._cpu = time.process_time(), time.monotonic()
         rate, lag, late = (None, None, 0) if live is None else (live.rate, live.lag, live.late)
         values: dict[str, object] = {
             "result": "none" if identified is None else identified.path,
@@ -287,7 +283,6 @@ class Predictor(NodeProgram[PredictorSettings]):
             "filters wait for (s)": "unknown" if lag is None else f"{lag:.3f}",
             "samples out of order": late,
             "damaged messages": sum(topic.damaged for topic in self._topics),
-            "processor (share of one core)": f"{(self._cpu[0] - cpu) / (self._cpu[1] - began):.3f}",
         }
         reason = self._newest.reason
         level = DiagnosticStatus.WARN if reason else DiagnosticStatus.OK

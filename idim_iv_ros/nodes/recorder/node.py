@@ -205,30 +205,6 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._intake.topics = self._topics.topics
 
 
-class ErrorWatch:
-    """Errors of other nodes on /diagnostics that were not there before.
-
-    What begins with one of the names `excepted` is the recorder's: a full disk takes no snapshot.
-    """
-
-    def __init__(self, excepted: tuple[str, ...]) -> None:
-        self._excepted = excepted
-        self._errors: set[str] = set()
-
-    def new(self, array: DiagnosticArray) -> list[str]:
-        """``name: message`` of each status that has just become an error."""
-        fresh = []
-        for status in array.status:
-            if status.name.startswith(self._excepted):
-                continue
-            if status.level != DiagnosticStatus.ERROR:
-                self._errors.discard(status.name)
-            elif status.name not in self._errors:
-                self._errors.add(status.name)
-                fresh.append(f"{status.name}: {status.message}")
-        return fresh
-
-
 class SnapshotService:
     """Takes snapshots, one at a time.
 
@@ -246,7 +222,7 @@ class SnapshotService:
         self._node, self._writer = node, writer
         self._drain, self._announce = drain, announce
         self._writing: Future[None] | None = None
-        self._errors = ErrorWatch((node.get_name(), node.get_fully_qualified_name()))
+        self._errors: set[str] = set()
         self._taken = float("-inf")
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
 
@@ -280,7 +256,15 @@ class SnapshotService:
             self._writing.exception()
 
     def _diagnosed(self, array: DiagnosticArray) -> None:
-        new = self._errors.new(array)
+        # Not the recorder's own: a full disk takes no snapshot.
+        mine = (self._node.get_name(), self._node.get_fully_qualified_name())
+        errors = {
+            status.name: f"{status.name}: {status.message}"
+            for status in array.status
+            if status.level == DiagnosticStatus.ERROR and not status.name.startswith(mine)
+        }
+        new = [error for name, error in errors.items() if name not in self._errors]
+        self._errors = self._errors - {status.name for status in array.status} | errors.keys()
         settings = self._session.settings
         recent = time.monotonic() - self._taken < settings.snapshot_duration
         if not new or recent or not (settings.snapshot_on_error and settings.snapshot_duration):

@@ -107,7 +107,7 @@ class WriterThread(threading.Thread):
         messages: list[Message] = []
         for topic, batches in waiting.items():
             taken = [message for batch in batches for message in batch.taken]
-            arrived = batch_of(topic, taken)
+            arrived = batch_of(taken)
             batches[-1].monitor.add(arrived, self.session.settings)
             log_times = arrived.received.tolist()
             if batches[0].log_time is not None:

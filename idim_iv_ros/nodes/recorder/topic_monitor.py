@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, JointValues
+from idim_iv_ros.recording.bags.bag_file import MessageBatch
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.types import IntArray
 
 Taken = tuple[bytes, dict[str, int | None]]
@@ -18,97 +19,56 @@ Taken = tuple[bytes, dict[str, int | None]]
 _UNKNOWN = 1 << 63  # sequence numbers from here on mean that the middleware does not count
 _PERIODS = 200  # recent ones, whose median is the usual period
 
-_LOOKED_AT = 50  # latest messages of a batch: a recorder of 10 kHz has no time for all
+# Latest messages of a batch, for a recorder of 10 kHz has no time for all; and those of the topic
+# among which a joint is to be.
+_LOOKED_AT = 50
 
 
 class JointContent:
     """Watches the content of one topic with joint messages.
 
     `joints` should be in the messages (empty: any will do), with numbers in the fields `needed`:
-    ``position``, ``effort``. `malformed` counts messages that are not of the topic's type;
-    `joint_sets` are sets of joint names, the latest last. Those without a common joint are parts of
-    the robot with messages of their own.
+    ``position``, ``effort``. `malformed` counts messages that are not of the topic's type. Parts of
+    the robot may have messages of their own.
     """
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:
         self.malformed = 0
-        self.joint_sets: list[tuple[str, ...]] = []
-        self._type, self._joints, self._needed = message_type, tuple(joints), tuple(needed)
-        self._reader = JointMessageType(message_type)
-        self._missing: tuple[str, ...] = ()
+        self._type, self._joints, self._needed = JointMessageType(message_type), joints, needed
+        self._without = dict.fromkeys(joints, _LOOKED_AT)  # messages since it was named last
+        self._names: tuple[str, ...] = ()
+        self._missing: list[str] = []
 
     @property
     def problems(self) -> list[str]:
         """What the latest messages lack, in words."""
-        problems = list(self._missing)
-        present = {name for names in self._latest() for name in names}
-        absent = [joint for joint in self._joints if joint not in present]
-        if present and absent:
-            problems.insert(0, f"it does not hold joint {', '.join(absent)}")
-        sets = self.joint_sets
-        changed = [names for names in sets if any(_overlap(names, other) for other in sets)]
-        if changed:
-            listed = " / ".join(", ".join(names) for names in changed[-3:])
-            problems.append(f"the set of joints changed: {listed}")
-        return problems
-
-    def reset(self) -> None:
-        """Forget sets of joints that later ones took the place of."""
-        self.malformed, self.joint_sets = 0, self._latest()
-
-    def _latest(self) -> list[tuple[str, ...]]:
-        """Sets of joints without a joint of a later one."""
-        sets = self.joint_sets
-        return [
-            names
-            for place, names in enumerate(sets)
-            if not any(_overlap(names, later) for later in sets[place:])
-        ]
+        absent = [joint for joint, count in self._without.items() if count >= _LOOKED_AT]
+        lacks = [f"it does not hold joint {', '.join(absent)}"] if self._names and absent else []
+        return [*lacks, *self._missing]
 
     def look(self, messages: Sequence[bytes]) -> None:
         """Look at a batch of serialised messages, in the order of their arrival."""
-        latest: JointValues | None = None
-        for message in messages[-_LOOKED_AT:]:
-            try:
-                values = self._reader.read(message, self._needed)
-            except DataError:
-                self.malformed += 1
-                latest = None
-                continue
-            self._met(values.names)
-            latest = values
-        if latest is not None:
-            self._numbers(latest)
-
-    def _met(self, joints: tuple[str, ...]) -> None:
-        names = tuple(sorted(joints))
-        if self._type == JOINT_STATE and names != next(reversed(self.joint_sets), None):
-            self.joint_sets = [others for others in self.joint_sets if others != names]
-            self.joint_sets.append(names)
-
-    def _numbers(self, message: JointValues) -> None:
-        if self._joints and message.names and set(message.names).isdisjoint(self._joints):
-            return  # of another part of the robot
-        missing = []
-        for field in self._needed:
-            values = message.numbers.get(field, np.zeros(0))
-            names = message.names or self._joints
-            if len(values) != len(names):
-                missing.append(f"{len(values)} values of {field} for {len(names)} joints")
-                continue
-            bad = [
-                joint
-                for joint, value in zip(names, values, strict=True)
-                if not np.isfinite(value) and (not self._joints or joint in self._joints)
-            ]
+        latest = [(0, message) for message in messages[-_LOOKED_AT:]]
+        reader = JointMessageReader("", self._type, self._joints, self._needed)
+        try:
+            reader.add(MessageBatch.of(latest))
+        except DataError as error:  # an array of another length
+            self._missing = [str(error).removeprefix(": ")]
+            return
+        read = reader.finish()
+        self.malformed += read.damaged
+        self._names = read.names or self._names
+        for column, joint in enumerate(self._joints):
+            named = read.named[:, column].any()
+            self._without[joint] = 0 if named else self._without[joint] + len(latest)
+        if not len(read):  # all are of another part of the robot, or malformed
+            return
+        self._missing = []
+        for field, values in read.values.items():
+            wrong = read.named[read.layout[-1]] & ~np.isfinite(values[-1])
+            bad = [joint for joint, is_wrong in zip(self._joints, wrong, strict=True) if is_wrong]
             if bad:
-                missing.append(f"{field} of {', '.join(bad)} is NaN")
-        self._missing = tuple(missing)
-
-
-def _overlap(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    """Whether two different sets of joints share a joint."""
-    return one != other and not set(one).isdisjoint(other)
+                self._missing.append(f"{field} of {', '.join(bad)} is NaN or missing")
 
 
 @dataclass(frozen=True)
@@ -119,7 +79,6 @@ class Received:
     are none.
     """
 
-    topic: str
     messages: list[bytes]
     received: IntArray
     sent: IntArray
@@ -156,7 +115,7 @@ class TopicMonitor:
         self.received = self.bytes = self.lost = self.late = self.gaps = self.backward = 0
         self.longest_gap = 0.0
         if self.content is not None:
-            self.content.reset()
+            self.content.malformed = 0
 
     def new_publishers(self, count: int) -> None:
         """Sequence numbers start anew."""
@@ -214,7 +173,7 @@ class TopicMonitor:
         self.backward += int(np.count_nonzero(back))
 
 
-def batch_of(topic: str, taken: Sequence[Taken]) -> Received:
+def batch_of(taken: Sequence[Taken]) -> Received:
     """Arrange what `take_message` returned."""
     count = len(taken)
     received = (info["received_timestamp"] or 0 for _, info in taken)
@@ -222,7 +181,6 @@ def batch_of(topic: str, taken: Sequence[Taken]) -> Received:
     numbers = (info["publication_sequence_number"] for _, info in taken)
     sequence = (-1 if number is None or number >= _UNKNOWN else number for number in numbers)
     return Received(
-        topic,
         [message for message, _ in taken],
         np.fromiter(received, np.int64, count),
         np.fromiter(sent, np.int64, count),

@@ -124,8 +124,6 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
-_WIDTH = 14  # characters of the bar
-_LARGEST = 4.0  # share of the noise floor at the end of the bar
 _STYLES = {GOOD: "green", BEYOND: "bold red"}
 _TOPIC = "predictor/prediction"
 _DRAWN = 0.25  # s between two tables on a terminal
@@ -197,8 +195,9 @@ def _parsed(text: str) -> float:
 def live_table(view: LiveView) -> RenderableType:
     """Return the table of all joints, what is beyond its limit, and a line for each node.
 
-    The bar is the RMS of the residual over ten seconds of motion, over the noise floor, with marks
-    at 1 and at what scatter and uncertain parameters explain. It fits a terminal of 80 columns.
+    Beside the efforts: the RMS of the residual over ten seconds and over one second of motion, over
+    the noise floor, and its limit: what scatter and uncertain parameters explain of the ten. It
+    fits a terminal of 80 columns.
     """
     lines: list[RenderableType] = [Text(f"{view.robot or 'robot'}: efforts", style="bold")]
     if view.joints:
@@ -221,17 +220,16 @@ def _joints(joints: Sequence[JointView]) -> Table:
     table.add_column("joint")
     for heading in ("measured", "predicted", "residual"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("÷ noise floor", no_wrap=True)
-    table.add_column("10 s", justify="right", no_wrap=True)
-    table.add_column("1 s", justify="right", no_wrap=True)
+    for heading in ("÷ floor, 10 s", "limit", "1 s"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for joint in joints:
         newest = (joint.measured, joint.predicted, joint.residual)
         style = _STYLES.get(joint.level, "cyan")
         table.add_row(
             f"{joint.name} ({joint.unit})" if joint.unit else joint.name,
             *(_text(number, "+.3f") for number in newest),
-            _bar(joint, style),
             Text(_text(joint.level_share, ".2f"), style=style),
+            _text(joint.limit, ".2f"),
             _text(joint.share, ".2f"),
         )
     return table
@@ -239,20 +237,6 @@ def _joints(joints: Sequence[JointView]) -> Table:
 
 def _text(number: float, form: str) -> str:
     return f"{number:{form}}" if math.isfinite(number) else "–"
-
-
-def _bar(joint: JointView, style: str) -> Text:
-    """Share of the noise floor as a bar with marks at 1 and at the limit."""
-
-    def place(share: float, last: int) -> int:
-        return min(round(_WIDTH * share / _LARGEST), last) if math.isfinite(share) else 0
-
-    filled = place(joint.level_share, _WIDTH)
-    cells = [("█", style)] * filled + [("·", "dim")] * (_WIDTH - filled)
-    cells[place(1.0, _WIDTH)] = ("┊", "dim")
-    if math.isfinite(joint.limit):
-        cells[place(joint.limit, _WIDTH - 1)] = ("│", "bold")
-    return Text.assemble(*cells)
 
 
 class Watcher:

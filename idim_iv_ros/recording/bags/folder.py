@@ -1,4 +1,4 @@
-"""A bag is an MCAP, .db3 or ROS 1 .bag file, or a folder with any number of them."""
+"""A bag is an MCAP or .db3 file, or a folder with any number of them."""
 
 import os
 import shutil
@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import zstandard
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -21,11 +20,10 @@ from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, MessageBatch, copied
 from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
-from idim_iv_ros.recording.bags.ros1 import Ros1File
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
 from idim_iv_ros.recording.recording import Note
 
-SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd", ".bag")  # in small letters
+SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # in small letters
 
 _LONGEST_METADATA = 1 << 24  # bytes
 
@@ -50,13 +48,6 @@ class Bag:
     seen: Counter[str] = field(default_factory=Counter)
     missing: Counter[str] = field(default_factory=Counter)
     counted: bool = True
-    _passed: Counter[str] = field(default_factory=Counter)
-    _steps: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def intervals(self) -> dict[str, float]:
-        """Mean time between two messages of each wanted topic, s; zero for a single one."""
-        return {t: 1e-9 * self._passed[t] / max(steps, 1) for t, steps in self._steps.items()}
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -76,9 +67,6 @@ class Bag:
                     note_type(self.topics, topic, file.topics[topic])
                     self._define(file)
                     self.seen[topic] += len(batch)
-                    # Batch by batch: what is lost between two of them has no part in it.
-                    self._passed[topic] += int(np.ptp(batch.arrival))
-                    self._steps[topic] += len(batch) - 1
                     yield topic, batch
                 for topic, kind in file.topics.items():
                     note_type(self.topics, topic, kind)
@@ -124,8 +112,7 @@ class Bag:
             return McapFile(path, source=source)
         local = path if source is None else _copy(path, source, stack)
         whole = _decompressed(local, stack) if local.suffix.lower() == ".zstd" else local
-        kinds: dict[str, type[BagFile]] = {".mcap": McapFile, ".bag": Ros1File}
-        return kinds.get(whole.suffix.lower(), SqliteFile)(whole)
+        return McapFile(whole) if whole.suffix.lower() == ".mcap" else SqliteFile(whole)
 
     def _compare(self, wanted: set[str]) -> None:
         """Count what is missing against metadata.yaml, where it says how much there was."""
@@ -158,16 +145,21 @@ def bag_files(path: Path) -> list[Path]:
     if not path.is_dir():
         if not path.is_file():
             raise DataError(f"{path} is {NO_FILE}; write it to a file first")
+        if path.suffix.lower() == ".bag":
+            raise DataError(
+                f"{path}: a bag of ROS 1; `rosbags-convert --src {path} --dst {path.stem}` makes a "
+                "folder of ROS 2 of it, with the same messages"
+            )
         if not is_bag_file(path.name):
             raise DataError(
-                f"{path}: not a bag (an .mcap, .db3 or .bag file, or a rosbag2 folder); tables "
+                f"{path}: not a bag (an .mcap or .db3 file, or a rosbag2 folder); tables "
                 "come in through idim-iv import"
             )
         return [path]
     there = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
     files = _listed(path) or there
     if not files:
-        raise DataError(f"{path}: no .mcap, .db3 or .bag file in this folder")
+        raise DataError(f"{path}: no .mcap or .db3 file in this folder")
     return files
 
 
@@ -245,7 +237,7 @@ def _decompressed(path: Path, stack: ExitStack) -> Path:
 
 
 def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
-    """Say how many messages and seconds of some topics were saved; empty for a whole bag."""
+    """Say how many messages of some topics were saved; empty for a whole bag."""
     if not bag.damages:
         return ""
     parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
@@ -269,14 +261,5 @@ def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
 
 
 def _topic_sentence(bag: Bag, topic: str) -> str:
-    saved_count, missing = bag.seen[topic], bag.missing[topic]
-    interval = bag.intervals.get(topic, 0.0)
-    saved = f"{saved_count * interval:.4g} s"
-    if not bag.counted:
-        least = f"at least {missing} and perhaps more" if missing else "how many more there were"
-        tail = "are lost" if missing else "is not known"
-        return f"{saved_count} messages on {topic} ({saved}) were saved, {least} {tail}"
-    if not missing:
-        return f"no message on {topic} is lost"
-    lost = f" ({missing * interval:.3g} s)" if interval else ""
-    return f"{missing} messages on {topic}{lost} are lost, {saved_count} ({saved}) were saved"
+    lost = f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
+    return f"{bag.seen[topic]} messages on {topic} were saved, {lost}"

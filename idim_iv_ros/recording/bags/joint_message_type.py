@@ -83,13 +83,7 @@ class JointMessageType:
             )
         if self.name in PLAIN:
             if self.field is not None and self.field not in POINTS:
-                there = self.field in ("position", "velocity", "effort", "data")
-                words = (
-                    f"{self.field} is read where it is needed"
-                    if there
-                    else (f"which has no field {self.field}")
-                )
-                raise UsageError(f"{bag}: {topic} is {self.name}, {words}: leave #{self.field} out")
+                raise UsageError(f"{bag}: {topic} is {self.name}: leave #{self.field} out")
             return
         if not self._stores:
             raise DataError(
@@ -102,10 +96,9 @@ class JointMessageType:
         if self.name in (CONTROLLER_STATE, MANY_STATES):
             points = POINTS if self.name == CONTROLLER_STATE else ("reference", "feedback")
             if self.field is not None and self.field not in points:
-                there = self.field.partition(".")[0] in fields
                 raise UsageError(
-                    f"{bag}: {topic} is {self.name}, which has no {'point' if there else 'field'} "
-                    f"{self.field}; it has {', '.join(name for name in fields if name in points)}"
+                    f"{bag}: {topic} is {self.name}: #{self.field} is none of "
+                    f"{', '.join(name for name in fields if name in points)}"
                 )
             return
         if self.field is None:
