@@ -46,12 +46,11 @@ class Output:
         name: str,
         out: Path | None,
         *,
-        picture: Path | None = None,
         force: bool,
         config: Path,
         bags: Sequence[Path],
     ) -> tuple[AnyResult, Path | None, Path | None]:
-        """Compute a result, write its numbers, page and picture, and print it for a program.
+        """Compute a result, write its numbers and its page, and print it for a program.
 
         The numbers are written to the file `name` in the folder `out`. Returned are the result,
         and the paths of numbers and page, which are None without --out.
@@ -61,10 +60,8 @@ class Output:
         """
         from idim_iv_ros.files import REPORT
         from idim_iv_ros.report import require_writable, write_report
-        from idim_iv_ros.report.picture import require_picture, write_picture
 
         numbers = page = None
-        require_picture(picture, force=force)
         if out is None and not self.as_json:
             raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
         with nullcontext() if out is None else require_writable(out, (name, REPORT), force=force):
@@ -73,8 +70,6 @@ class Output:
             if out is not None:
                 with report_warnings():
                     numbers, page = write_report(result, out, force=force, config=config, bags=bags)
-            if picture is not None:
-                write_picture(result, picture)
         self.document(result.to_document())
         return result, numbers, page
 
