@@ -126,19 +126,17 @@ def _next(name: str, run: FleetRun, answer: Fleet) -> str:
 
 def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     """Write the reports of the robots that were diagnosed, and return them by robot."""
-    from idim_iv_ros.report import write_gap_report
+    from idim_iv_ros.report import write_report
 
     pages = {}
-    for diagnosis in answer.diagnoses:
-        folder = Path(run.out) / "robots" / diagnosis.screened.robot
+    bags = {screened.robot: screened.bags for screened in answer.result.screen}
+    for robot, gap in answer.diagnoses.items():
+        folder = Path(run.out) / "robots" / robot
         page: Path | None = folder / "report.html"
-        if diagnosis.gap is not None and diagnosis.gap.series:
-            bags = diagnosis.screened.bags
-            _, page = write_gap_report(
-                diagnosis.gap, folder, force=force, config=run.config, bags=bags
-            )
+        if not isinstance(gap, str) and gap.series:
+            _, page = write_report(gap, folder, force=force, config=run.config, bags=bags[robot])
         if page is not None and page.is_file():
-            pages[diagnosis.screened.robot] = page
+            pages[robot] = page
     return pages
 
 
@@ -182,10 +180,9 @@ def _print(console: Console, answer: Fleet, pages: dict[str, Path], whole: bool)
     if len(shown) < len(left_out):
         more_bags = len(left_out) - len(shown)
         lines.append(f"… and {more_bags} more bags are not used; --verbose prints all")
-    for diagnosis in answer.diagnoses:
-        name = diagnosis.screened.robot
-        if diagnosis.gap is None:
-            lines.append(f"Not diagnosed: {name}: {diagnosis.reason}")
+    for name, gap in answer.diagnoses.items():
+        if isinstance(gap, str):
+            lines.append(f"Not diagnosed: {name}: {gap}")
         elif name in pages:
             lines.append(f"{name}: {pages[name]}")
     for line in lines:
