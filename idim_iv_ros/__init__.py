@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
     from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
-    from idim_iv_ros.report import write_report
+    from idim_iv_ros.report import write_gap_report, write_replay_report, write_report
     from idim_iv_ros.servo.identify import identify_servos
     from idim_iv_ros.servo.result import ServoResult
     from idim_iv_ros.simulator_files import Exported, export
@@ -60,6 +60,8 @@ __all__ = [
     "replay_bags",
     "write_bag",
     "write_configuration",
+    "write_gap_report",
+    "write_replay_report",
     "write_report",
 ]
 
@@ -75,7 +77,7 @@ _MODULES = {
     "fleet.run": ("FleetRun",),
     "identification.identify": ("identify", "identify_recordings"),
     "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
-    "report": ("write_report",),
+    "report": ("write_gap_report", "write_replay_report", "write_report"),
     "servo.identify": ("identify_servos",),
     "servo.result": ("ServoResult",),
     "simulators.replay": ("replay_bags",),

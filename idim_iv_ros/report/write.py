@@ -111,6 +111,10 @@ def write_report(
     return numbers, page
 
 
+# Public names: a diagnosis and a replay have had functions of their own.
+write_gap_report = write_replay_report = write_report
+
+
 @contextmanager
 def require_writable(
     out: Path, names: Sequence[str] = (RESULT, REPORT), *, force: bool = False

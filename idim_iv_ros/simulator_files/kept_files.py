@@ -78,7 +78,7 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     _require_own_inertials(mujoco, spec, model, str(path))
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
-    for place, name in enumerate(exported.answer.robot.joints):
+    for place, name in enumerate(exported.robot.joints):
         file.set_joint(exported.urdf.joints[name], exported.drives, place)
     links, _ = exported.links
     without = [name for name, body in links.items() if not file.set_inertial(name, body)]
