@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -53,15 +54,9 @@ def replay_command(
     from idim_iv_ros.report.replay import error_rows, headline
     from idim_iv_ros.simulators.replay import replay_bags
 
+    compute = partial(replay_bags, bags, configuration, model=model, effects=effects)
     result, numbers, page = output.produce(
-        lambda progress: replay_bags(
-            bags, configuration, model=model, effects=effects, progress=progress
-        ),
-        REPLAY,
-        out,
-        force=force,
-        config=config,
-        bags=bags,
+        compute, REPLAY, out, force=force, config=config, bags=bags
     )
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     columns = ["joint", *(f">{name}" for name in (*drawn, "noise"))]

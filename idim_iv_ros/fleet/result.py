@@ -225,19 +225,6 @@ class FleetType:
     sentences: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class AgreementTest:
-    """Whether one set of parameters holds for all bags of a robot (F-test from R factors).
-
-    `what`: ``all parameters`` or a group of them; `beyond_type`: whether a parameter of it differs
-    from bag to bag more than in the other robots.
-    """
-
-    what: str
-    p_value: Number
-    beyond_type: bool
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotQuantity:
     """One quantity of one robot.
@@ -320,7 +307,6 @@ class FleetRobot:
     last: str | None = None
     p_value: Number = math.nan
     change_p_value: Number = math.nan
-    agreement: tuple[AgreementTest, ...] = ()
     quantities: tuple[RobotQuantity, ...] = ()
     changes: tuple[ParameterChange, ...] = ()
     diagnosis: GapSummary | None = None
