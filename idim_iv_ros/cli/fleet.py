@@ -49,8 +49,8 @@ def fleet_command(
     source: Annotated[
         str,
         typer.Argument(
-            help="A manifest (.csv or .parquet with the columns uri, robot, and also type, time, "
-            "labels), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
+            help="A manifest (.csv or .parquet with the columns uri, robot, and also type and "
+            "time), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
             "TYPE/ROBOT/BAG."
         ),
     ],

@@ -44,7 +44,7 @@ DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results 
 _IDENTIFIED = 0.5
 # Bags whose content is looked at at once: disks and stores answer several.
 _THREADS = 8
-_WHOSE = ("uri", "content", "key", "robot", "type", "time", "labels")
+_WHOSE = ("uri", "content", "key", "robot", "type", "time")
 
 
 def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagResult, ...]:
@@ -82,14 +82,8 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
 
 def owned_by(result: BagResult, entry: BagEntry) -> BagResult:
     """Return a result with what the source says of the bag: a kept one may have another name."""
-    return replace(
-        result,
-        uri=entry.uri,
-        robot=entry.robot,
-        type=entry.type,
-        time=entry.time or result.time,
-        labels=dict(entry.labels),
-    )
+    time = entry.time or result.time
+    return replace(result, uri=entry.uri, robot=entry.robot, type=entry.type, time=time)
 
 
 def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:

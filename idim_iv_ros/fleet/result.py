@@ -67,7 +67,6 @@ class BagResult(Document):
     - `robot`, `type`: which robot, and of which model
     - `time`: start of the recording, ISO 8601, UTC: ``2026-03-01T12:00:00Z``; null where neither
       source nor stamps say it
-    - `labels`: other columns of the manifest
     - `status`: ``ok``; ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: can be
       read and supports no estimate
     - `duration`: s; `samples`: number of rows that count, by joint
@@ -99,7 +98,6 @@ class BagResult(Document):
     robot: str = ""
     type: str = ""
     time: str | None = None
-    labels: dict[str, str] = field(default_factory=dict)
     status: Status
     reason: str = ""
     duration: Number = math.nan

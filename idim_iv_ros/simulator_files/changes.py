@@ -101,26 +101,20 @@ def _remainder(robot: ExportedRobot) -> list[str]:
     remainder = robot.model.remainder
     if remainder is None:
         return []
-    masses = [number for number in robot.model.parameters if kind_of(number.name) == "M"]
-    sizes = zip(robot.robot.joints, masses, remainder.links, remainder.drives, strict=True)
+    joints = zip(robot.robot.joints, remainder.links, remainder.drives, strict=True)
+    moved = [
+        f"{joint} (link {100.0 * link:.1f} %, drive and friction {100.0 * drive:.1f} %)"
+        for joint, link, drive in joints
+        if link or drive
+    ]
     return [
         "## What no cause explains",
         "",
         "Spread by a prior about the nominal numbers, whose size for each link and each joint has "
-        "maximum evidence; none: they stay. Where an error is among these is a guess.",
-        "",
-        "| joint | mass given | new | size of the prior, link | drive and friction |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {joint} | {mass.given:.4g} | {mass.value:.4g} | {_size(link)} | {_size(drive)} |"
-            for joint, mass, link, drive in sizes
-        ),
+        f"maximum evidence: {', '.join(moved) or 'none'}. Where an error is among these is a "
+        "guess.",
         "",
     ]
-
-
-def _size(size: float) -> str:
-    return f"{100.0 * size:.1f} %" if size else "none"
 
 
 def _without_element(robot: ExportedRobot, file: str) -> list[str]:
