@@ -12,16 +12,17 @@ from typing import Any
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model.parameters import words_of_name
 from idim_iv_ros.report.numerals import INTERVAL
 from idim_iv_ros.report.section import Nominal, Report, Section
 
-# Kinds of standard parameters that can be set: in words, in a URDF or configuration, in an MJCF.
+# Kinds of standard parameters that can be set: in a URDF or the configuration, in an MJCF.
 _ELEMENTS = {
-    "M": ("mass", "{link}/inertial/mass", "{link}/inertial/mass"),
-    "Ia": ("drive inertia", "simulator.armature[{number}]", "{joint}@armature"),
-    "Fv": ("viscous friction", "{joint}/dynamics@damping", "{joint}@damping"),
-    "Fc": ("Coulomb friction", "{joint}/dynamics@friction", "{joint}@frictionloss"),
-    "off": ("constant torque", *2 * ("simulator.torque_offset[{number}]",)),
+    "M": ("{link}/inertial/mass", "{link}/inertial/mass"),
+    "Ia": ("simulator.armature[{number}]", "{joint}@armature"),
+    "Fv": ("{joint}/dynamics@damping", "{joint}@damping"),
+    "Fc": ("{joint}/dynamics@friction", "{joint}@frictionloss"),
+    "off": ("simulator.torque_offset[{number}]", "simulator.torque_offset[{number}]"),
 }
 
 
@@ -97,10 +98,9 @@ def _place(
     number = int(parts[2]) - 1
     if number >= len(joints):
         return name, ""
-    words, *keys = _ELEMENTS[parts[1]]
     link = nominal.skeleton.links[number] if nominal.skeleton else f"link {number + 1}"
-    key = keys[nominal.is_mjcf].format(link=link, joint=joints[number], number=number)
-    return f"{words} of {joints[number]}", key
+    key = _ELEMENTS[parts[1]][nominal.is_mjcf]
+    return words_of_name(name, joints), key.format(link=link, joint=joints[number], number=number)
 
 
 def _context(report: Report[Any]) -> dict[str, Any] | None:

@@ -1,6 +1,5 @@
 """What a reader sees first: two short sentences, what to do, and the robot."""
 
-import json
 import re
 from dataclasses import replace
 from importlib import resources
@@ -166,20 +165,6 @@ def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
     page = Page(gap_report_html(replace(_arm6(), configuration={**ARM6, "robot": robot})))
     assert "The robot is not drawn: " in page.text
     assert "robot" not in [attributes.get("id") for _, attributes in page.elements]
-
-
-def test_the_measured_torque_is_drawn_above_the_models() -> None:
-    for text in (gap_report_html(sample_gap(2, "both")), report_html(sample_result(2))):
-        figures = [
-            figure["data"]
-            for figure in Page(text).figures
-            if "measured " in json.dumps(figure["data"])
-        ]
-        assert figures
-        for data in figures:
-            assert data[-1]["hovertemplate"].startswith("measured ")
-            others = [trace["line"]["width"] for trace in data if trace.get("yaxis") is None]
-            assert data[-1]["line"]["width"] < max(others)
 
 
 def test_sizes_of_a_step_on_all_samples_do_not_stand_beside_those_held_out() -> None:
