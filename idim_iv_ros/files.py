@@ -51,18 +51,13 @@ SERVO = "servo.json"
 FLEET, FLEET_PAGE = "fleet.json", "fleet.html"
 
 GENERATOR = f'<meta name="generator" content="{PROGRAM}">'
-PNG_SOFTWARE = b"Software\0" + PROGRAM.encode()  # content of the text chunk of a picture
 NO_FILE = "a device, a pipe or a socket"
 FILES = "files"  # key of a JSON file that holds the digests of the files beside it
 
 _HEAD = 4096  # bytes in which the mark of this program is looked for
 # The header of an MCAP file: opcode 1, its length, profile and library, each behind its length.
 _MCAP = b"\x89MCAP0\r\n\1" + struct.pack("<QI4sI", 23, 4, b"ros2", len(PROGRAM)) + PROGRAM.encode()
-_MARKS = {
-    **dict.fromkeys((".html", ".svg"), GENERATOR.encode()),
-    ".png": PNG_SOFTWARE,
-    ".mcap": _MCAP,
-}
+_MARKS = {".html": GENERATOR.encode(), ".mcap": _MCAP}
 _SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobody edits it: "
 
 

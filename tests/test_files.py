@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros import UsageError, write_bag, write_gap_report, write_report
+from idim_iv_ros import UsageError, write_bag, write_report
 from idim_iv_ros.files import require_replaceable, signed, written_by_program
 from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.writing.growing_bag import GrowingMcap
@@ -29,7 +29,7 @@ def foreign_mcap(path: Path) -> None:
 
 def test_reports_and_bags_of_this_program_are_its_own(tmp_path: Path) -> None:
     files = [*write_report(sample_result(1), tmp_path / "results")]
-    files += write_gap_report(sample_gap(2, "none"), tmp_path / "why")
+    files += write_report(sample_gap(2, "none"), tmp_path / "why")
     write_bag(tmp_path / "a.mcap", [TOPIC])
     (tmp_path / "arm.yaml").write_text(signed("robot: {}\n"))
     for path in (*files, tmp_path / "a.mcap", tmp_path / "arm.yaml"):

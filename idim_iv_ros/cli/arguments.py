@@ -33,14 +33,6 @@ AsJson = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print long tables whole.")]
-Picture = Annotated[
-    Path | None,
-    typer.Option(
-        "--picture",
-        metavar="FILE.png|svg",
-        help="Write the summary as one picture, too; PNG needs the extra `picture`.",
-    ),
-]
 
 
 def numbers(option: str, text: str) -> list[float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,11 +60,9 @@ def diagnose_command(
             metavar="BAG...",
         ),
     ] = None,
-    picture: shared.Picture = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
-    verbose: shared.Verbose = False,
 ) -> None:
     """Say where simulator and robot differ, which effect causes it, and how far the gap shrinks.
 
@@ -86,22 +85,12 @@ def diagnose_command(
         if name not in EFFECTS:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(EFFECTS)}")
     configuration = load_configuration(config)
+    others = against or []
+    compute = partial(diagnose, bags, configuration, without=names, against=others)
     result, numbers, page = output.produce(
-        lambda progress: diagnose(
-            bags,
-            configuration,
-            without=names,
-            against=against or (),
-            progress=progress,
-        ),
-        GAP,
-        out,
-        picture=picture,
-        force=force,
-        config=config,
-        bags=[*bags, *(against or ())],
+        compute, GAP, out, force=force, config=config, bags=[*bags, *others]
     )
-    print_diagnosis(output.console, result, whole=verbose)
+    print_diagnosis(output.console, result)
     # Without a named cause the export would change nothing else.
     rest = () if result.causes else ("--remainder",)
     print_physical(output, result, numbers, config, *rest)

@@ -57,13 +57,6 @@ def excite_command(
         str | None, typer.Option(metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen.")
     ] = None,
     rate: Annotated[float, typer.Option(help="Samples per second of the CSV.")] = 1000.0,
-    message_rate: Annotated[
-        float | None,
-        typer.Option(
-            help="Points per second of the YAML. Default: 5 a period of the fastest content, at "
-            "least 20 (diagnosis: 100)."
-        ),
-    ] = None,
     criterion: Annotated[
         Literal["condition", "precision"],
         typer.Option(help="Least condition number, or least standard deviations (faster motion)."),
@@ -84,7 +77,6 @@ def excite_command(
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
-    verbose: shared.Verbose = False,
 ) -> None:
     """Design a motion within the robot's limits that shows its parameters well.
 
@@ -104,8 +96,6 @@ def excite_command(
         model, configuration, margin=margin, acceleration=given, floor=floor
     )
     posture = None if start is None else np.array(shared.numbers("--start", start))
-    if message_rate is not None:
-        motions.require_message_rate(message_rate, rate)
     print_marked(output.console, "Warning", model.robot.doubts, "yellow")
     motions.require_place(out, force=force)
     with output.progress() as progress:
@@ -135,17 +125,13 @@ def excite_command(
             )
             trajectory, fastest = excitation.design.trajectory, harmonics / period
             document = dict(excitation.document)
-        if message_rate is None:
-            least = _LEAST_MESSAGE_RATES[purpose]
-            message_rate = min(rate, max(least, _POINTS_PER_PERIOD * fastest))
-        paths = motions.write_motion(
-            out, trajectory, document, message_rate=message_rate, force=force
-        )
+        points = min(rate, max(_LEAST_MESSAGE_RATES[purpose], _POINTS_PER_PERIOD * fastest))
+        paths = motions.write_motion(out, trajectory, document, message_rate=points, force=force)
     output.document(document)
     if purpose == "diagnosis":
         _print_segments(output.console, model, limits, diagnosis)
     elif purpose == "identification":
-        _print_excitation(output.console, model, limits, excitation, whole=verbose)
+        _print_excitation(output.console, model, limits, excitation)
     output.line("Written: " + " ".join(map(str, paths)))
     output.line(
         f"Next: run {paths[0].name} on the robot and record it: "
@@ -154,12 +140,7 @@ def excite_command(
 
 
 def _print_excitation(
-    console: Console,
-    model: InverseModel,
-    limits: MotionLimits,
-    excitation: Excitation,
-    *,
-    whole: bool = True,
+    console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
     """Print condition numbers, limits used, and the parameters that stay badly excited."""
     from idim_iv_ros.cli.output import print_table
@@ -180,7 +161,7 @@ def _print_excitation(
             "finds the motion with the smallest standard deviations."
         )
     _print_limits(console, model, limits, design.use)
-    _print_parameters(console, excitation, whole)
+    _print_parameters(console, excitation)
     console.print(
         f"{design.trajectory.duration:g} s at {design.trajectory.rate:g} per second, searched "
         f"{design.seconds:.0f} s"
@@ -217,7 +198,7 @@ def _print_limits(
     )
 
 
-def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> None:
+def _print_parameters(console: Console, excitation: Excitation) -> None:
     """Print the parameters that the motion shows poorly, with their predicted deviations."""
     from idim_iv_ros.cli.output import LONGEST, print_table
     from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
@@ -244,8 +225,7 @@ def _print_parameters(console: Console, excitation: Excitation, whole: bool) -> 
         for parameter in bad
     ]
     columns = ("parameter", ">nominal", ">predicted σ", ">%σ", ">unexplained", "unit")
-    rest = "--verbose prints them, and the JSON file has them"
-    print_table(console, "", columns, rows, most=None if whole else LONGEST, rest=rest)
+    print_table(console, "", columns, rows, most=LONGEST, rest="the JSON file has them")
 
 
 def _print_segments(

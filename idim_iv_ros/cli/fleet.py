@@ -20,7 +20,7 @@ fleet = typer.Typer(
     help="Many robots, many bags: which robots differ, which have changed, what is known of their "
     'type. Needs Dask: pip install "idim-iv-ros\\[fleet]".',
 )
-_SHOWN = 5  # bags that are not used, without --verbose
+_SHOWN = 5  # bags that are not used
 
 _HELP = {
     "identify": """\
@@ -49,8 +49,8 @@ def fleet_command(
     source: Annotated[
         str,
         typer.Argument(
-            help="A manifest (.csv or .parquet with the columns uri, robot, and also type, time, "
-            "labels), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
+            help="A manifest (.csv or .parquet with the columns uri, robot, and also type and "
+            "time), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
             "TYPE/ROBOT/BAG."
         ),
     ],
@@ -75,7 +75,6 @@ def fleet_command(
     ] = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
-    verbose: shared.Verbose = False,
 ) -> None:
     """Identify or diagnose a fleet, whichever the command is called."""
     from idim_iv_ros.cli.output import Output, report_warnings
@@ -98,7 +97,7 @@ def fleet_command(
             _, page = write_report(
                 answer.result, out, reports=reports, force=force, config=config, bags=[source]
             )
-    _print(output.console, answer, pages, verbose)
+    _print(output.console, answer, pages)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
         output.line(f"Report: {page}")
@@ -126,23 +125,21 @@ def _next(name: str, run: FleetRun, answer: Fleet) -> str:
 
 def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     """Write the reports of the robots that were diagnosed, and return them by robot."""
-    from idim_iv_ros.report import write_gap_report
+    from idim_iv_ros.report import write_report
 
     pages = {}
-    for diagnosis in answer.diagnoses:
-        folder = Path(run.out) / "robots" / diagnosis.screened.robot
+    bags = {screened.robot: screened.bags for screened in answer.result.screen}
+    for robot, gap in answer.diagnoses.items():
+        folder = Path(run.out) / "robots" / robot
         page: Path | None = folder / "report.html"
-        if diagnosis.gap is not None and diagnosis.gap.series:
-            bags = diagnosis.screened.bags
-            _, page = write_gap_report(
-                diagnosis.gap, folder, force=force, config=run.config, bags=bags
-            )
+        if not isinstance(gap, str) and gap.series:
+            _, page = write_report(gap, folder, force=force, config=run.config, bags=bags[robot])
         if page is not None and page.is_file():
-            pages[diagnosis.screened.robot] = page
+            pages[robot] = page
     return pages
 
 
-def _print(console: Console, answer: Fleet, pages: dict[str, Path], whole: bool) -> None:
+def _print(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
     """Print which robots need attention, what their types say, and what was left out."""
     from rich.text import Text
 
@@ -160,7 +157,7 @@ def _print(console: Console, answer: Fleet, pages: dict[str, Path], whole: bool)
     for robot in result.robots:
         why, *more = robot.reasons or ("",)
         if more:
-            why = "; ".join(robot.reasons) if whole else f"{why}; and {len(more)} more"
+            why = f"{why}; and {len(more)} more"
         if robot.attention != "none":
             rows.append((robot.robot, robot.type, why, str(robot.bags)))
     if rows:
@@ -170,22 +167,19 @@ def _print(console: Console, answer: Fleet, pages: dict[str, Path], whole: bool)
             "Robots that need attention, most urgent first",
             ("robot", "type", "why", ">bags"),
             rows,
-            most=None if whole else LONGEST,
-            rest="--verbose prints all, and fleet.json has them",
+            most=LONGEST,
+            rest="the report has them",
         )
     else:
         lines.append(headline(result))
     for kind in result.types:
         lines += [*kind.sentences, *kind.notes]
-    shown = left_out if whole else left_out[:_SHOWN]
-    lines += [f"Not used: {bag.uri}: {bag.why_not}" for bag in shown]
-    if len(shown) < len(left_out):
-        more_bags = len(left_out) - len(shown)
-        lines.append(f"… and {more_bags} more bags are not used; --verbose prints all")
-    for diagnosis in answer.diagnoses:
-        name = diagnosis.screened.robot
-        if diagnosis.gap is None:
-            lines.append(f"Not diagnosed: {name}: {diagnosis.reason}")
+    lines += [f"Not used: {bag.uri}: {bag.why_not}" for bag in left_out[:_SHOWN]]
+    if len(left_out) > _SHOWN:
+        lines.append(f"… and {len(left_out) - _SHOWN} more bags are not used; the report has them")
+    for name, gap in answer.diagnoses.items():
+        if isinstance(gap, str):
+            lines.append(f"Not diagnosed: {name}: {gap}")
         elif name in pages:
             lines.append(f"{name}: {pages[name]}")
     for line in lines:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -26,11 +27,9 @@ def identify_command(
         Literal["idim-iv", "idim-ls"],
         typer.Option(help="Instrumental variables, or least squares."),
     ] = "idim-iv",
-    picture: shared.Picture = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
-    verbose: shared.Verbose = False,
 ) -> None:
     """Identify the dynamic parameters, test them, write result.json and report.html.
 
@@ -44,17 +43,12 @@ def identify_command(
     configuration = load_configuration(config)
     with output.progress():  # while the libraries are loaded
         from idim_iv_ros.identification.identify import identify
+    compute = partial(identify, bags, configuration, estimator=estimator)
     result, numbers, page = output.produce(
-        lambda progress: identify(bags, configuration, estimator=estimator, progress=progress),
-        RESULT,
-        out,
-        picture=picture,
-        force=force,
-        config=config,
-        bags=bags,
+        compute, RESULT, out, force=force, config=config, bags=bags
     )
     output.warn_quietly([*result.doubts, *data_warnings(result)])
-    print_parameters(output.console, result, whole=verbose)
+    print_parameters(output.console, result, whole=False)
     print_remarks(output.console, result)
     print_verdict(output.console, result)
     print_next(output.console, result, bags, config)
@@ -118,7 +112,7 @@ def print_parameters(
         ("parameter", ">value", ">σ", ">%σ", ">truth", ">off by", "unit", "remark"),
         [cells for _, cells in rows],
         most=None if whole else LONGEST,
-        rest="--verbose prints all, and the report has them",
+        rest="the report has them",
     )
     console.print(
         "A base parameter is what a motion can show: the parameter of its name (M mass, MX … first "

@@ -2,7 +2,6 @@
 
 import re
 import sys
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -42,39 +41,34 @@ class Output:
 
     def produce(
         self,
-        compute: Callable[[Progress], AnyResult],
+        compute: Callable[..., AnyResult],
         name: str,
         out: Path | None,
         *,
-        picture: Path | None = None,
         force: bool,
         config: Path,
         bags: Sequence[Path],
     ) -> tuple[AnyResult, Path | None, Path | None]:
-        """Compute a result, write its numbers, page and picture, and print it for a program.
+        """Compute a result, write its numbers and its page, and print it for a program.
 
-        The numbers are written to the file `name` in the folder `out`. Returned are the result,
-        and the paths of numbers and page, which are None without --out.
+        `compute` takes `progress`; the numbers are written to the file `name` in the folder `out`.
+        Returned are the result, and the paths of numbers and page, which are None without --out.
 
         Raises UsageError: there is no place for a file, or neither --out nor --json: nothing was
         computed.
         """
         from idim_iv_ros.files import REPORT
         from idim_iv_ros.report import require_writable, write_report
-        from idim_iv_ros.report.picture import require_picture, write_picture
 
         numbers = page = None
-        require_picture(picture, force=force)
         if out is None and not self.as_json:
             raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
         with nullcontext() if out is None else require_writable(out, (name, REPORT), force=force):
             with self.progress() as progress:
-                result = compute(progress)
+                result = compute(progress=progress)
             if out is not None:
                 with report_warnings():
                     numbers, page = write_report(result, out, force=force, config=config, bags=bags)
-            if picture is not None:
-                write_picture(result, picture)
         self.document(result.to_document())
         return result, numbers, page
 
@@ -108,15 +102,9 @@ class Output:
 @contextmanager
 def shown_progress(quiet: bool = False) -> Iterator[Progress]:
     """Show stage, share and time: a bar on a terminal, else a line every few seconds."""
-    if quiet:
-        yield lambda stage, share: None
+    if quiet or not sys.stderr.isatty():
+        yield (lambda stage, share: None) if quiet else _lines()
         return
-    with _bar() if sys.stderr.isatty() else _lines() as report:
-        yield report
-
-
-@contextmanager
-def _bar() -> Iterator[Progress]:
     stage = bars.TextColumn("{task.description:<28}")
     columns = (stage, bars.BarColumn(), bars.TimeElapsedColumn())
     with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
@@ -124,29 +112,19 @@ def _bar() -> Iterator[Progress]:
         yield lambda stage, share: bar.update(task, description=stage, completed=share)
 
 
-@contextmanager
-def _lines() -> Iterator[Progress]:
-    """Print a line after each interval, also where a stage says nothing for long."""
-    begin, done = time.monotonic(), threading.Event()
-    latest = ("loading", 0.0)
+def _lines() -> Progress:
+    """Return what prints a line of what is reported, one in an interval at most."""
+    begin = latest = time.monotonic()
 
     def report(stage: str, share: float) -> None:
         nonlocal latest
-        latest = (stage, share)
-
-    def print_lines() -> None:
-        while not done.wait(INTERVAL):
-            stage, share = latest
-            words = f"{time.monotonic() - begin:.0f} s: {stage}, {100.0 * share:.0f} %"
+        now = time.monotonic()
+        if now - latest >= INTERVAL:
+            latest = now
+            words = f"{now - begin:.0f} s: {stage}, {100.0 * share:.0f} %"
             print(words, file=sys.stderr, flush=True)
 
-    printer = threading.Thread(target=print_lines, daemon=True)
-    printer.start()
-    try:
-        yield report
-    finally:
-        done.set()
-        printer.join()
+    return report
 
 
 @contextmanager

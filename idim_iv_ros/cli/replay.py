@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -35,7 +36,6 @@ def replay_command(
         ),
     ] = None,
     out: shared.OutOrJson = None,
-    picture: shared.Picture = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -54,16 +54,9 @@ def replay_command(
     from idim_iv_ros.report.replay import error_rows, headline
     from idim_iv_ros.simulators.replay import replay_bags
 
+    compute = partial(replay_bags, bags, configuration, model=model, effects=effects)
     result, numbers, page = output.produce(
-        lambda progress: replay_bags(
-            bags, configuration, model=model, effects=effects, progress=progress
-        ),
-        REPLAY,
-        out,
-        picture=picture,
-        force=force,
-        config=config,
-        bags=bags,
+        compute, REPLAY, out, force=force, config=config, bags=bags
     )
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     columns = ["joint", *(f">{name}" for name in (*drawn, "noise"))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -32,7 +33,6 @@ def servo_command(
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
-    verbose: shared.Verbose = False,
 ) -> None:
     """Identify servos from commands and positions, for robots that record no torque.
 
@@ -63,20 +63,14 @@ def servo_command(
 
     if out is not None:
         require_servo_files(out, force=force)
+    compute = partial(identify_servos, bags, configuration, gains=settings, model_error=model_error)
     result, numbers, page = output.produce(
-        lambda progress: identify_servos(
-            bags, configuration, gains=settings, model_error=model_error, progress=progress
-        ),
-        SERVO,
-        out,
-        force=force,
-        config=config,
-        bags=bags,
+        compute, SERVO, out, force=force, config=config, bags=bags
     )
     columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"
     print_table(output.console, title, columns, summary_rows(result))
-    if verbose or not any(joint.absolute for joint in result.joints):
+    if not any(joint.absolute for joint in result.joints):
         for joint in result.joints:
             rows = number_rows((*joint.numbers, *joint.ratios))
             print_table(output.console, joint.joint, ("", ">value", ">95 % interval"), rows)

@@ -12,7 +12,6 @@ from idim_iv_ros.excitation.excite import (
 )
 from idim_iv_ros.excitation.files import (
     diagnosis_document,
-    require_message_rate,
     require_place,
     write_joint_trajectory,
     write_motion,
@@ -47,7 +46,6 @@ __all__ = [
     "predict_parameters",
     "random_motion",
     "read_trajectory",
-    "require_message_rate",
     "require_place",
     "require_sampling",
     "servo_motion",

@@ -104,7 +104,11 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
     UsageError
         `rate` is not between 0 and the rate of the trajectory.
     """
-    require_message_rate(rate, trajectory.rate)
+    if not 0.0 < rate <= trajectory.rate:
+        raise UsageError(
+            f"{rate:g} points per second: a rate above 0 and up to that of the trajectory, "
+            f"{trajectory.rate:g} per second, is needed"
+        )
     samples = len(trajectory.position)
     kept = np.arange(0, samples, max(1, round(trajectory.rate / rate)))
     if kept[-1] != samples - 1:
@@ -120,20 +124,6 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
             f"   accelerations: {_numbers(trajectory.acceleration[sample])},\n"
             f"   effort: [], time_from_start: {{sec: {nanoseconds // 10**9}, "
             f"nanosec: {nanoseconds % 10**9}}}}}\n"
-        )
-
-
-def require_message_rate(points: float, samples: float) -> None:
-    """Refuse a rate of points that is not above 0 and up to the rate of samples, per second.
-
-    Raises
-    ------
-    UsageError
-    """
-    if not 0.0 < points <= samples:
-        raise UsageError(
-            f"{points:g} points per second: a rate above 0 and up to that of the trajectory, "
-            f"{samples:g} per second, is needed"
         )
 
 

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel, RobotModel
+from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 
@@ -251,69 +252,38 @@ class MovingFrames:
 
     def heights(self, q: FloatArray) -> FloatArray:
         """Heights in the base frame (n_samples, f) m at positions (n_samples, n_joints)."""
-        return self._places(q)[0][:, :, 2].T
-
-    def heights_and_slopes(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Heights, and their derivatives (n_samples, f, n_joints) m/rad (m/m)."""
-        points, origins, axes = self._places(q)
-        slope = np.zeros((len(q), len(self.joints), len(self.robot.joints)))
-        for frame, joint in enumerate(self.joints):
-            for ancestor in list(self.robot.pinocchio.supports[int(joint)])[1:]:
-                lever, axis = points[frame] - origins[ancestor], axes[ancestor]
-                slope[:, frame, self.robot.order[ancestor - 1]] = (
-                    axis[:, 0] * lever[:, 1] - axis[:, 1] * lever[:, 0]
-                    if self._revolute(ancestor)
-                    else axis[:, 2]
-                )
-        return points[:, :, 2].T, slope
-
-    def _places(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Origins of the frames (f, n_samples, 3), and origins and axes of the joints."""
         model, samples = self.robot.pinocchio, len(q)
         turns = np.broadcast_to(np.eye(3), (model.njoints, samples, 3, 3)).copy()
-        origins, axes = np.zeros((2, model.njoints, samples, 3))
+        origins = np.zeros((model.njoints, samples, 3))
         for i in range(1, model.njoints):
-            parent, place = model.parents[i], model.jointPlacements[i]
-            axis, coordinate = self.axes[i - 1], q[:, self.robot.order[i - 1]]
-            fixed = turns[parent] @ place.rotation
+            parent, place, joint = (
+                model.parents[i],
+                model.jointPlacements[i],
+                self.robot.order[i - 1],
+            )
+            moved = q[:, joint, None] * self.axes[i - 1]
+            turns[i] = turns[parent] @ place.rotation
             origins[i] = origins[parent] + turns[parent] @ place.translation
-            axes[i] = fixed @ axis
-            if self._revolute(i):
-                turns[i] = fixed @ _rotation(axis, coordinate)
+            if self.robot.joint_types[joint] == "revolute":
+                turns[i] = (
+                    turns[i] @ scipy.spatial.transform.Rotation.from_rotvec(moved).as_matrix()
+                )
             else:
-                turns[i] = fixed
-                origins[i] += coordinate[:, None] * axes[i]
-        frames_of_joint = np.einsum("fsij,fj->fsi", turns[self.joints], self.offsets)
-        return origins[self.joints] + frames_of_joint, origins, axes
-
-    def _revolute(self, tree: int) -> bool:
-        return self.robot.joint_types[int(self.robot.order[tree - 1])] == "revolute"
+                origins[i] += (turns[i] @ moved[:, :, None])[:, :, 0]
+        above = np.einsum("fsj,fj->fs", turns[self.joints, :, 2], self.offsets)
+        return np.asarray((origins[self.joints, :, 2] + above).T)
 
 
 def moving_frames(robot: RobotModel) -> MovingFrames:
     """Collect the origins of all frames (links, joints, end-effector) that a joint moves."""
-    data = robot.pinocchio.createData()
     frames = [frame for frame in robot.pinocchio.frames if frame.parentJoint > 0]
     return MovingFrames(
         robot=robot,
         names=tuple(frame.name for frame in frames),
         joints=np.array([frame.parentJoint for frame in frames], dtype=np.int64),
         offsets=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
-        axes=np.array([_axis(data, tree + 1) for tree in range(len(robot.joints))]),
+        axes=link_frames(robot).turned[1:, :, 2],
     )
-
-
-def _axis(data: pin.Data, tree: int) -> FloatArray:
-    subspace = np.asarray(data.joints[tree].S).ravel()
-    return np.asarray(subspace[3:] if np.any(subspace[3:]) else subspace[:3])
-
-
-def _rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
-    """Rodrigues' formula: (n_samples, 3, 3)."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
 
 
 def require_reachable(frames: MovingFrames, limits: MotionLimits) -> None:

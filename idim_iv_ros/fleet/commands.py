@@ -7,7 +7,7 @@ together, and a few ordinary ones for what all of the type share.
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from idim_iv_ros.diagnosis.diagnose import diagnose
@@ -20,7 +20,6 @@ from idim_iv_ros.fleet.result import (
     CauseSummary,
     FleetResult,
     GapSummary,
-    Screened,
     Status,
 )
 from idim_iv_ros.fleet.robots import Robot, code_version, content_of, key_of, robots_of
@@ -45,7 +44,7 @@ DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results 
 _IDENTIFIED = 0.5
 # Bags whose content is looked at at once: disks and stores answer several.
 _THREADS = 8
-_WHOSE = ("uri", "content", "key", "robot", "type", "time", "labels")
+_WHOSE = ("uri", "content", "key", "robot", "type", "time")
 
 
 def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagResult, ...]:
@@ -83,14 +82,8 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
 
 def owned_by(result: BagResult, entry: BagEntry) -> BagResult:
     """Return a result with what the source says of the bag: a kept one may have another name."""
-    return replace(
-        result,
-        uri=entry.uri,
-        robot=entry.robot,
-        type=entry.type,
-        time=entry.time or result.time,
-        labels=dict(entry.labels),
-    )
+    time = entry.time or result.time
+    return replace(result, uri=entry.uri, robot=entry.robot, type=entry.type, time=time)
 
 
 def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:
@@ -154,28 +147,17 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
 
 
 @dataclass(frozen=True)
-class RobotDiagnosis:
-    """The diagnosis of one robot of a fleet, or the reason why there is none.
-
-    `gap` has the series that a report draws where it was made in this run.
-    """
-
-    screened: Screened
-    gap: GapResult | None
-    reason: str = ""
-
-
-@dataclass(frozen=True)
 class Fleet:
     """All results of a fleet.
 
-    `bags` are in the order of the source, `diagnoses` in that of `FleetResult.screen`; they are
-    empty where none was asked for.
+    `bags` are in the order of the source. `diagnoses` have the diagnosis of each robot of
+    `FleetResult.screen`, or why there is none; what was made in this run has the series that a
+    report draws.
     """
 
     bags: tuple[BagResult, ...]
     result: FleetResult
-    diagnoses: tuple[RobotDiagnosis, ...] = ()
+    diagnoses: dict[str, GapResult | str] = field(default_factory=dict)
 
 
 def identify_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
@@ -194,8 +176,8 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
     identified = identify_fleet(run, part_of(progress, 0.0, _IDENTIFIED))
     _, robots = robots_of(find_bags(run.source), Path(run.config))
     contents = {bag.uri: bag.content for bag in identified.bags}
-    tasks = []
-    for screened in identified.result.screen:
+    screen, tasks = identified.result.screen, []
+    for screened in screen:
         robot = robots[screened.robot]
         content = "\n".join(contents[uri] for uri in screened.bags)
         key = key_of(content, robot.digest, code_version(), "diagnose")
@@ -203,16 +185,13 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
     rest = part_of(progress, _IDENTIFIED, 1.0)
     stage = ("diagnosing", "robots")
     answers = run.answers(DIAGNOSES, GapResult, diagnose_task, tasks, stage, rest)
-    diagnoses = []
     summaries: dict[str, GapSummary] = {}
-    for screened, answer in zip(identified.result.screen, answers, strict=True):
-        if isinstance(answer, str):
-            diagnoses.append(RobotDiagnosis(screened, None, answer))
-        else:
-            diagnoses.append(RobotDiagnosis(screened, answer))
+    for screened, answer in zip(screen, answers, strict=True):
+        if isinstance(answer, GapResult):
             summaries |= dict.fromkeys(screened.bags, gap_summary(answer))
     bags = tuple(replace(bag, diagnosis=summaries.get(bag.uri)) for bag in identified.bags)
-    return Fleet(bags, fleet_result(bags), tuple(diagnoses))
+    robots_diagnosed = (screened.robot for screened in screen)
+    return Fleet(bags, fleet_result(bags), dict(zip(robots_diagnosed, answers, strict=True)))
 
 
 def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:

@@ -67,7 +67,6 @@ class BagResult(Document):
     - `robot`, `type`: which robot, and of which model
     - `time`: start of the recording, ISO 8601, UTC: ``2026-03-01T12:00:00Z``; null where neither
       source nor stamps say it
-    - `labels`: other columns of the manifest
     - `status`: ``ok``; ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: can be
       read and supports no estimate
     - `duration`: s; `samples`: number of rows that count, by joint
@@ -99,7 +98,6 @@ class BagResult(Document):
     robot: str = ""
     type: str = ""
     time: str | None = None
-    labels: dict[str, str] = field(default_factory=dict)
     status: Status
     reason: str = ""
     duration: Number = math.nan
@@ -225,19 +223,6 @@ class FleetType:
     sentences: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class AgreementTest:
-    """Whether one set of parameters holds for all bags of a robot (F-test from R factors).
-
-    `what`: ``all parameters`` or a group of them; `beyond_type`: whether a parameter of it differs
-    from bag to bag more than in the other robots.
-    """
-
-    what: str
-    p_value: Number
-    beyond_type: bool
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotQuantity:
     """One quantity of one robot.
@@ -320,7 +305,6 @@ class FleetRobot:
     last: str | None = None
     p_value: Number = math.nan
     change_p_value: Number = math.nan
-    agreement: tuple[AgreementTest, ...] = ()
     quantities: tuple[RobotQuantity, ...] = ()
     changes: tuple[ParameterChange, ...] = ()
     diagnosis: GapSummary | None = None

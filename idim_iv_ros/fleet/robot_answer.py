@@ -1,14 +1,11 @@
 """One robot in the document of a fleet: its quantities, what changed, and why to look at it."""
 
 import math
-import re
-from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
 
 from idim_iv_ros.fleet.result import (
-    AgreementTest,
     Attention,
     BagResult,
     FleetRobot,
@@ -16,14 +13,12 @@ from idim_iv_ros.fleet.result import (
     RobotQuantity,
     TypeQuantity,
 )
-from idim_iv_ros.fleet.statistics.quantities import agreement, stamp_of
+from idim_iv_ros.fleet.statistics.quantities import stamp_of
 from idim_iv_ros.fleet.statistics.robots import ComparedType
 from idim_iv_ros.model.parameters import words_of_name
 
 # Share of a robot's bags that cannot be used from which on its recordings need attention.
 _MANY_UNUSED = 0.2
-_GROUPS = {"off": "torque offsets"} | dict.fromkeys(("Fv", "Fc", "Fvm", "Fcm"), "friction")
-_INERTIA = "inertia and gravity"
 _RESIDUAL = "residual "  # what names of a joint's residual begin with
 
 
@@ -74,7 +69,6 @@ def fleet_robot(
         last=times[-1] if times else None,
         p_value=float(compared.outlying.chosen.p_values[place]),
         change_p_value=over_time.p_value,
-        agreement=_agreement(compared, place),
         quantities=quantities,
         changes=tuple(changes),
         diagnosis=diagnoses[-1] if diagnoses else None,
@@ -144,25 +138,6 @@ def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
         values=tuple(values.tolist()),
         stds=tuple(stds.tolist()),
         fitted=tuple(fitted.tolist()),
-    )
-
-
-def _agreement(compared: ComparedType, place: int) -> tuple[AgreementTest, ...]:
-    """Test whether the bags of a robot agree, in all parameters and in each kind of them."""
-    group, robot = compared.bags, compared.bags.robots[place]
-    usable = [bag for bag, fit in zip(robot.bags, robot.fits, strict=True) if fit.complete]
-    columns: dict[str, list[int]] = defaultdict(list)
-    columns["all parameters"] = list(range(group.parameters))
-    for column, quantity in enumerate(group.quantities[: group.parameters]):
-        kind = re.match(r"[A-Za-z]+", quantity.name)
-        columns[_GROUPS.get(kind.group() if kind else "", _INERTIA)].append(column)
-    p_values = agreement(
-        [bag.r_factor for bag in usable], [bag.rows for bag in usable], columns.values()
-    )
-    unsteady = compared.estimates.unsteady[place]
-    return tuple(
-        AgreementTest(what, p_value, bool(unsteady[columns[what]].any()))
-        for what, p_value in zip(columns, p_values, strict=True)
     )
 
 

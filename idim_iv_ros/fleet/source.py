@@ -3,8 +3,8 @@
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -146,7 +146,6 @@ def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
     return sorted(files, key=lambda part: (len(part["name"]), part["name"]))
 
 
-_COLUMNS = ("uri", "robot", "type", "time")
 METADATA = "metadata.yaml"  # of a rosbag2 folder
 
 
@@ -158,14 +157,13 @@ class BagEntry:
     robot: str
     type: str = ""
     time: str | None = None
-    labels: Mapping[str, str] = field(default_factory=dict)
 
 
 def find_bags(source: str) -> tuple[BagEntry, ...]:
     """List the bags of a fleet, in the order of the manifest or of their paths.
 
     A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, also type and
-    time; any other column is a label. Or a folder, or a URL that fsspec opens, which is searched:
+    time; others are passed over. Or a folder, or a URL that fsspec opens, which is searched:
     ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
 
     Raises
@@ -250,10 +248,8 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         uri = _absolute(source, values["uri"])
         if uri in entries:
             raise UsageError(f"{where}: {values['uri']} is listed twice")
-        labels = {name: str(text) for name, text in values.items() if name not in _COLUMNS}
-        kind = str(values.get("type", ""))
-        time = _time(where, values.get("time"))
-        entries[uri] = BagEntry(uri, values["robot"], kind, time, labels)
+        kind, time = str(values.get("type", "")), _time(where, values.get("time"))
+        entries[uri] = BagEntry(uri, values["robot"], kind, time)
     return tuple(entries.values())
 
 

@@ -17,7 +17,6 @@ unit            of the next three
 value, std      estimate of this bag alone and its standard deviation
 given           of the nominal model; null where there is none
 content         digest of the bag: equal contents are one recording
-label_NAME      other columns of the manifest
 ==============  ====================================================================================
 """
 
@@ -51,9 +50,8 @@ def write_table(results: Sequence[BagResult], path: Path) -> None:
 
     kinds = dict.fromkeys(("duration", "value", "std", "given"), pyarrow.float64())
     kinds |= {"time": pyarrow.timestamp("us", tz="UTC"), "rows": pyarrow.int64()}
-    labels = sorted({f"label_{name}" for result in results for name in result.labels})
     schema = pyarrow.schema(
-        [pyarrow.field(name, kinds.get(name, pyarrow.string())) for name in (*_COLUMNS, *labels)],
+        [pyarrow.field(name, kinds.get(name, pyarrow.string())) for name in _COLUMNS],
         metadata={"idim_iv_ros": "idim_iv_ros/fleet-table/1"},
     )
     rows = [row for result in results for row in _rows(result)]
@@ -73,7 +71,6 @@ def _rows(result: BagResult) -> list[dict[str, Any]]:
     }
     common |= {name: getattr(result, name) or None for name in ("reason", "content")}
     common |= {"time": time_of(result.time) if result.time is not None else None}
-    common |= {f"label_{name}": text for name, text in result.labels.items()}
     rows = [common]
     if result.status == "ok":
         common |= {"rows": result.rows, "estimator": result.estimator}

@@ -14,8 +14,7 @@ from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report.figures import GREY, MUTED
 from idim_iv_ros.types import FloatArray, IntArray
 
-# Of the length of all recordings: no pause between two is drawn longer.
-_WIDEST_PAUSE = 0.02
+_PAUSE = 0.02  # between two recordings, of the length of all
 
 
 @dataclass(frozen=True)
@@ -29,21 +28,15 @@ class SessionAxis:
     drawn: tuple[float, ...]
 
     @property
-    def shortened(self) -> bool:
-        """Whether a pause is drawn shorter than it was."""
-        return any(
-            part.start - self.parts[0].start > place + 1e-9
-            for part, place in zip(self.parts, self.drawn, strict=True)
-        )
-
-    @property
     def words(self) -> str:
         """What a reader has to know of several recordings; empty for one."""
         if len(self.parts) < 2:
             return ""
-        pauses = ", pauses shortened" if self.shortened else ""
         names = ", ".join(f"{number} {part.bag}" for number, part in enumerate(self.parts, 1))
-        return f"Recordings follow one another in the order of their stamps{pauses}: {names}."
+        return (
+            "Recordings follow one another in the order of their stamps, without the pauses "
+            f"between them: {names}."
+        )
 
     def ends(self, time: FloatArray) -> IntArray:
         """Rows after which another recording begins."""
@@ -82,12 +75,10 @@ class SessionAxis:
 
 
 def session_axis(parts: Sequence[SessionPart]) -> SessionAxis:
-    """Place recordings on an axis, pauses between them no longer than can be seen."""
-    widest = _WIDEST_PAUSE * sum(part.duration for part in parts)
-    drawn = [0.0] if parts else []
-    for before, part in itertools.pairwise(parts):
-        drawn.append(drawn[-1] + min(part.start - before.start, before.duration + widest))
-    return SessionAxis(tuple(parts), tuple(drawn))
+    """Place recordings on an axis, all with the same pause between them."""
+    pause = _PAUSE * sum(part.duration for part in parts)
+    drawn = itertools.accumulate((part.duration + pause for part in parts[:-1]), initial=0.0)
+    return SessionAxis(tuple(parts), tuple(drawn) if parts else ())
 
 
 def session_axis_of(result: IdentificationResult | GapResult) -> SessionAxis:

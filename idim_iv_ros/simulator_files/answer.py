@@ -1,24 +1,28 @@
 """What a result says of a robot, and whether it says it of this one."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.result import Cause, GapResult, ParameterError
+from idim_iv_ros.diagnosis.result import Cause, GapResult
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import ANY_GAP, read_text
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import InverseModel, RobotModel, build_inverse_model, kinematics_digest
+from idim_iv_ros.model import (
+    InverseModel,
+    build_inverse_model,
+    kinematics_digest,
+    read_urdf_file,
+    read_urdf_text,
+)
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf_reader import LARGEST
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.remainder import USUAL_ERROR
-from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulator_files.named import (
     CorrectedModel,
@@ -29,52 +33,26 @@ from idim_iv_ros.simulator_files.named import (
     numbers_in_words,
     with_remainder,
 )
+from idim_iv_ros.simulator_files.robot import ExportedRobot, Result
 from idim_iv_ros.simulators.effects_file import effect_of_cause
-from idim_iv_ros.types import FloatArray
 
 _LARGEST = 50.0  # MB
 _LONGEST_DELAY = 1.0  # s, as controller.delay
 _SAME = 1e-6  # relative to the largest of its kind: rounding of a file that was written again
-Result = GapResult | IdentificationResult
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A result that belongs to a robot."""
-
-    path: Path
-    bags: tuple[str, ...]  # Its recordings, as the result names them
-    diagnosed: bool  # A gap.json; otherwise a result.json
-    # Whether the model is the physical set of the refit; otherwise the nominal one with the causes
-    refit: bool
-    robot: RobotModel
-    physical: PhysicalParameters
-    model: CorrectedModel
-    effects: tuple[SimulatedEffect, ...]  # Causes beyond the model
-    in_parameters: tuple[str, ...]  # Causes that are no effects, in words
-    left_out: tuple[str, ...]  # Names of causes that were not wanted
-    # s by which dry friction turned before its joint in the recording, as a simulator has it
-    friction_leads: dict[str, float]
-    errors: tuple[ParameterError, ...]  # What of the torque gap the causes leave at each joint
-    notes: tuple[str, ...]  # What a reader of the files must know
-
-    def values(self, kind: str, otherwise: FloatArray) -> list[float]:
-        """Standard parameters of a kind by joint; `otherwise` where the model lacks them."""
-        values = self.model.values
-        return [values.get(f"{kind}{k + 1}", float(other)) for k, other in enumerate(otherwise)]
 
 
 def read_answer(
     path: Path,
     configuration: Configuration,
-    urdf: str,
-    source: str,
+    file: Path,
     *,
     refit: bool = False,
     without: Collection[str] = (),
     remainder: bool = False,
-) -> Answer:
+) -> ExportedRobot:
     """Read a result.json or gap.json and make sure that it is of this robot.
+
+    `file` is the URDF or MJCF of the configuration.
 
     Raises
     ------
@@ -86,6 +64,7 @@ def read_answer(
     kind = GapResult if ANY_GAP in text else IdentificationResult
     result: Result = kind.from_json(text, str(path))
     _require_same_joints(path, result, configuration)
+    source, urdf = str(file), read_urdf_file(file)
     model = build_inverse_model(configuration, urdf, source)
     physical = _require_same_nominal(path, result, model, source)
     gap = result if isinstance(result, GapResult) else None
@@ -122,24 +101,25 @@ def read_answer(
                 f"{tilt}: robot.gravity would be [{listed}] m/s²; an MJCF that is made from a URDF "
                 "has it, no other file",
             )
-    return Answer(
+    return ExportedRobot(
         path=path,
-        bags=tuple(bag if isinstance(bag, str) else bag.path for bag in result.bags),
-        diagnosed=gap is not None,
+        result=result,
+        configuration=configuration,
+        source=file,
+        content=file.read_bytes(),
+        urdf=read_urdf_text(urdf, source),
         refit=refit or gap is None,
         robot=model.robot,
         physical=physical,
         model=corrected,
-        effects=(*effects, *corrected.effects),
+        structural=(*effects, *corrected.effects),
         in_parameters=tuple(
             f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
             for cause in kept
             if cause.kind == "parametric"
         ),
         left_out=tuple(map(cause_name, others)),
-        friction_leads={} if gap is None else gap.friction_leads,
-        errors=() if gap is None or refit else gap.parameter_errors,
-        notes=notes,
+        remarks=notes,
     )
 
 

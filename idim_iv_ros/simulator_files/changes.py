@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulator_files.xml_text import number_text
@@ -30,9 +29,8 @@ def changes_text(
 
     `file`: what kind of file the nominal model is, URDF or MJCF.
     """
-    answer = robot.answer
-    lines = [f"# {answer.robot.name}: from {answer.path.name} into a simulator", ""]
-    lines += _of_refit(answer) if answer.refit else _of_causes(answer)
+    lines = [f"# {robot.robot.name}: from {robot.path.name} into a simulator", ""]
+    lines += _of_refit(robot) if robot.refit else _of_causes(robot)
     lines += [
         "",
         f"Files: {', '.join(files)}.",
@@ -47,27 +45,27 @@ def changes_text(
         "| parameter | given | new | ± | z | unit | source |",
         "|---|---|---|---|---|---|---|",
         *(
-            _row(parameter, answer.robot.joints, file)
-            for parameter in answer.model.parameters
-            if answer.refit or parameter.source != "nominal model"
+            _row(parameter, robot.robot.joints, file)
+            for parameter in robot.model.parameters
+            if robot.refit or parameter.source != "nominal model"
         ),
         "",
-        *_remainder(answer),
+        *_remainder(robot),
         *ranges,
-        *_without_element(answer, file),
-        *_effect_lines(answer, effects),
+        *_without_element(robot, file),
+        *_effect_lines(robot, effects),
         *("## Control law", "", f"{robot.law.words}.", ""),
     ]
-    remarks = [*answer.notes, *notes]
+    remarks = [*robot.remarks, *notes]
     if remarks:
         lines += ["## Notes", "", *(f"- {remark}" for remark in remarks), ""]
     return "\n".join(lines)
 
 
-def _of_refit(answer: Answer) -> list[str]:
-    test = answer.physical.test
+def _of_refit(robot: ExportedRobot) -> list[str]:
+    test = robot.physical.test
     return [
-        answer.physical.sentence,
+        robot.physical.sentence,
         "",
         f"Distance from the estimate to the nearest physical parameters: d² = {test.statistic:.4g} "
         f"with {test.df} degrees of freedom, p = {test.p_value:.3g} (conservative: bounds hold on "
@@ -75,59 +73,53 @@ def _of_refit(answer: Answer) -> list[str]:
     ]
 
 
-def _of_causes(answer: Answer) -> list[str]:
+def _of_causes(robot: ExportedRobot) -> list[str]:
     """The causes, and what they leave of the torque gap."""
-    rest = "what no cause explains" if answer.model.remainder else "nothing else"
+    rest = "what no cause explains" if robot.model.remainder else "nothing else"
     lines = [f"The nominal model with the causes that the diagnosis names, and {rest}:", ""]
-    lines += [f"- {change}" for change in answer.in_parameters]
-    lines += [f"- {effect.effect} at {effect.joint or 'all joints'}" for effect in answer.effects]
-    lines += [f"- left out: {cause}" for cause in answer.left_out]
-    if answer.errors:
+    lines += [f"- {change}" for change in robot.in_parameters]
+    lines += [f"- {effect.effect} at {effect.joint or 'all joints'}" for effect in robot.structural]
+    lines += [f"- left out: {cause}" for cause in robot.left_out]
+    errors = () if robot.gap is None else robot.gap.parameter_errors
+    if errors:
         lines += [
             "",
             "What errors of parameters that no cause names make of the torque"
-            + (":" if answer.model.remainder else " (`--remainder` spreads it, `--refit` has it):"),
+            + (":" if robot.model.remainder else " (`--remainder` spreads it, `--refit` has it):"),
             "",
             "| joint | rms | share of the torque |",
             "|---|---|---|",
         ]
     return lines + [
         f"| {error.joint} | {error.remaining:.3g} | {100.0 * error.share_of_torque:.3g} % |"
-        for error in answer.errors
+        for error in errors
     ]
 
 
-def _remainder(answer: Answer) -> list[str]:
+def _remainder(robot: ExportedRobot) -> list[str]:
     """How far the recording asks for other links and drives than the causes make."""
-    remainder = answer.model.remainder
+    remainder = robot.model.remainder
     if remainder is None:
         return []
-    masses = [number for number in answer.model.parameters if kind_of(number.name) == "M"]
-    sizes = zip(answer.robot.joints, masses, remainder.links, remainder.drives, strict=True)
+    joints = zip(robot.robot.joints, remainder.links, remainder.drives, strict=True)
+    moved = [
+        f"{joint} (link {100.0 * link:.1f} %, drive and friction {100.0 * drive:.1f} %)"
+        for joint, link, drive in joints
+        if link or drive
+    ]
     return [
         "## What no cause explains",
         "",
         "Spread by a prior about the nominal numbers, whose size for each link and each joint has "
-        "maximum evidence; none: they stay. Where an error is among these is a guess.",
-        "",
-        "| joint | mass given | new | size of the prior, link | drive and friction |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {joint} | {mass.given:.4g} | {mass.value:.4g} | {_size(link)} | {_size(drive)} |"
-            for joint, mass, link, drive in sizes
-        ),
+        f"maximum evidence: {', '.join(moved) or 'none'}. Where an error is among these is a "
+        "guess.",
         "",
     ]
 
 
-def _size(size: float) -> str:
-    return f"{100.0 * size:.1f} %" if size else "none"
-
-
-def _without_element(answer: Answer, file: str) -> list[str]:
+def _without_element(robot: ExportedRobot, file: str) -> list[str]:
     """Where the values are that the file has no element for."""
-    given = answer.robot.given.of_drives
-    armature, offset = (answer.values(kind, given[kind]) for kind in ("Ia", "off"))
+    armature, offset = robot.values("Ia"), robot.values("off")
     lines = []
     if file == "URDF":
         lines += [f"  armature: [{', '.join(map(number_text, armature))}]   # kg m²"]
@@ -155,12 +147,12 @@ def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> str:
     )
 
 
-def _effect_lines(answer: Answer, effects: Sequence[SimulatedEffect]) -> list[str]:
+def _effect_lines(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[str]:
     lines = ["## Effects", ""]
-    if not answer.diagnosed:
+    if robot.gap is None:
         lines += ["An identification names no cause: `idim-iv diagnose` does.", ""]
-    if answer.refit and answer.in_parameters:
-        lines += [f"In the parameters above: {'; '.join(answer.in_parameters)}.", ""]
+    if robot.refit and robot.in_parameters:
+        lines += [f"In the parameters above: {'; '.join(robot.in_parameters)}.", ""]
     if not effects:
         return [*lines, "There are none.", ""]
     lines += ["| effect | joint | parameters | where |", "|---|---|---|---|"]

@@ -10,7 +10,7 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
-from idim_iv_ros.model import kinematics_digest, load_robot, read_urdf_file, read_urdf_text
+from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
@@ -117,16 +117,8 @@ def export(
             f"{configuration.source or 'configuration'}: robot.urdf is not given: there is no file "
             "whose values could be changed; save the robot description as a URDF first"
         )
-    text = read_urdf_file(source)
-    answer = read_answer(
-        path,
-        configuration,
-        text,
-        str(source),
-        refit=refit,
-        without=without,
-        remainder=remainder or randomize,
-    )
+    spread = remainder or randomize
+    robot = read_answer(path, configuration, source, refit=refit, without=without, remainder=spread)
     of_mjcf = description_key(source) == "mjcf"
     made = Exported(
         urdf=None if of_mjcf else out / f"{source.stem}.urdf",
@@ -137,17 +129,15 @@ def export(
         ranges=out / RANDOMIZE if randomize else None,
         not_native=(),
         notes=(),
-        bags=answer.bags,
+        bags=robot.bags,
     )
     _require_other_files(made, source, path, configuration, force)
-    urdf = read_urdf_text(text, str(source))
-    robot = ExportedRobot(answer, configuration, source, source.read_bytes(), urdf)
     texts, effects, more = (_of_mjcf if of_mjcf else _of_urdf)(robot, made)
     notes = (*robot.notes, *more)
     document = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
-        recordings=answer.bags,
+        recordings=robot.bags,
     )
     names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
     table: list[str] = []
@@ -163,7 +153,7 @@ def export(
             for effect in effects
             if not effect.native
         ),
-        notes=(*answer.notes, *notes),
+        notes=(*robot.remarks, *notes),
     )
 
 
@@ -174,10 +164,8 @@ _Written = tuple[dict[Path, bytes | str], tuple[SimulatedEffect, ...], tuple[str
 def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
     """Write a URDF and what goes with it; the MJCF is new, and holds what effects it can."""
     assert made.urdf is not None and made.isaac_lab is not None
-    native, effects = native_effects(robot.effects, robot.answer.robot, robot.law)
-    drives = zip(
-        robot.answer.robot.joints, robot.drives.damping, robot.drives.friction, strict=True
-    )
+    native, effects = native_effects(robot.effects, robot.robot, robot.law)
+    drives = zip(robot.robot.joints, robot.drives.damping, robot.drives.friction, strict=True)
     dynamics = {
         name: {"damping": float(damping), "friction": float(friction)}
         for name, damping, friction in drives
@@ -222,7 +210,7 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
     bodies, drives = exported.bodies, exported.drives
     robot = load_robot(text, list(bodies), source=str(exported.source))
     meant = np.array(list(bodies.values()))
-    for load in exported.answer.model.loads:
+    for load in exported.model.loads:
         meant[list(bodies).index(load.joint)] += load.parameters
     inertial = robot.given.inertial[:, list(REGRESSOR_ORDER)]
     same = np.allclose(inertial, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
@@ -230,7 +218,7 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
     same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
     if armature:
         same &= np.allclose(robot.given.drive_inertia, drives.armature, rtol=_READ_BACK)
-    if not same or kinematics_digest(robot) != kinematics_digest(exported.answer.robot):
+    if not same or kinematics_digest(robot) != kinematics_digest(exported.robot):
         raise UsageError(
             f"{exported.source}: values were put in, and others are read back: elements are "
             "written in a way that this program does not know; nothing was written"

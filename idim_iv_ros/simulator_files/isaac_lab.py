@@ -55,7 +55,7 @@ def isaac_lab_text(
 
     Effects that no field expresses are listed in a comment.
     """
-    robot, values, law = exported.answer.robot, exported.drives, exported.law
+    robot, values, law = exported.robot, exported.drives, exported.law
     delayed = bool(law.configured and any(law.delay))
     kind = "DelayedPDActuatorCfg" if delayed else "IdealPDActuatorCfg"
     said = _inexpressible(robot, values, law, effects) or ["nothing that was found"]

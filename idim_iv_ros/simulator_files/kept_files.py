@@ -7,14 +7,12 @@ What an `<inertial>` of the file is written as stays: `fullinertia` in the axes 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import permutations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import read_text
 from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
@@ -35,9 +33,8 @@ from idim_iv_ros.simulator_files.xml_text import (
 )
 from idim_iv_ros.types import FloatArray
 
-_LARGEST = 50.0  # MB
 # What puts other elements in its place, so that a body that moves is not one of this file's own.
-_MADE_ELSEWHERE = ("attach", "replicate", "composite", "flexcomp")
+_MADE_ELSEWHERE = ("include", "attach", "replicate", "composite", "flexcomp")
 _TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
@@ -56,7 +53,7 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
         inertials; a joint or body whose values have no place of their own.
     """
     content, path = exported.content, exported.source
-    document, included = with_included(content, path)
+    document = read_xml(content, str(path))
     notes: tuple[str, ...] = ()
     files = [element.getAttribute("file") for element in _all(document)]
     refers = next(filter(None, files), "")
@@ -66,19 +63,17 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
             "folder: put it beside the file that it was made from, under another name, or copy "
             "these files to it",
         )
-    if included:
-        notes += (f"what the MJCF includes ({', '.join(included)}) is written out in it",)
     for element in _all(document):
         if element.tagName in _MADE_ELSEWHERE:
             raise UsageError(
                 f"{path}: <{element.tagName}> makes bodies or takes them from elsewhere: write "
-                "them out"
+                "them out (`mj_saveLastXML` does)"
             )
     mujoco, spec, model = compiled_mjcf(path)
     _require_own_inertials(mujoco, spec, model, str(path))
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
-    for place, name in enumerate(exported.answer.robot.joints):
+    for place, name in enumerate(exported.robot.joints):
         file.set_joint(exported.urdf.joints[name], exported.drives, place)
     links, _ = exported.links
     without = [name for name, body in links.items() if not file.set_inertial(name, body)]
@@ -90,34 +85,6 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
             "that the mass of its geoms no longer counts",
         )
     return written_xml(document, content), notes
-
-
-def with_included(
-    content: bytes, path: Path, within: tuple[Path, ...] = ()
-) -> tuple[Any, tuple[str, ...]]:
-    """Return an MJCF with the files that it includes in their place, and the names of these.
-
-    As MuJoCo does: what is within the root of a file stands where that is included, and paths are
-    relative to the folder of the file that is read first. `within`: files that include this one.
-
-    Raises
-    ------
-    UsageError
-        A file cannot be read or changed, or includes itself.
-    """
-    document, names = read_xml(content, str(path)), tuple[str, ...]()
-    for include in list(document.getElementsByTagName("include")):
-        name = include.getAttribute("file")
-        file = (*within, path)[0].parent / name
-        if file in (*within, path):
-            raise UsageError(f"{path}: <include>: {name} includes itself")
-        text = read_text(file, "an included MJCF", megabytes=_LARGEST)
-        inner, more = with_included(text.encode(), file, (*within, path))
-        for node in list(inner.documentElement.childNodes):
-            include.parentNode.insertBefore(document.importNode(node, True), include)
-        include.parentNode.removeChild(include)
-        names += (name, *more)
-    return document, names
 
 
 def _all(document: Any) -> list[Any]:

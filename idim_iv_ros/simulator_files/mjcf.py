@@ -121,7 +121,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     UsageError
         A coupled transmission whose drives have less inertia or damping than it takes from them.
     """
-    robot, law = exported.answer.robot, exported.law
+    robot, law = exported.robot, exported.law
     values = _behind_transmission(exported.drives, robot)
     model = _Model(robot, exported.urdf, values, law, native)
     root = Element("mujoco", model=robot.name)
@@ -132,7 +132,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
         root,
         "option",
         timestep=_number(law.period),
-        gravity=_numbers(exported.answer.model.gravity),
+        gravity=_numbers(exported.model.gravity),
         integrator="implicitfast",
     )
     model.add_custom(SubElement(root, "custom"))

@@ -109,7 +109,7 @@ def randomization(exported: ExportedRobot, model: str) -> tuple[str, list[str]]:
 
     The exported parameters hold what no cause explains; `model` is the name of their MJCF.
     """
-    remainder = exported.answer.model.remainder
+    remainder = exported.model.remainder
     assert remainder is not None
     uncertainty = remainder.uncertainty
     carried = [("joint", name, body) for name, body in exported.bodies.items()]
@@ -165,15 +165,15 @@ def _drives(
     exported: ExportedRobot, uncertainty: Uncertainty
 ) -> tuple[dict[str, dict[str, str]], list[int]]:
     """Intervals of the numbers of joints, by joint and MuJoCo's field, and their rows in `root`."""
-    answer, coordinates = exported.answer, uncertainty.coordinates
+    coordinates = uncertainty.coordinates
     drives: dict[str, dict[str, str]] = {}
     rows = []
     for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
-        name = answer.model.parameters[place].name
+        name = exported.model.parameters[place].name
         if (kind := kind_of(name)) in _FIELDS:
-            joint = answer.robot.joints[int(name[len(kind) :]) - 1]
+            joint = exported.robot.joints[int(name[len(kind) :]) - 1]
             half = _NORMAL * float(np.linalg.norm(uncertainty.root[row]))
-            interval = f"{answer.model.values[name]:.4g} ± {half:.2g}"
+            interval = f"{exported.model.values[name]:.4g} ± {half:.2g}"
             drives.setdefault(joint, {})[_FIELDS[kind]] = interval
             rows.append(row)
     return drives, rows

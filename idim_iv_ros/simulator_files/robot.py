@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.simulation import SimulatedEffect, control_law
-from idim_iv_ros.simulator_files.answer import Answer
 from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
-from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.named import CorrectedModel, Load
 from idim_iv_ros.types import FloatArray
 
 
@@ -120,26 +123,53 @@ class JointValues:
     couplings: tuple[Coupled, ...] = ()  # Of the transmission
 
 
+Result = GapResult | IdentificationResult
+
+
 @dataclass(frozen=True)
 class ExportedRobot:
-    """An answer, the file that it changes, and what follows from both for all written files."""
+    """A result, the file that it changes, and what follows from both for all written files."""
 
-    answer: Answer
+    path: Path  # of the result
+    result: Result
     configuration: Configuration
-    source: Path
+    source: Path  # of the nominal model: a URDF or an MJCF
     content: bytes
     urdf: Urdf
+    # Whether the model is the physical set of the refit; otherwise the nominal one with the causes
+    refit: bool
+    robot: RobotModel
+    physical: PhysicalParameters
+    model: CorrectedModel
+    structural: tuple[SimulatedEffect, ...]  # Causes beyond the model
+    in_parameters: tuple[str, ...]  # Causes that are no effects, in words
+    left_out: tuple[str, ...]  # Names of causes that were not wanted
+    remarks: tuple[str, ...]  # What a reader of the files must know of the result
+
+    @property
+    def gap(self) -> GapResult | None:
+        """The diagnosis, where the result is one."""
+        return self.result if isinstance(self.result, GapResult) else None
+
+    @property
+    def bags(self) -> tuple[str, ...]:
+        """Its recordings, as the result names them."""
+        return tuple(bag if isinstance(bag, str) else bag.path for bag in self.result.bags)
 
     @property
     def origin(self) -> str:
         """What the numbers come from."""
-        kind = "diagnosis" if self.answer.diagnosed else "identification"
-        return f"{self.answer.path.name} ({kind})"
+        return f"{self.path.name} ({'identification' if self.gap is None else 'diagnosis'})"
+
+    def values(self, kind: str) -> list[float]:
+        """Standard parameters of drives of a kind by joint; given ones where the model has none."""
+        values, given = self.model.values, self.robot.given.of_drives[kind]
+        return [values.get(f"{kind}{k + 1}", float(other)) for k, other in enumerate(given)]
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
         """XX … M (10,) of what each joint carries, without payloads."""
-        joints, values = self.answer.robot.joints, self.answer.model.values
+        joints, values = self.robot.joints, self.model.values
         return {name: body_of_joint(values, joint) for joint, name in enumerate(joints)}
 
     @cached_property
@@ -151,7 +181,7 @@ class ExportedRobot:
     def mounted(self) -> dict[str, tuple[str, Load]]:
         """Payloads by a link name that no link has, each with the link that carries it."""
         taken, mounted = set(self.urdf.links), {}
-        for load in self.answer.model.loads:
+        for load in self.model.loads:
             name = load.name
             while name in taken:
                 name += "_found"
@@ -162,12 +192,9 @@ class ExportedRobot:
     @cached_property
     def drives(self) -> JointValues:
         """Drives and friction of all joints."""
-        robot, values = self.answer.robot, self.answer.model.values
-        numbers = {
-            kind: np.array(self.answer.values(kind, given))
-            for kind, given in robot.given.of_drives.items()
-        }
-        leads = self.answer.friction_leads
+        robot, values = self.robot, self.model.values
+        numbers = {kind: np.array(self.values(kind)) for kind in robot.given.of_drives}
+        leads = {} if self.gap is None else self.gap.friction_leads
         return JointValues(
             armature=numbers["Ia"],
             damping=np.maximum(numbers["Fv"], 0.0),
@@ -195,10 +222,10 @@ class ExportedRobot:
         No simulator has it as a number: the sum of a joint's friction is simulated, and kept from
         driving.
         """
-        values = self.answer.model.values
+        values = self.model.values
         return tuple(
             SimulatedEffect(effect.name, name, numbers)
-            for joint, name in enumerate(self.answer.robot.joints, 1)
+            for joint, name in enumerate(self.robot.joints, 1)
             for kind in ("Fv", "Fc")
             if values.get(f"{kind}{joint}", 0.0) < 0.0
             for effect in STRUCTURAL
@@ -208,27 +235,25 @@ class ExportedRobot:
     @property
     def effects(self) -> tuple[SimulatedEffect, ...]:
         """All effects, with negative friction and constant torques among them."""
-        offsets = zip(self.answer.robot.joints, self.drives.offset, strict=True)
+        offsets = zip(self.robot.joints, self.drives.offset, strict=True)
         constant = tuple(
             SimulatedEffect(name_of("offset"), name, {"offset": float(offset)})
             for name, offset in offsets
             if offset
         )
-        return (*self.answer.effects, *self.negative_friction, *constant)
+        return (*self.structural, *self.negative_friction, *constant)
 
     @cached_property
     def law(self) -> DriveLaw:
         """The configured law as the robot runs it."""
-        return drive_law(
-            self.configuration.controller, self.answer.robot.joints, self.answer.effects
-        )
+        return drive_law(self.configuration.controller, self.robot.joints, self.structural)
 
     @property
     def coupled_friction(self) -> dict[str, float]:
         """Friction of coupled transmissions, which no URDF has."""
         return {
             parameter.name: parameter.value
-            for parameter in self.answer.model.parameters
+            for parameter in self.model.parameters
             if parameter.name.startswith(("Fvm", "Fcm")) and parameter.value != parameter.given
         }
 

@@ -74,7 +74,6 @@ def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_
         (("--start", "0,9"), "start of joint joint_2, 9, lies outside"),
         (("--start", "0,x"), "numbers separated by commas"),
         (("--start", "0"), "1 values for 2 joints"),
-        (("--message-rate", 5000), "5000 points per second"),
         (("--time-limit", -1), "time limit -1"),
         (("--for", "diagnosis", "--duration", 5), "duration 5"),
     ],

@@ -40,7 +40,7 @@ def test_columns_that_say_nothing_and_rows_beyond_24_are_left_out() -> None:
 @pytest.mark.parametrize("width", [80, 110])
 def test_a_diagnosis_fits_and_keeps_the_names_of_its_joints(width: int) -> None:
     console = Console(file=io.StringIO(), width=width)
-    print_diagnosis(console, sample_gap(6, "both", first=LONG), whole=False)
+    print_diagnosis(console, sample_gap(6, "both", first=LONG))
     text = console.file.getvalue()
     assert max(len(line.rstrip()) for line in text.splitlines()) <= width
     assert len(text.splitlines()) <= 50

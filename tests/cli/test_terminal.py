@@ -28,18 +28,3 @@ def test_warnings_of_libraries_are_not_shown_but_can_be_asked_for(tmp_path: Path
     assert in_process(*arguments, code=broken + START).error == ""
     asked = in_process(*arguments, code=broken + START, IDIM_IV_TRACEBACK="1")
     assert "overflow encountered" in asked.error
-
-
-@pytest.mark.parametrize(
-    "urdf",
-    [
-        "<robot",
-        '<robot name="a"><link name="b"/><link name="c"/></robot>',
-    ],
-)
-def test_a_urdf_that_is_none_is_one_line_on_the_terminal(run, config, tmp_path: Path, urdf) -> None:
-    (tmp_path / "bad.urdf").write_text(urdf)
-    bad = config((str(CONFIG / "arm2.urdf"), str(tmp_path / "bad.urdf")))
-    done = run(f"excite --config {bad} --out {tmp_path / 'out'}", status=2)
-    refused(done, 2, f"{tmp_path / 'bad.urdf'}: ")
-    assert done.out == ""

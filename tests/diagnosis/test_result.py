@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 
 from idim_iv_ros.diagnosis.result import GapResult, Regime, Where
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.report import write_gap_report
+from idim_iv_ros.report import write_report
 from tests.report.sample_gap import CASES, Case, sample_gap
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
@@ -55,7 +55,7 @@ def test_numbers_that_do_not_exist_are_null() -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case: Case) -> None:
     result = sample_gap(2, case)
-    written, page = write_gap_report(result, tmp_path / "new")
+    written, page = write_report(result, tmp_path / "new")
     read = GapResult.read(written)
     assert read == result
     assert read.to_json() == written.read_text(encoding="utf-8")

@@ -152,7 +152,6 @@ def test_bags_that_differ_from_day_to_day_make_no_narrow_interval() -> None:
     ]
     # 104 intervals of 95 %; with the noise of the rows alone a fifth would hold the truth.
     assert np.mean(inside) > 0.87
-    assert robot_of(answer, "arm2-001").agreement[0].p_value < 1e-6
 
 
 def test_diagnoses_say_what_is_of_the_type_and_what_is_of_one_robot(answer, bags) -> None:

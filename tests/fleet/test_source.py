@@ -34,7 +34,7 @@ def test_folders_name_type_and_robot(tmp_path, files, expected) -> None:
     assert [(e.type, e.robot, Path(e.uri).name) for e in entries] == expected
 
 
-def test_a_manifest_names_robots_times_and_labels(tmp_path: Path) -> None:
+def test_a_manifest_names_robots_and_times(tmp_path: Path) -> None:
     manifest = tmp_path / "m.csv"
     manifest.write_text(
         "uri,robot,type,time,site\n"
@@ -43,8 +43,8 @@ def test_a_manifest_names_robots_times_and_labels(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     assert find_bags(str(manifest)) == (
-        BagEntry(str(tmp_path / "a.mcap"), "r1", "ur5", "2026-03-01T12:00:00Z", {"site": "Ulm"}),
-        BagEntry("s3://bucket/b.mcap", "r2", "", "2026-03-02T08:30:00Z", {}),
+        BagEntry(str(tmp_path / "a.mcap"), "r1", "ur5", "2026-03-01T12:00:00Z"),
+        BagEntry("s3://bucket/b.mcap", "r2", "", "2026-03-02T08:30:00Z"),
     )
 
 

@@ -1,12 +1,8 @@
 """What a reader sees first: two short sentences, what to do, and the robot."""
 
-import json
 import re
-import sys
-import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from importlib import resources
-from pathlib import Path
 
 import pytest
 
@@ -18,9 +14,6 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     RecordingAgreement,
 )
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import written_by_program
-from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_report_html, report_html
 from idim_iv_ros.report.advice import (
     contrast_steps,
@@ -31,13 +24,12 @@ from idim_iv_ros.report.advice import (
 )
 from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import THIN, percent
-from idim_iv_ros.report.picture import picture_svg, require_picture, write_picture
 from idim_iv_ros.report.section import Files, Report
 from tests.report.sample_contrast import sample_contrast
 from tests.report.sample_gap import CASES, Case, sample_gap
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
-from tests.report.test_html import NASTY, Page
+from tests.report.test_html import Page
 
 ARM6 = load_configuration("config/arm6.yaml").model_dump(mode="json", exclude_none=True)
 
@@ -175,20 +167,6 @@ def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
     assert "robot" not in [attributes.get("id") for _, attributes in page.elements]
 
 
-def test_the_measured_torque_is_drawn_above_the_models() -> None:
-    for text in (gap_report_html(sample_gap(2, "both")), report_html(sample_result(2))):
-        figures = [
-            figure["data"]
-            for figure in Page(text).figures
-            if "measured " in json.dumps(figure["data"])
-        ]
-        assert figures
-        for data in figures:
-            assert data[-1]["hovertemplate"].startswith("measured ")
-            others = [trace["line"]["width"] for trace in data if trace.get("yaxis") is None]
-            assert data[-1]["line"]["width"] < max(others)
-
-
 def test_sizes_of_a_step_on_all_samples_do_not_stand_beside_those_held_out() -> None:
     result = sample_gap(2, "parametric")
     gap = replace(result.causes[0].torque_gap, before=98.7, after=1.23)
@@ -209,58 +187,6 @@ def test_every_colour_of_a_figure_is_one_of_both_schemes() -> None:
         used = set(re.findall(r'"var\((--[a-z-]+)\)"', text))
         assert used
         assert used <= light
-
-
-def _svg(result: GapResult | IdentificationResult) -> str:
-    root = ElementTree.fromstring(picture_svg(result))
-    return " ".join(text.strip() for text in root.itertext() if text.strip())
-
-
-def test_the_picture_holds_verdict_stages_and_robot() -> None:
-    result = _arm6()
-    text = _svg(result)
-    for words in ("arm6", "parametric and structural", "nominal model", "noise floor", "joint_6"):
-        assert words in text
-    assert "The robot is not drawn" in _svg(sample_gap(2, "both"))
-    errors = {"joint_1": 12.3, "joint_2": None}
-    identified = sample_result(2)
-    identified = replace(
-        identified, fit=replace(identified.fit, joint_relative_error_percent=errors)
-    )
-    assert "12" in _svg(identified)
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_a_joint_named_like_a_script_does_not_break_the_picture(case: Case) -> None:
-    result = sample_gap(2, case, first=NASTY)
-    ElementTree.fromstring(picture_svg(replace(result, robot=NASTY)))
-
-
-def test_a_picture_is_known_as_one_of_this_program(tmp_path: Path) -> None:
-    for suffix in ("svg", "png"):
-        path = tmp_path / f"gap.{suffix}"
-        write_picture(_arm6(), path)
-        assert written_by_program(path)
-        whole = (b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82") if suffix == "png" else (b"<svg", b"svg>")
-        content = path.read_bytes().strip()
-        assert content.startswith(whole[0]) and content.endswith(whole[1])
-        require_picture(path)
-        path.write_bytes(b"somebody else's")
-        with pytest.raises(UsageError, match="exists"):
-            require_picture(path)
-        require_picture(path, force=True)
-
-
-def test_another_suffix_or_a_missing_library_is_refused_in_one_line(tmp_path, monkeypatch) -> None:
-    with pytest.raises(UsageError, match=r"ends in \.svg or \.png") as refusal:
-        require_picture(tmp_path / "gap.pdf")
-    assert "\n" not in str(refusal.value)
-    monkeypatch.setitem(sys.modules, "resvg_py", None)
-    with pytest.raises(UsageError, match=r"idim-iv-ros\[picture\]") as refusal:
-        require_picture(tmp_path / "gap.png")
-    assert "\n" not in str(refusal.value)
-    with pytest.raises(UsageError, match="no folder"):
-        require_picture(tmp_path / "nowhere" / "gap.svg")
 
 
 def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from idim_iv_ros.errors import ReportWarning, UsageError
-from idim_iv_ros.report import page, require_writable, write_gap_report, write_report
+from idim_iv_ros.report import page, require_writable, write_report
 from idim_iv_ros.report.section import Section
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
@@ -23,15 +23,9 @@ def test_both_files_are_written_into_a_new_folder_and_nothing_else(tmp_path: Pat
     assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
 
 
-@pytest.mark.parametrize("write", [write_report, write_gap_report])
-def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch, write) -> None:
+def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch) -> None:
     """The old result whole, and no folder where there was none."""
-    small, large = (
-        (sample_result(1, "white"), sample_result(2, "coloured"))
-        if write is write_report
-        else (sample_gap(2, "none"), sample_gap(2, "both"))
-    )
-    write(small, tmp_path)
+    write_report(sample_gap(2, "none"), tmp_path)
     before = _files(tmp_path)
 
     def full(_: int) -> None:
@@ -40,7 +34,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch, write) -
     monkeypatch.setattr(os, "fsync", full)
     for out in (tmp_path, tmp_path / "new" / "deep"):
         with pytest.raises(UsageError, match=r"No space left on device; .*--out"):
-            write(large, out)
+            write_report(sample_gap(2, "both"), out)
         assert _files(tmp_path) == before
 
 
@@ -108,7 +102,7 @@ def _written(command: str, out: Path, joints: int):
         if command == "identify":
             written = write_report(sample_result(joints), out)
         else:
-            written = write_gap_report(sample_gap(joints, "both"), out)
+            written = write_report(sample_gap(joints, "both"), out)
     lines = [str(warning.message) for warning in caught]
     assert all("\n" not in line for line in lines)
     return lines, written
@@ -133,7 +127,7 @@ def test_a_diagnosis_does_not_replace_the_report_of_an_identification(tmp_path: 
     write_report(sample_result(1), tmp_path)
     before = _files(tmp_path)
     with pytest.raises(UsageError, match=r"holds result\.json"):
-        write_gap_report(sample_gap(2, "none"), tmp_path)
+        write_report(sample_gap(2, "none"), tmp_path)
     assert _files(tmp_path) == before
 
 

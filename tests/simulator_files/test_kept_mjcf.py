@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model, read_urdf_file
-from idim_iv_ros.simulator_files.kept_files import with_included
 from tests.model.mjcf_robots import ARMS, GEN3
 from tests.model.test_mjcf import ARM2, simulator
 from tests.simulator_files.cases import CHANGING, Case, bare, case, cause, refused
@@ -200,31 +198,6 @@ def test_settings_that_change_inertials_are_refused_by_name(setting: str, tmp_pa
     refused(two_joints(tmp_path, text), tmp_path / "out", re.escape(setting.split("=")[0]))
 
 
-def test_what_a_scene_includes_is_written_out_in_it(tmp_path: Path) -> None:
-    """Bodies of a file within a file; a comment is no element."""
-    text, joints, _ = ARMS["ur5e"]
-    (tmp_path / "ur5e.xml").write_text(text, encoding="utf-8")
-    (tmp_path / "cell.xml").write_text(
-        '<?xml version="1.0"?>\n<mujocoinclude><include file="ur5e.xml"/></mujocoinclude>'
-    )
-    floor = '<worldbody><geom name="floor" type="plane" size="1 1 1"/></worldbody>'
-    scene = f'<mujoco>\n<!-- <include file="no.xml"/> --><include file="cell.xml"/>{floor}</mujoco>'
-    arm = arm_of(tmp_path, scene, joints)
-    made = arm.export(tmp_path / "out")
-    written = made.mjcf.read_text(encoding="utf-8")
-    assert simulator(written).geom("floor").id >= 0 and floor in written
-    assert_same_torques(arm, written, text)
-    assert any("cell.xml, ur5e.xml" in note for note in made.notes)
-
-
-@pytest.mark.parametrize("inner", ['<mujoco><include file="loop.xml"/></mujoco>', "<mujoco>"])
-def test_files_that_cannot_be_included_are_refused(inner: str, tmp_path: Path) -> None:
-    """MuJoCo does not read them either, so that the words are of the reader."""
-    (tmp_path / "loop.xml").write_text(inner, encoding="utf-8")
-    with pytest.raises(UsageError, match=r"loop\.xml"):
-        with_included(b'<mujoco>\n<include file="loop.xml"/></mujoco>', tmp_path / "arm.xml")
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -252,6 +225,13 @@ def test_bodies_and_values_without_a_place_are_refused(changes, words, tmp_path)
         assert old in text
         text = text.replace(old, new)
     refused(two_joints(tmp_path, text), tmp_path / "out", words)
+
+
+def test_a_scene_that_includes_the_arm_is_refused(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["ur5e"]
+    (tmp_path / "ur5e.xml").write_text(text, encoding="utf-8")
+    arm = arm_of(tmp_path, '<mujoco><include file="ur5e.xml"/></mujoco>', joints)
+    refused(arm, tmp_path / "out", "<include> .*write them out")
 
 
 def test_two_joints_of_one_body_are_refused(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """What many bags of many robots say together.
 
 - `quantities`: base parameters and residuals of each bag, as columns; all bags of a robot in one
-  regression: do they agree, and in what not
+  regression
 - `random_effects`: variance between units beyond that of their estimates; the robots of a type
 - `robots`: what one robot's bags differ by from day to day; what changed at a robot, when, and by
   how much; whether bags resemble the ones before; all of the robots of a type

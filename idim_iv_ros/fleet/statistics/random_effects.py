@@ -109,16 +109,6 @@ def _spread(values: FloatArray) -> FloatArray:
     )
 
 
-def between_interval(values: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends (m,), (m,) of the Q-profile interval of τ²."""
-    estimated = np.isfinite(values) & np.isfinite(variances)
-    dof = np.maximum(estimated.sum(axis=0) - 1, 1)
-    tail = 0.5 * (1.0 - LEVEL)
-    low = between_variance(values, variances, scipy.stats.chi2.isf(tail, dof))
-    high = between_variance(values, variances, scipy.stats.chi2.ppf(tail, dof))
-    return low, high
-
-
 def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatArray]:
     """Mean, scatter and prediction interval (m,) of quantities over the k robots of a type.
 
@@ -132,11 +122,12 @@ def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatA
     count = (np.isfinite(values) & np.isfinite(variances)).sum(axis=0)
     between = between_variance(values, variances)
     _, mean, variance = generalised_q(values, variances, between)
-    tail = 0.5 * (1.0 - LEVEL)
-    half = np.where(count > 1, scipy.stats.t.isf(tail, np.maximum(count - 1, 1)), np.nan)
+    tail, dof = 0.5 * (1.0 - LEVEL), np.maximum(count - 1, 1)
+    half = np.where(count > 1, scipy.stats.t.isf(tail, dof), np.nan)
     ahead = np.where(count > 2, scipy.stats.t.isf(tail, np.maximum(count - 2, 1)), np.nan)
     half, ahead = half * np.sqrt(variance), ahead * np.sqrt(between + variance)
-    low, high = between_interval(values, variances)
+    low = between_variance(values, variances, scipy.stats.chi2.isf(tail, dof))
+    high = between_variance(values, variances, scipy.stats.chi2.ppf(tail, dof))
     sigmas = np.where(count > 1, np.sqrt([between, low, high]), np.nan)
     return {
         "mean": mean, "mean_low": mean - half, "mean_high": mean + half,

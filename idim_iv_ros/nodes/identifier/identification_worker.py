@@ -27,7 +27,7 @@ from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.identification.identify import identify
-from idim_iv_ros.report import write_gap_report, write_report
+from idim_iv_ros.report import write_report
 from idim_iv_ros.report.page import report_html
 from idim_iv_ros.simulators.recording import simulate
 
@@ -113,7 +113,7 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
     without = tuple(request["without"])
     gap = diagnose(bags, configuration, without=without, progress=progress)
     progress("writing", 1.0)
-    write_gap_report(gap, out, bags=bags)
+    write_report(gap, out, bags=bags)
     return " ".join(gap.summary.split())
 
 

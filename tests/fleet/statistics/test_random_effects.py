@@ -6,7 +6,6 @@ import scipy
 from statsmodels.stats.meta_analysis import combine_effects
 
 from idim_iv_ros.fleet.statistics.random_effects import (
-    between_interval,
     between_variance,
     common_between_variance,
     type_estimate,
@@ -39,9 +38,9 @@ def test_q_profile_interval_is_that_of_metafor_on_the_vaccine_trials() -> None:
     # R, metafor: confint(rma(measure="RR", ai=tpos, bi=tneg, ci=cpos, di=cneg, data=dat.bcg))
     # tau^2 0.3132, 0.1197 to 1.1115.
     values, variances = risk_ratios()
-    low, high = between_interval(values[:, None], variances[:, None])
-    assert low[0] == pytest.approx(0.1197, abs=1e-4)
-    assert high[0] == pytest.approx(1.1115, abs=1e-4)
+    estimate = estimate_of(values, variances)
+    assert estimate["sigma_low"] ** 2 == pytest.approx(0.1197, abs=1e-4)
+    assert estimate["sigma_high"] ** 2 == pytest.approx(1.1115, abs=1e-4)
 
 
 def test_columns_are_separate_and_unknown_units_count_for_nothing() -> None:

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 import statsmodels.api as sm
-from scipy import stats
 
 from idim_iv_ros.estimation.qr import r_factor
 from idim_iv_ros.fleet.regression import stacked
-from idim_iv_ros.fleet.statistics.quantities import agreement, regression, shares
+from idim_iv_ros.fleet.statistics.quantities import regression, shares
 
 BAGS, ROWS, WIDTH = 5, 60, 4
-GROUPS = ([0, 1, 2, 3], [1, 3], [0, 2])  # all columns, friction, the rest
 
 
 def recorded(differing: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -45,35 +43,6 @@ def test_the_estimate_of_all_is_the_weighted_sum_of_those_of_the_bags() -> None:
     parts = [regression(factor, ROWS).values for factor in factors]
     joined = sum(share @ part for share, part in zip(shares(factors), parts, strict=True))
     np.testing.assert_allclose(joined, regression(stacked(factors), BAGS * ROWS).values)
-
-
-@pytest.mark.parametrize("differing", [0.0, 2.0])
-def test_agreement_is_the_f_test_with_columns_of_each_bag(differing: float) -> None:
-    matrices, torques = recorded(differing)
-    p_values = agreement(factors_of(matrices, torques), [ROWS] * BAGS, GROUPS)
-    target, common = np.concatenate(torques), np.vstack(matrices)
-
-    def with_own(columns: list[int]) -> np.ndarray:
-        blocks = np.zeros((BAGS * ROWS, BAGS * len(columns)))
-        for bag, matrix in enumerate(matrices):
-            rows = slice(bag * ROWS, (bag + 1) * ROWS)
-            blocks[rows, bag * len(columns) : (bag + 1) * len(columns)] = matrix[:, columns]
-        others = [k for k in range(WIDTH) if k not in columns]
-        return np.hstack([common[:, others], blocks])
-
-    pooled = sm.OLS(target, common).fit()
-    every = sm.OLS(target, with_own(list(range(WIDTH)))).fit()
-    for p_value, columns in zip(p_values, GROUPS, strict=True):
-        free = sm.OLS(target, with_own(columns)).fit()
-        extra = (BAGS - 1) * len(columns)
-        statistic = (pooled.ssr - free.ssr) / extra / (every.ssr / every.df_resid)
-        assert p_value == pytest.approx(stats.f.sf(statistic, extra, every.df_resid), rel=1e-6)
-    assert [p_value > 0.025 for p_value in p_values] == [differing == 0.0] * 2 + [True]
-
-
-def test_one_bag_is_not_tested() -> None:
-    matrices, torques = recorded(0.0)
-    assert np.isnan(agreement(factors_of(matrices, torques)[:1], [ROWS], GROUPS)).all()
 
 
 def test_a_bag_that_does_not_show_every_parameter_is_not_complete() -> None:
