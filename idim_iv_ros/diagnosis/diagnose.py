@@ -189,6 +189,7 @@ def concluded(
         sentences.not_in_catalogue(outside),
         sentences.unexplained_residual(data, residual),
         sentences.remaining_parameter_errors(data, more_errors, hints),
+        sentences.next_step(causes, unknown=verdict == "unknown", remaining=bool(more_errors)),
         sentences.left_out(data),
         *law.beyond,
         *(cause.sentence for cause in causes[1:] if cause in shafts),

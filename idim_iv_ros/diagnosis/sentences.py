@@ -359,6 +359,25 @@ def not_in_catalogue(unexplained: Unexplained | None) -> str:
     )
 
 
+def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str:
+    """What to do with the answer; `remaining`: parameter errors are left that no cause names."""
+    if unknown:
+        return "next: look at where the residual lies, or record a motion that excites it more"
+    if not causes and remaining:
+        return (
+            "next: put the estimates into the simulator (idim-iv export --remainder changes the "
+            "numbers that the recording asks for, --refit all of them)"
+        )
+    if not causes:
+        return ""
+    if any(cause.indistinguishable_from for cause in causes):
+        return (
+            "next: put the causes into the simulator (idim-iv export), or record the motion that "
+            "the report names, which tells them apart"
+        )
+    return "next: put the causes into the simulator (idim-iv export)"
+
+
 def capitalised(text: str) -> str:
     """Return a sentence with its first letter large, the others as they are."""
     return text[:1].upper() + text[1:]
