@@ -16,6 +16,7 @@ from idim_iv_ros.model.urdf_reader import read_urdf_text
 from idim_iv_ros.types import FloatArray
 
 _DIGITS = 9  # of lengths in m and of directions; what is rounded beyond is the same robot
+_NO_LIMIT = 1e9  # rad, rad/s, N m (m, m/s, N): a limit as large stands for none
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,7 @@ def _limits(elements: Sequence[UrdfJoint]) -> JointLimits:
             values[:2, column] = lower, upper
         for row, key in ((2, "velocity"), (3, "effort")):
             values[row, column] = joint.limits.get(key, np.inf)
+    values[np.abs(values) >= _NO_LIMIT] *= np.inf
     return JointLimits(*values)
 
 

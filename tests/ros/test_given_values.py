@@ -3,11 +3,11 @@
 import signal
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
 
 import pytest
-import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -24,6 +24,7 @@ from idim_iv_ros.nodes.parameters import (
 from idim_iv_ros.nodes.settings import MOTIONS, STORAGE, RecorderSettings, SimulatorSettings
 from idim_iv_ros.recording.writing.write import PRESETS
 from tests.ros.conftest import ARM2
+from tests.ros.node_alone import node_alone
 from tests.ros.processes import SETTINGS
 
 KINDS = {name.removeprefix("robot_"): kind for name, kind in SETTINGS.items()}
@@ -32,24 +33,15 @@ KINDS = {name.removeprefix("robot_"): kind for name, kind in SETTINGS.items()}
 @pytest.fixture
 def node() -> Iterator[Callable[..., Node]]:
     """Make nodes that are given arguments of ROS."""
-    made: list[tuple[Node, rclpy.Context]] = []
-
-    def make(*arguments: str) -> Node:
-        context = rclpy.Context()
-        rclpy.init(args=["node", "--ros-args", *arguments], context=context)
-        made.append((Node("recorder", context=context), context))
-        return made[-1][0]
-
-    yield make
-    for node, context in made:
-        node.destroy_node()
-        context.try_shutdown()
+    with ExitStack() as stack:
+        yield lambda *arguments: stack.enter_context(node_alone("recorder", *arguments))
 
 
 @pytest.fixture
 def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., int]]:
     """Run a node in this process, in a context of its own, and return its exit status."""
     monkeypatch.setattr("rclpy.utilities.g_default_context", None)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")  # see `node_alone`
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def run(name: str, *arguments: str) -> int:

@@ -9,10 +9,9 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-import rclpy
-from rclpy.node import Node
 
 from tests.ros.launch_file import Launched, launch, launched_nodes
+from tests.ros.node_alone import node_alone
 from tests.ros.processes import ROOT, SETTINGS
 
 TWO = ["identifier", "recorder"]
@@ -198,28 +197,18 @@ def resolved(folder: Path, name: str, **arguments: str) -> dict[str, dict[str, o
     for executable, keywords in launch(FILES[name], **arguments).nodes:
         namespace = f"/{keywords['namespace']}".rstrip("/")
         full = f"{namespace}/{keywords['name']}"
-        command = ["--ros-args", "-r", f"__ns:={namespace or '/'}"]
+        command = ["-r", f"__ns:={namespace or '/'}"]
         for number, layer in enumerate(keywords["parameters"]):
             path = folder / f"{number}.yaml"
             if isinstance(layer, dict):
                 path.write_text(json.dumps({full: {"ros__parameters": layer}}))
             command += ["--params-file", str(path) if isinstance(layer, dict) else layer]
-        context = rclpy.Context()
-        rclpy.init(args=command, context=context)
-        try:
-            node = Node(
-                executable,
-                context=context,
-                automatically_declare_parameters_from_overrides=True,
-                start_parameter_services=False,
-            )
+        declared = {"automatically_declare_parameters_from_overrides": True}
+        with node_alone(executable, *command, start_parameter_services=False, **declared) as node:
             names = ("configuration", "bag_directory", "output_directory", "stale_after")
             given[full] = {
                 name: node.get_parameter(name).value for name in names if node.has_parameter(name)
             }
-            node.destroy_node()
-        finally:
-            context.try_shutdown()
     return given
 
 

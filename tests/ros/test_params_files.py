@@ -4,12 +4,11 @@ import math
 from dataclasses import MISSING, fields
 
 import pytest
-import rclpy
-from rclpy.node import Node
 from ruamel.yaml import YAML
 
 from idim_iv_ros.nodes.parameters import Settings, declare
 from idim_iv_ros.nodes.settings import CollectorSettings, RecorderSettings
+from tests.ros.node_alone import node_alone
 from tests.ros.processes import ROOT, SETTINGS
 
 FILE = ROOT / "params" / "nodes.yaml"
@@ -44,16 +43,8 @@ def test_file_lists_every_parameter_with_its_default(node: str) -> None:
 
 def settings_of(kind: type[Settings], *arguments: str) -> Settings:
     """Of a node in the namespace /left."""
-    context = rclpy.Context()
-    rclpy.init(args=["--ros-args", "-r", "__ns:=/left", *arguments], context=context)
-    try:
-        node = Node("recorder", context=context)
-        try:
-            return declare(node, kind)
-        finally:
-            node.destroy_node()
-    finally:
-        context.try_shutdown()
+    with node_alone("recorder", "-r", "__ns:=/left", *arguments) as node:
+        return declare(node, kind)
 
 
 def test_file_is_for_nodes_in_any_namespace_and_arguments_win(tmp_path) -> None:
