@@ -35,7 +35,7 @@ class Outcome:
 
 def run_recorder(robot: Robot, rate: int, folder: Path) -> Outcome:
     observer = Observer()
-    process = start_recorder(folder, bag_directory=str(folder), autostart=True)
+    process = start_recorder(folder, bag_directory=str(folder), record=True)
     observer.follow(process)
     count = int(SECONDS * rate)
     robot.begin(count=count, rate=float(rate), topics=[TOPIC])

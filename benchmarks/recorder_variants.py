@@ -47,7 +47,7 @@ def run(name: str, robot: Robot, folder: Path, observer: Observer) -> tuple[bool
     folder.mkdir()
     parameters, extra, snapshot = VARIANTS[name]
     bags = folder / "bags"
-    process = start_recorder(folder, bag_directory=str(bags), autostart=True, **parameters)
+    process = start_recorder(folder, bag_directory=str(bags), record=True, **parameters)
     observer.follow(process)
     topics = [TOPIC, EXTRA] if extra else [TOPIC]
     rate = RATE / len(topics)

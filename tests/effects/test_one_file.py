@@ -19,6 +19,7 @@ COMPOUND = re.compile("[a-z]+(?:_[a-z]+)+")
 FOLDERS = ("simulation", "diagnosis", "report", "simulators", "simulator_files", "fleet")
 KEY = "a key of the configuration, not an effect"
 ALLOWED = {
+    ("report/changes.py", "torque_offset"): KEY,
     ("report/sections/drives.py", "backlash"): "a column of measured numbers",
     ("simulator_files/changes.py", "torque_offset"): KEY,
     ("simulators/recording.py", "drive_inertia"): KEY,
