@@ -36,14 +36,15 @@ def ros() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def observer(ros: None) -> Iterator[Observer]:
-    observer = Observer()
-    yield observer
-    observer.node.destroy_node()
+    yield Observer()  # not destroyed: see `node_alone`
 
 
 @contextmanager
 def another_context() -> Iterator[Callable[..., None]]:
-    """Begin ROS once more in this process, with arguments and parameters, for a while."""
+    """Begin ROS once more in this process, with arguments and parameters, for a while.
+
+    Its nodes hear each other and no others.
+    """
 
     def begin(*arguments: str, **parameters: object) -> None:
         given = [text for item in parameters.items() for text in ("-p", ":=".join(map(str, item)))]
@@ -51,6 +52,7 @@ def another_context() -> Iterator[Callable[..., None]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("rclpy.utilities.g_default_context", None)
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")  # see `node_alone`
         yield begin
         rclpy.try_shutdown()
 
