@@ -29,26 +29,23 @@ def wait_at(stage: str) -> None:
         time.sleep(_LOOK)
 
 
-def work() -> None:
-    """Do what the worker does, and wait where the test says so."""
-    ungated = identification_worker._work
+def gated(request: Mapping[str, object], send: identification_worker.Send) -> str:
+    """Do the job, and wait where the test says so."""
 
-    def gated(request: Mapping[str, object], send: identification_worker.Send) -> str:
-        def send_and_wait(event: Mapping[str, object]) -> None:
-            send(event)
-            wait_at(str(event.get("stage", "")))
+    def send_and_wait(event: Mapping[str, object]) -> None:
+        send(event)
+        wait_at(str(event.get("stage", "")))
 
-        wait_at("")
-        return ungated(request, send_and_wait)
+    wait_at("")
+    return ungated(request, send_and_wait)
 
-    identification_worker._work = gated
-    identification_worker.main()
 
+# The process of a job imports the file that was started, before it begins.
+ungated = identification_worker._work
+identification_worker._work = gated
 
 if __name__ == "__main__":
-    from idim_iv_ros.nodes.identifier import job_queue
     from idim_iv_ros.nodes.identifier.node import run
 
     os.environ["PYTHONPATH"] = f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
-    job_queue._START = "from tests.ros.gated_identifier import work; work()"
     sys.exit(run(sys.argv))

@@ -29,14 +29,14 @@ class Bench:
             lambda: self.settings, lambda: None, self._ended, lambda: self.now, self._start
         )
 
-    def _start(self, heard) -> ToldWorker:
-        self.workers.append(ToldWorker(heard))
+    def _start(self, request, heard) -> ToldWorker:
+        self.workers.append(ToldWorker(request, heard))
         return self.workers[-1]
 
     @property
     def worker(self) -> ToldWorker:
-        """The one that works; the next one waits."""
-        return self.workers[-2]
+        """The one that works."""
+        return self.workers[-1]
 
     def _ended(self, job: Job) -> None:
         self.log.append((*job.names, job.success, job.message))
@@ -65,7 +65,7 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-def test_jobs_are_done_in_order_with_a_process_that_is_ready_for_the_next(bench: Bench) -> None:
+def test_jobs_are_done_in_order_with_a_process_for_each(bench: Bench) -> None:
     bench.submit("a")
     assert bench.poll() == [("a", "waiting", 0.0), ("a", "started")]
     bench.submit("b")
@@ -80,7 +80,7 @@ def test_jobs_are_done_in_order_with_a_process_that_is_ready_for_the_next(bench:
     bench.worker.end(message="valid")
     assert bench.poll() == [("c", True, "valid")]
     assert bench.queue.running is None
-    assert [worker.request.get("bags") for worker in bench.workers] == [["a"], ["b"], ["c"], None]
+    assert [worker.request["bags"] for worker in bench.workers] == [["a"], ["b"], ["c"]]
     there = {str(path) for path in Path(bench.settings.output_directory).iterdir()}
     assert there == {bench.workers[0].request["out"], bench.workers[2].request["out"]}
 
@@ -96,7 +96,7 @@ def test_too_many_are_refused(bench: Bench) -> None:
     )
     with pytest.raises(UsageError, match="when_busy"):
         bench.submit("d")
-    assert len(bench.workers) == 2
+    assert len(bench.workers) == 1
 
 
 def test_a_request_is_answered_in_time_whether_it_waits_or_is_worked_on(bench: Bench) -> None:
@@ -166,7 +166,6 @@ def test_the_next_job_has_a_process_after_one_was_killed(bench: Bench) -> None:
     bench.submit("b")
     bench.poll()
     bench.worker.kill()
-    bench.workers[1].kill()  # before it was needed
     heard = bench.poll()
     assert heard == [("b", "started"), ("a", False, "the worker was ended by SIGKILL")]
     bench.workers[0].end(message="late")
@@ -176,7 +175,7 @@ def test_the_next_job_has_a_process_after_one_was_killed(bench: Bench) -> None:
 
 
 def test_a_process_that_cannot_be_started_is_said(bench: Bench, monkeypatch) -> None:
-    def start(heard) -> ToldWorker:
+    def start(request, heard) -> ToldWorker:
         raise OSError(12, "Cannot allocate memory")
 
     monkeypatch.setattr(bench.queue, "_start_worker", start)

@@ -21,8 +21,8 @@ class Managed:
     """An identifier in this process, spun by an observer that calls its services."""
 
     def __init__(self, workers: list[ToldWorker]) -> None:
-        def start_worker(heard: Callable) -> ToldWorker:
-            workers.append(ToldWorker(heard))
+        def start_worker(request: dict, heard: Callable) -> ToldWorker:
+            workers.append(ToldWorker(request, heard))
             return workers[-1]
 
         self.identifier, self.observer = Identifier((), start_worker), Observer()
@@ -93,7 +93,7 @@ def test_requests_are_accepted_between_activation_and_deactivation(
     assert managed.change("activate")
     assert f"ready: {arm}; identifies on request" in log()
     asked = [managed.ask() for _ in range(2)]
-    until(lambda: workers[0].request and managed.identifier._jobs.waiting, "both jobs")
+    until(lambda: workers and managed.identifier._jobs.waiting, "both jobs")
     assert managed.change("deactivate")
     until(lambda: all(future.done() for future in asked), "both answers")
     assert {future.result().message for future in asked} == {"the identifier was deactivated"}

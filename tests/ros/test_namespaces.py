@@ -109,7 +109,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     folders = {"bag_directory": tmp_path, "output_directory": tmp_path / "results"}
     begin_ros("-r", "__ns:=/right", configuration=ARM2, **folders)
     workers: list[ToldWorker] = []
-    identifier = Identifier((), lambda heard: workers.append(ToldWorker(heard)) or workers[-1])
+    identifier = Identifier((), lambda *given: workers.append(ToldWorker(*given)) or workers[-1])
     identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))
     identifier._jobs.poll()
     request = workers[0].request

@@ -7,12 +7,8 @@ from collections.abc import Callable
 class ToldWorker:
     """Begins a job, and the test says how it goes on."""
 
-    def __init__(self, heard: Callable[["ToldWorker", dict], None]) -> None:
-        self._heard = heard
-        self.request: dict = {}
-
-    def begin(self, request: dict) -> None:
-        self.request = request
+    def __init__(self, request: dict, heard: Callable[["ToldWorker", dict], None]) -> None:
+        self.request, self._heard = request, heard
 
     def say(self, **event: object) -> None:
         self._heard(self, event)

@@ -1,93 +1,27 @@
-"""Jobs one after the other, each in a process that was made ready for it."""
+"""Jobs one after the other, each in a process of its own."""
 
-import contextlib
-import json
-import os
 import queue
 import shutil
 import signal
-import subprocess
-import sys
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import new_folder_path
 from idim_iv_ros.nodes.identifier.job import WAITING, Job
+from idim_iv_ros.nodes.identifier.worker import Event, StartWorker, Worker
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 
-Event = dict[str, Any]
-
-_START = "from idim_iv_ros.nodes.identifier.identification_worker import main; main()"
-# Jobs compute in one thread; buffers of many would count for `memory_limit`.
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-
 _SIGN_OF_LIFE = 1.0  # s; who asked hears at least so often what is done
-
-
-class Worker:
-    """A process that prepares for a job, does it and ends.
-
-    `heard` takes each event of `identification_worker` in a thread of its own, at last ``{"gone":
-    exit status}``.
-    """
-
-    def __init__(self, heard: Callable[["Worker", Event], None]) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _START],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, **_ONE_THREAD},
-            start_new_session=True,
-        )
-        self._heard = heard
-        self._thread = threading.Thread(target=self._listen, name="worker", daemon=True)
-        self._thread.start()
-
-    def begin(self, request: Mapping[str, object]) -> None:
-        """Hand over the job."""
-        assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # it has ended already, which the other thread hears
-            self._process.stdin.write(json.dumps(request) + "\n")
-            self._process.stdin.flush()
-
-    def kill(self) -> None:
-        """End the process and what it started, now."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-
-    def close(self) -> None:
-        """End the process and wait until all of its events were heard."""
-        self.kill()
-        self._thread.join()
-
-    def _listen(self) -> None:
-        assert self._process.stdin is not None and self._process.stdout is not None
-        for line in self._process.stdout:
-            with contextlib.suppress(ValueError):  # cut off by a kill
-                self._heard(self, json.loads(line))
-        status = self._process.wait()
-        self.kill()  # what the job started and left
-        self._process.stdout.close()
-        with contextlib.suppress(OSError):
-            self._process.stdin.close()
-        self._heard(self, {"gone": status})
-
-
-StartWorker = Callable[[Callable[[Worker, Event], None]], Worker]
 
 
 class JobQueue:
     """One job at a time; everything but `wake` happens in the thread of `poll`.
 
-    Each job has a worker process of its own; the one for the next job prepares meanwhile. `wake` is
-    called in any thread when `poll` has something to do, `ended` takes a job when all is over;
-    `clock` is monotonic, s.
+    `wake` is called in any thread when `poll` has something to do, `ended` takes a job when all is
+    over; `clock` is monotonic, s.
     """
 
     def __init__(
@@ -96,15 +30,14 @@ class JobQueue:
         wake: Callable[[], None],
         ended: Callable[[Job], None],
         clock: Callable[[], float] = time.monotonic,
-        start_worker: StartWorker | None = None,
+        start_worker: StartWorker = Worker,
     ) -> None:
         self._settings, self._wake, self._ended = settings, wake, ended
-        self._clock, self._start_worker = clock, start_worker or Worker
+        self._clock, self._start_worker = clock, start_worker
         self._waiting: deque[Job] = deque()
         self._over: deque[Job] = deque()
         self._events: queue.SimpleQueue[tuple[Worker, Event]] = queue.SimpleQueue()
         self._worker: Worker | None = None
-        self._next: Worker | None = None
         self._begun = 0.0
         self.running: Job | None = None
 
@@ -116,12 +49,6 @@ class JobQueue:
     @property
     def _jobs(self) -> list[Job]:
         return [*self._waiting, *([self.running] if self.running else [])]
-
-    def warm(self) -> None:
-        """Start the worker of the next job, so that the job finds it ready."""
-        if self._next is None:
-            with contextlib.suppress(OSError):  # the next job says why
-                self._next = self._start_worker(self._put)
 
     def submit(self, job: Job) -> None:
         """Work on a job now or later.
@@ -169,10 +96,8 @@ class JobQueue:
     def close(self) -> None:
         """End all jobs."""
         self.end_all("the identifier was shut down")
-        for worker in (self._worker, self._next):
-            if worker is not None:
-                worker.close()
-        self._next = None
+        if self._worker is not None:
+            self._worker.close()
         self.poll()
 
     def _end_what_is_late(self, now: float) -> None:
@@ -217,7 +142,7 @@ class JobQueue:
                 "file_limit": settings.max_bag_size,
             }
             job.folder = folder
-            self._worker = self._next or self._start_worker(self._put)
+            self._worker = self._start_worker(request, self._put)
         except OSError as error:
             job.message = f"cannot be begun: {error.strerror or error}"
             self._finish(job)
@@ -225,17 +150,12 @@ class JobQueue:
         self.running, job.stage = job, "starting"
         self._begun = self._clock()
         job.listener.started()
-        self._worker.begin(request)
-        self._next = None
-        self.warm()
 
     def _put(self, worker: Worker, event: Event) -> None:
         self._events.put((worker, event))
         self._wake()
 
     def _hear(self, worker: Worker, event: Event) -> None:
-        if worker is self._next:  # it has ended; another one would end, too
-            self._next = None
         job = self.running
         if worker is not self._worker or job is None:
             return

@@ -16,9 +16,10 @@ from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.nodes.entry import run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue, StartWorker
+from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
 from idim_iv_ros.nodes.identifier.request_server import RequestServer, send_last_answers
+from idim_iv_ros.nodes.identifier.worker import StartWorker, Worker, warm
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration, with_topics_of_node
 from idim_iv_ros.nodes.settings import IdentifierSettings
@@ -87,10 +88,9 @@ class ManagedNode(LifecycleNode):
 class Identifier(NodeProgram[IdentifierSettings]):
     """Services, actions and topics around the queue of jobs; `start_worker` as of `JobQueue`."""
 
-    def __init__(
-        self, arguments: Sequence[str] = (), start_worker: StartWorker | None = None
-    ) -> None:
+    def __init__(self, arguments: Sequence[str] = (), start_worker: StartWorker = Worker) -> None:
         transitions = {name: getattr(self, f"_{name}") for name in _AFTER}
+        self._start_worker = start_worker
         self._managed = ManagedNode("identifier", transitions)
         super().__init__(self._managed, IdentifierSettings, arguments)
         node = self.node
@@ -140,7 +140,8 @@ class Identifier(NodeProgram[IdentifierSettings]):
 
     def _activate(self) -> None:
         """Accept requests."""
-        self._jobs.warm()
+        if self._start_worker is Worker:
+            warm()
         robot = (
             "no robot configured" if self._configuration is None else self._settings.configuration
         )
