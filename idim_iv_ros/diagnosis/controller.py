@@ -33,6 +33,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS, name_of
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
 
@@ -94,8 +95,8 @@ class LawChange:
 
     def left_of_lag(self, lag: float) -> FloatArray:
         """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
-        rest, constants = self.rows.rest - lag * self.rows.errors[:, 0], self.rows.constants
-        return np.asarray(rest - constants @ np.linalg.lstsq(constants, rest)[0])
+        rest = self.rows.rest - lag * self.rows.errors[:, 0]
+        return independent_basis(self.rows.constants).remove(rest)
 
     def beyond(self, rows: CommandRows) -> FloatArray:
         """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
@@ -118,9 +119,7 @@ def law_change(rows: CommandRows) -> LawChange:
     """Search for the groups of the law that explain what the commands have beyond it."""
     # A pulse is plain where the law holds, and where it does not beside what all groups leave.
     for more in ([], [rows.errors, *rows.groups.values()]):
-        table = np.column_stack([rows.constants, *more])
-        table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-        rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
+        rest = independent_basis(np.column_stack([rows.constants, *more])).remove(rows.rest)
         if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():

@@ -24,6 +24,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     evaluated,
 )
 from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
@@ -114,7 +115,7 @@ class _JointCommands:
         change = self._change(speed)[steady]
         matrix = np.column_stack([plain, slip - change])
         rest = self.rows.rest[steady] + self.gain * change
-        energy = float(np.sum((rest - matrix @ np.linalg.lstsq(matrix, rest)[0]) ** 2))
+        energy = float(np.sum(independent_basis(matrix).remove(rest) ** 2))
         return energy / max(len(rest) * self.rows.size**2, 1e-300)
 
     def _shared(self, *, feedforward: bool) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -123,8 +124,7 @@ class _JointCommands:
         names = ["kp", "feedforward_acceleration"] if feedforward else ["kp"]
         columns = [rows.constants, rows.errors[:, 0], *(rows.groups[name] for name in names)]
         plain, slip = np.column_stack(columns), rows.groups["kd"]
-        first = np.column_stack([plain, slip])
-        rest = rows.rest - first @ np.linalg.lstsq(first, rows.rest)[0]
+        rest = independent_basis(np.column_stack([plain, slip])).remove(rows.rest)
         steady = away_from_events(rest, rows.recording, rows.time)
         return plain[steady], slip[steady], steady
 
