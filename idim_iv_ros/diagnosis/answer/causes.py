@@ -14,7 +14,7 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import shrinkage
+from idim_iv_ros.diagnosis.refit.held_out import gap_over
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -190,7 +190,6 @@ def _parametric_cause(
     which = list(range(len(data.joints))) if joint is None else [joint]
     one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
     floor = common_floor([explanation.floors[number] for number in which])
-    taken = float(shrinkage(np.array(one), np.array(two), floor))
     cause = Cause(
         effect=effect.name,
         kind="parametric",
@@ -200,7 +199,7 @@ def _parametric_cause(
         probability=judgement.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
-        torque_gap=Gap(one, two, floor, taken if np.isfinite(taken) else None, None),
+        torque_gap=gap_over(floor, one, two),
         joint_gaps=tuple(changed),
     )
     return replace(cause, sentence=sentences.parametric_cause(data, cause, effect))
@@ -239,7 +238,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
                 reason=judgement.reason,
                 parameters=numbers,
                 chosen_in_folds=judgement.chosen if term.candidate.kind is Kind.EFFECT else "",
-                torque_gap=Gap(float(np.hypot(rest, share)), rest, None, None, None),
+                torque_gap=Gap(float(np.hypot(rest, share)), rest),
             )
         )
     return tuple(made)

@@ -123,6 +123,11 @@ class Baseline:
         share = float(np.sign(energy) * np.sqrt(abs(energy))) / self.torque_sizes[joint]
         return JointChange(self.joints[joint], float(before), float(after), share)
 
+    def decimated(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
+        """Rows of one joint (r, …) from values (s, …) on the grid of each smooth motion."""
+        parts = zip(values, self.motions, strict=True)
+        return self.counting(joint, [motion.rows(part) for part, motion in parts])
+
     def counting(self, joint: int, values: Sequence[NDArray[T]]) -> NDArray[T]:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""
         return np.concatenate(

@@ -5,7 +5,7 @@ independent.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,16 +84,11 @@ def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
 
 def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> Stage:
     """Stage from the `energies` (b, 2) of each joint, its tracking not yet known."""
-    limits = {}
-    for joint, blocks in zip(joints, sums, strict=True):
-        draws = resampled(blocks)
-        limits[joint] = interval(np.sqrt(draws[:, 0] / draws[:, 1]))
+    pairs = list(zip(joints, sums, strict=True))
     return Stage(
         name=name,
-        torque_rms={
-            joint: _root(blocks.sum(axis=0)) for joint, blocks in zip(joints, sums, strict=True)
-        },
-        torque_ci95=limits,
+        torque_rms={joint: float(_roots(blocks.sum(axis=0))) for joint, blocks in pairs},
+        torque_ci95={joint: interval(_roots(resampled(blocks))) for joint, blocks in pairs},
         tracking_rms=None,
         note="",
     )
@@ -142,7 +137,7 @@ class HeldOut:
 
     def rms(self, stage: int, joint: int) -> float:
         """RMS of one stage at one joint, N m (N)."""
-        return _root(self._energies[stage][joint].sum(axis=0))
+        return float(_roots(self._energies[stage][joint].sum(axis=0)))
 
     def stages(self) -> tuple[Stage, ...]:
         """All stages, their tracking not yet known."""
@@ -154,15 +149,15 @@ class HeldOut:
     def gap(self, before: int, after: int, joint: int) -> Gap:
         """Gap of two stages at a joint."""
         floor = self.floors[joint].sigma
-        sums = [self._energies[stage][joint] for stage in (before, after)]
-        one, two = (_root(blocks.sum(axis=0)) for blocks in sums)
-        share = float(shrinkage(np.array(one), np.array(two), floor))
-        if not np.isfinite(share):
-            return Gap(one, two, floor)
-        first, second = (np.sqrt(draws[:, 0] / draws[:, 1]) for draws in map(resampled, sums))
+        gap = gap_over(floor, self.rms(before, joint), self.rms(after, joint))
+        if gap.shrinkage is None:
+            return gap
+        first, second = (
+            _roots(resampled(self._energies[stage][joint])) for stage in (before, after)
+        )
         drawn = shrinkage(first, second, floor)
         drawn = drawn[np.isfinite(drawn)]
-        return Gap(one, two, floor, share, interval(drawn) if len(drawn) > 20 else None)
+        return replace(gap, ci95=interval(drawn) if len(drawn) > 20 else None)
 
     def gain(self, effect: int) -> tuple[float, int, int]:
         """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
@@ -186,6 +181,12 @@ def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> Flo
     room = before - (floor or 0.0)
     share = (before - after) / np.where(room > 0.0, room, 1.0)
     return np.asarray(np.where(room > _LEAST_ROOM * before, share, np.nan))
+
+
+def gap_over(floor: float | None, before: float, after: float) -> Gap:
+    """Gap with its shrinkage above a noise floor, where there is anything above it."""
+    share = float(shrinkage(np.array(before), np.array(after), floor))
+    return Gap(before, after, floor, share if np.isfinite(share) else None)
 
 
 def held_out(
@@ -332,6 +333,6 @@ def _solutions(
     return solutions
 
 
-def _root(total: FloatArray) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(total[0] / max(total[1], 1.0)))
+def _roots(energies: FloatArray) -> FloatArray:
+    """Root of the mean square (…) of sums of squares and of rows (…, 2)."""
+    return np.asarray(np.sqrt(energies[..., 0] / np.maximum(energies[..., 1], 1.0)))
