@@ -31,8 +31,9 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     events_in,
 )
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
+from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
-from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS, name_of
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
@@ -304,24 +305,10 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
 
 def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Cause:
     """A delay of all joints that is longer than a control of this period makes it."""
-    assert delay.std is not None
     changes = [change for _, change in shown.joints.values()]
-    one, two = (
-        float(np.linalg.norm([rms(rest) for rest in left]))
-        for left in (
-            [change.left_of_lag(usual) for change in changes],
-            [change.before for change in changes],
-        )
-    )
-    return Cause(
-        effect=name_of("delay"),
-        kind="structural",
-        joint=None,
-        parameters={"delay": delay},
-        evidence=Evidence((delay.value / delay.std) ** 2),
-        torque_gap=Gap.without_floor(one, two),
-        sentence=sentences.commands_late(delay, shown.period),
-    )
+    before = [rms(change.left_of_lag(usual)) for change in changes]
+    after = [rms(change.before) for change in changes]
+    return delay_of_all(delay, before, after, sentences.commands_late(delay, shown.period))
 
 
 def _cause(
