@@ -114,7 +114,7 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationG
 
 
 def tracking_series(
-    data: Baseline, before: Tracking | None, after: Tracking | None
+    data: Baseline, before: Tracking, after: Tracking
 ) -> tuple[TrackingSeries, ...]:
     """Tracking errors, reference less position, of every joint and recording."""
     made = []
@@ -125,10 +125,7 @@ def tracking_series(
         wanted = reference[motion.span]
         thin = slice(None, None, -(-len(wanted) // settings.MOST_POINTS))
         measured = wanted - motion.position[motion.span]
-        simulated = [
-            None if gap is None or gap.note else measured - gap.errors[number]
-            for gap in (before, after)
-        ]
+        simulated = [None if gap.note else measured - gap.errors[number] for gap in (before, after)]
         time = (motion.span.start + np.arange(len(wanted))) / motion.signals.rate
         for joint, name in enumerate(data.joints):
             made.append(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
@@ -252,15 +252,15 @@ def _joint_gaps(
     floors: Sequence[NoiseFloor],
 ) -> tuple[JointGap, ...]:
     """RMS, relative size and share of each joint; energies are divided by those of the torque."""
-    energy = np.array([float(residual @ residual) for residual in residuals])
-    whole = np.array([float(rows.torque @ rows.torque) for rows in regression.joints])
-    relative = np.where(whole > 0.0, energy / np.maximum(whole, 1e-300), 0.0)
-    shares = relative / max(float(relative.sum()), 1e-300)
+    sizes = np.array([rms(residual) for residual in residuals])
+    whole = np.array([rms(rows.torque) for rows in regression.joints])
+    relative = np.where(whole > 0.0, sizes / np.maximum(whole, 1e-300), 0.0)
+    shares = relative**2 / max(float(np.sum(relative**2)), 1e-300)
     return tuple(
         JointGap(
             joint=name,
-            rms=float(np.sqrt(energy[j] / max(len(residuals[j]), 1))),
-            relative_percent=100.0 * float(np.sqrt(relative[j])) if whole[j] > 0.0 else None,
+            rms=float(sizes[j]),
+            relative_percent=100.0 * float(relative[j]) if whole[j] > 0.0 else None,
             share=float(shares[j]),
             noise_floor=floors[j].sigma,
             floor_origin=floors[j].origin,

@@ -246,8 +246,8 @@ def held_out(
 
 def row_blocks(data: Baseline, length: float | None = None) -> tuple[IntArray, ...]:
     """Block of time (r_j,) of every row of every joint; see `time_blocks`."""
-    blocks = time_blocks([len(motion.kept) for motion in data.motions], data.row_rate, length)
-    return tuple(data.counting(joint, blocks) for joint in range(len(data.joints)))
+    lengths = [len(motion.kept) for motion in data.motions]
+    return data.of_joints(time_blocks(lengths, data.row_rate, length))
 
 
 def folds_of(
@@ -271,8 +271,7 @@ def folds_of(
     seconds, count = sum(lengths) / data.row_rate, int(settings.FOLDS)
     stretches = max(int(seconds / settings.INTERLEAVED_FOLD), count) if interleaved else count
     fold = np.arange(sum(lengths)) * stretches // sum(lengths) % count
-    parts = np.split(fold, np.cumsum(lengths)[:-1])
-    folds = tuple(data.counting(joint, parts) for joint in range(len(data.joints)))
+    folds = data.of_joints(np.split(fold, np.cumsum(lengths)[:-1]))
     which = f"every {count}th block" if interleaved else f"each of {count} blocks"
     note = f"{which} of {seconds / stretches:.2g} s is predicted from the others"
     if interleaved:
