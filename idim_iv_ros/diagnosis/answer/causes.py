@@ -177,13 +177,10 @@ def _parametric_cause(
     if effect.known_to_be_left_out(space):
         inseparable = effect.inseparable_from(space)
         others = tuple(Indistinguishable(other, where, 1.0) for other, where in inseparable)
-    changed = [
-        data.joint_change(number, float(one), float(two))
-        for number, (one, two) in enumerate(zip(before, after, strict=True))
-    ]
+    stages = enumerate(zip(before, after, strict=True))
     changed = [
         change
-        for change in changed
+        for change in (data.joint_change(number, *stage) for number, stage in stages)
         if change.joint == name or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
