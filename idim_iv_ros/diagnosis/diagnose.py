@@ -280,7 +280,6 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     made = []
     for joint, name in enumerate(data.joints):
         torque = regression.joints[joint].torque
-        time, position, speed, load, since_reversal = motion_at_rows(data, joint)
         friction = _friction(refit, joint, fit.values)
         for number, effect in enumerate(explanation.effects):
             columns = effect.term.columns
@@ -289,18 +288,14 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
         made.append(
             GapSeries(
                 joint=name,
-                time=time,
                 torque=torque,
                 given=None if residuals is None else torque - residuals[joint],
                 refit=torque - explanation.fits[0].residuals[joint],
                 extended=torque - fit.residuals[joint],
                 friction=friction,
                 given_friction=None if given is None else _friction(refit, joint, given),
-                position=position,
-                speed=speed,
-                load=load,
-                since_reversal=since_reversal,
                 step=1.0 / data.row_rate,
+                **motion_at_rows(data, joint),
             )
         )
     return tuple(made)

@@ -54,9 +54,9 @@ def time_blocks(samples: Sequence[int], rate: float, length: float | None = None
 
 
 def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of values (r,) in each block that has rows: (b,)."""
-    _, number = np.unique(blocks, return_inverse=True)
-    return np.asarray(np.bincount(number, weights=values), dtype=float)
+    """Sum of values (r, …) in each block that has rows, one after the other: (b, …)."""
+    _, first = np.unique(blocks, return_index=True)
+    return np.asarray(np.add.reduceat(values, first, axis=0))
 
 
 def resampled(sums: FloatArray) -> FloatArray:
@@ -79,7 +79,7 @@ def interval(values: FloatArray) -> tuple[float, float]:
 
 def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
     """Sums of squares and of rows (b, 2) of a residual (r,) in each block (r,)."""
-    return np.column_stack([block_sums(blocks, residual**2), block_sums(blocks, residual**0)])
+    return block_sums(blocks, np.column_stack([residual**2, np.ones(len(residual))]))
 
 
 def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> Stage:
