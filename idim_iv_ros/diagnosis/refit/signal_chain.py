@@ -179,14 +179,13 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
     slopes = [np.gradient(motion.torque, 1.0 / motion.rate, axis=0) for motion in data.motions]
-    joints = range(len(data.joints))
-    rates = [data.decimated(joint, [slope[:, [joint]] for slope in slopes]) for joint in joints]
+    rates = [
+        {joint: data.decimated(joint, [slope[:, [joint]] for slope in slopes])}
+        for joint in range(len(data.joints))
+    ]
     shifted = data
     for _ in range(_SHIFT_STEPS):
-        sloping = _with_torque_of(shifted, regression)
-        for joint, rate in enumerate(rates):
-            sloping = sloping.with_columns({joint: rate})
-        fit = sloping.fit()
+        fit = _with_torque_of(shifted, regression).with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
         rows = later(data.rows, data.prepared.motions, chain.shift)

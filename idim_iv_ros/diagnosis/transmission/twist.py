@@ -285,9 +285,8 @@ def fit_twist(rows: TwistRows) -> TwistFit:
         offset += float(fit.values[0])
     selection, chosen = _chosen(rows, offset, columns)
     terms = list(chosen)
-    regression = _regression(rows, offset)
-    for term in terms:
-        regression = regression.with_columns({0: columns[term]})
+    blocks = [{0: columns[term]} for term in terms]
+    regression = _regression(rows, offset).with_columns(*blocks)
     fit, numbers = regression.fit(), {}
     for term in columns:
         if term == POSITION or (term == RATE and LOAD not in terms):
