@@ -190,13 +190,13 @@ class LawCheck:
             if set(ENCODER_LAWS) & set(term.effect.laws)
         }
         for cause in numbers:
-            factor = cause.parameters.get("factor")
-            gain = None if cause.joint is None else self.gains.get(cause.joint)
-            if BY_NAME[cause.effect].part != "torque scale" or gain is None:
+            factor, joint = cause.parameters.get("factor"), cause.joint
+            if BY_NAME[cause.effect].part != "torque scale" or joint not in self.gains:
                 continue
-            if factor is not None and factor.std is not None and cause.joint is not None:
-                apart = abs(1.0 / (1.0 + gain) - factor.value)
-                same |= {cause.joint} if apart < settings.NORMAL_95 * factor.std else set()
+            if factor is not None and factor.std is not None:
+                apart = abs(1.0 / (1.0 + self.gains[joint]) - factor.value)
+                if apart < settings.NORMAL_95 * factor.std:
+                    same.add(joint)
         return replace(self, causes=tuple(c for c in self.causes if c.joint not in same))
 
 
