@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
-from scipy.signal import correlate, correlation_lags
+from scipy.signal import fftconvolve
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
@@ -175,15 +175,19 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     """
     centre = one.mean(axis=0)
     a, b = one - centre, two - centre
-    lags = correlation_lags(len(b), len(a))
-    all_a, all_b = np.ones(len(a)), np.ones(len(b))
-    overlap = np.round(correlate(all_b, all_a))
-    energy_a = correlate(all_b, np.sum(a**2, axis=1))
-    energy_b = correlate(np.sum(b**2, axis=1), all_a)
-    cross = sum(correlate(of_b, of_a) for of_a, of_b in zip(a.T, b.T, strict=True))
-    means = [correlate(all_b, of_a) / overlap for of_a in a.T]
-    spread = energy_a / overlap - np.sum(np.square(means), axis=0)
-    moving = spread > _LEAST_MOTION * float(np.sum(np.var(one, axis=0)))
+    lags = np.arange(-(len(a) - 1), len(b))
+    cross = sum(fftconvolve(b[:, j], a[::-1, j]) for j in range(a.shape[1]))
+    low = np.maximum(0, -lags)
+    high = np.minimum(len(a), len(b) - lags)
+    overlap = (high - low).astype(float)
+    sums = [np.concatenate([[0.0], np.cumsum(np.sum(values**2, axis=1))]) for values in (a, b)]
+    energy_a = sums[0][high] - sums[0][low]
+    energy_b = sums[1][high + lags] - sums[1][low + lags]
+    plain = np.concatenate([np.zeros((1, a.shape[1])), np.cumsum(a, axis=0)])
+    mean = (plain[high] - plain[low]) / overlap[:, None]
+    spread = energy_a / overlap - np.sum(mean**2, axis=1)
+    whole = float(np.sum(np.var(one, axis=0)))
+    moving = spread > _LEAST_MOTION * whole
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
     ratio = squares / np.where(moving, spread, 1.0)
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
