@@ -115,11 +115,13 @@ def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
     `energy`: (r,) of the residual at each value, (N m)² (N²); `blocks`: (r,) block of each value
     (`time_blocks`).
     """
+    count = len(axis.edges) - 1
+    bins = np.clip(np.searchsorted(axis.edges, axis.values, side="right") - 1, 0, count - 1)
     _, block = np.unique(blocks, return_inverse=True)
-    edges = np.arange(block.max() + 2) - 0.5, axis.edges
-    inside = np.clip(axis.values, axis.edges[0], axis.edges[-1])
-    sums = [np.histogram2d(block, inside, edges, weights=weights)[0] for weights in (energy, None)]
-    return np.stack(sums, axis=2)
+    place = block * count + bins
+    size = (int(block.max()) + 1) * count
+    sums = [np.bincount(place, weights, size) for weights in (energy, np.ones(len(energy)))]
+    return np.asarray(np.stack(sums, axis=1).reshape(-1, count, 2), dtype=np.float64)
 
 
 def lifts(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
