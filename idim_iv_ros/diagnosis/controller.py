@@ -31,8 +31,10 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     events_in,
 )
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
+from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
-from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS, name_of
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
 
@@ -45,13 +47,14 @@ class LawChange:
 
     Attributes
     ----------
-    rows : CommandRows
-        Without those near an event.
+    every, rows : CommandRows
+        All rows, and those that are not near an event.
     comparison : Comparison
     terms : tuple of Term
         Groups that differ; of two sets, those of the second one have a scope.
     """
 
+    every: CommandRows
     rows: CommandRows
     comparison: Comparison
     terms: tuple[Term, ...]
@@ -94,17 +97,13 @@ class LawChange:
 
     def left_of_lag(self, lag: float) -> FloatArray:
         """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
-        rest, constants = self.rows.rest - lag * self.rows.errors[:, 0], self.rows.constants
-        return np.asarray(rest - constants @ np.linalg.lstsq(constants, rest)[0])
+        rest = self.rows.rest - lag * self.rows.errors[:, 0]
+        return independent_basis(self.rows.constants).remove(rest)
 
-    def beyond(self, rows: CommandRows) -> FloatArray:
-        """What the commands of all rows (r,) hold beyond the law and its change, N m (N).
-
-        Parameters
-        ----------
-        rows
-            All of the joint, those beside events too.
-        """
+    @property
+    def beyond(self) -> FloatArray:
+        """(r,) what the commands of all rows hold beyond the law and its change, N m (N)."""
+        rows = self.every
         rest = rows.rest - rows.errors @ self.model.errors[:TIMES]
         for name, (value, _) in self.changes.items():
             rest = rest - value * rows.groups[name]
@@ -114,13 +113,12 @@ class LawChange:
         return rest
 
 
-def law_change(rows: CommandRows) -> LawChange:
+def law_change(every: CommandRows) -> LawChange:
     """Search for the groups of the law that explain what the commands have beyond it."""
+    rows = every
     # A pulse is plain where the law holds, and where it does not beside what all groups leave.
     for more in ([], [rows.errors, *rows.groups.values()]):
-        table = np.column_stack([rows.constants, *more])
-        table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-        rest = rows.rest - table @ np.linalg.lstsq(table, rows.rest, rcond=1e-9)[0]
+        rest = independent_basis(np.column_stack([rows.constants, *more])).remove(rows.rest)
         if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():
@@ -133,7 +131,7 @@ def law_change(rows: CommandRows) -> LawChange:
     selection = select(NamedColumns(rows.groups, rows.second), ledger)
     terms = supported(selection.comparison, selection.terms, settings.LAW_LEAST_SUPPORT)
     large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
-    return LawChange(rows, selection.comparison, together(selection.comparison, large))
+    return LawChange(every, rows, selection.comparison, together(selection.comparison, large))
 
 
 def why_not_checked(data: Baseline) -> str:
@@ -192,13 +190,13 @@ class LawCheck:
             if set(ENCODER_LAWS) & set(term.effect.laws)
         }
         for cause in numbers:
-            factor = cause.parameters.get("factor")
-            gain = None if cause.joint is None else self.gains.get(cause.joint)
-            if BY_NAME[cause.effect].part != "torque scale" or gain is None:
+            factor, joint = cause.parameters.get("factor"), cause.joint
+            if BY_NAME[cause.effect].part != "torque scale" or joint not in self.gains:
                 continue
-            if factor is not None and factor.std is not None and cause.joint is not None:
-                apart = abs(1.0 / (1.0 + gain) - factor.value)
-                same |= {cause.joint} if apart < settings.NORMAL_95 * factor.std else set()
+            if factor is not None and factor.std is not None:
+                apart = abs(1.0 / (1.0 + self.gains[joint]) - factor.value)
+                if apart < settings.NORMAL_95 * factor.std:
+                    same.add(joint)
         return replace(self, causes=tuple(c for c in self.causes if c.joint not in same))
 
 
@@ -223,13 +221,13 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     usual = settings.LONGEST_LAG * shown.period + max(-shift, 0.0)
     longest, delay = _shared_lag(shown, usual)
     causes, gains, beyond = [], {}, []
-    for joint, (rows, change) in shown.joints.items():
+    for joint, change in shown.joints.items():
         changes, cause = _cause(data, shown.law, joint, change, longest)
         if cause is not None:
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:
             gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
-        rest = change.beyond(rows)
+        rest, rows = change.beyond, change.every
         sizes = rms(rest), rows.size
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
@@ -252,15 +250,15 @@ class ShownLaw:
     resolution : float
         Difference of two lags that a recording of this rate can show, s: half of its interval, at
         which the law is evaluated, and the period of the control.
-    joints : dict of int to (CommandRows, LawChange)
-        All rows, and the smallest change that explains them, of joints that have enough.
+    joints : dict of int to LawChange
+        The smallest change that explains the commands, of joints that have rows enough.
     """
 
     law: ControlLaw
     speed: LawSpeed
     period: float
     resolution: float
-    joints: dict[int, tuple[CommandRows, LawChange]]
+    joints: dict[int, LawChange]
 
 
 def shown_law(data: Baseline) -> ShownLaw:
@@ -276,8 +274,7 @@ def shown_law(data: Baseline) -> ShownLaw:
         rows = command_rows(motions, law, joint, speed, period)
         if rows is not None:
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
-            rows = replace(rows, rest=rows.rest + least)
-            joints[joint] = rows, law_change(rows)
+            joints[joint] = law_change(replace(rows, rest=rows.rest + least))
     interval = 1.0 / min(motion.signals.rate for motion in motions)
     return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)
 
@@ -292,7 +289,7 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
     """
     if len(shown.joints) < 2:
         return usual, None
-    lags, stds = np.array([change.lag for _, change in shown.joints.values()]).T
+    lags, stds = np.array([change.lag for change in shown.joints.values()]).T
     common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)  # that of half of the joints
     apart = settings.LAG_DIFFERENCE * max(shown.resolution, common)
     same = np.abs(lags - common) <= apart
@@ -305,24 +302,9 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
 
 def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Cause:
     """A delay of all joints that is longer than a control of this period makes it."""
-    assert delay.std is not None
-    changes = [change for _, change in shown.joints.values()]
-    one, two = (
-        float(np.linalg.norm([rms(rest) for rest in left]))
-        for left in (
-            [change.left_of_lag(usual) for change in changes],
-            [change.before for change in changes],
-        )
-    )
-    return Cause(
-        effect=name_of("delay"),
-        kind="structural",
-        joint=None,
-        parameters={"delay": delay},
-        evidence=Evidence((delay.value / delay.std) ** 2),
-        torque_gap=Gap.without_floor(one, two),
-        sentence=sentences.commands_late(delay, shown.period),
-    )
+    before = [rms(change.left_of_lag(usual)) for change in shown.joints.values()]
+    after = [rms(change.before) for change in shown.joints.values()]
+    return delay_of_all(delay, before, after, sentences.commands_late(delay, shown.period))
 
 
 def _cause(

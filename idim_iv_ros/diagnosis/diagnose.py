@@ -41,7 +41,7 @@ from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, w
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePaths
+from idim_iv_ros.files import FilePaths, as_paths
 from idim_iv_ros.identification.assembly import software_versions
 from idim_iv_ros.identification.identify import consistent_parameters
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
@@ -82,13 +82,11 @@ def diagnose(
         As `identify`.
     """
     excluded = tuple(without)
-    given, second = (
-        [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-        for paths in (bags, against)
-    )
-    of_both = {os.path.realpath(bag) for bag in given} & {os.path.realpath(bag) for bag in second}
+    given = as_paths(bags)
+    second = as_paths(against) if against else ()
+    reference = {os.path.realpath(bag) for bag in given}
     for bag in second:
-        if os.path.realpath(bag) in of_both:
+        if os.path.realpath(bag) in reference:
             raise UsageError(
                 f"--against {bag}: it is among the reference recordings, too; "
                 "a set cannot differ from itself"
@@ -282,7 +280,6 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     made = []
     for joint, name in enumerate(data.joints):
         torque = regression.joints[joint].torque
-        time, position, speed, load, since_reversal = motion_at_rows(data, joint)
         friction = _friction(refit, joint, fit.values)
         for number, effect in enumerate(explanation.effects):
             columns = effect.term.columns
@@ -291,18 +288,14 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
         made.append(
             GapSeries(
                 joint=name,
-                time=time,
                 torque=torque,
                 given=None if residuals is None else torque - residuals[joint],
                 refit=torque - explanation.fits[0].residuals[joint],
                 extended=torque - fit.residuals[joint],
                 friction=friction,
                 given_friction=None if given is None else _friction(refit, joint, given),
-                position=position,
-                speed=speed,
-                load=load,
-                since_reversal=since_reversal,
                 step=1.0 / data.row_rate,
+                **motion_at_rows(data, joint),
             )
         )
     return tuple(made)

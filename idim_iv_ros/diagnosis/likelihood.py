@@ -73,9 +73,9 @@ class Regression:
     parameters: int
     added: tuple[Columns, ...] = ()
 
-    def with_columns(self, columns: Columns) -> "Regression":
-        """Return the same with one more block."""
-        return replace(self, added=(*self.added, columns))
+    def with_columns(self, *blocks: Columns) -> "Regression":
+        """Return the same with more blocks."""
+        return replace(self, added=(*self.added, *blocks))
 
     @property
     def widths(self) -> tuple[int, ...]:

@@ -1,6 +1,7 @@
 """Every sentence about what was found, made from values: the terminal and the report show them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
@@ -77,7 +78,7 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
         f"({listed_numbers(one.effect, one.parameters, 1)})"
         for one in first.differences
     )
-    more = f" and {_count(len(differing) - 1, 'more recording')}" if len(differing) > 1 else ""
+    more = _and_more(differing, "recording")
     return (
         f"one set of parameters does not hold for all recordings: {first.bag} differs by "
         f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} ({causes}){more}; "
@@ -101,8 +102,7 @@ def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> 
     if smaller:
         most_changed = max(smaller, key=lambda change: change.share_of_torque)
         text += f"; correcting it reduces the torque gap {_change(data, most_changed)}"
-        if len(smaller) > 1:
-            text += f" and at {_count(len(smaller) - 1, 'more joint')}"
+        text += _and_more(smaller, "joint", " at")
     return text + or_else(cause.indistinguishable_from)
 
 
@@ -197,8 +197,7 @@ def _gear(measured: Transmission) -> str:
         text += "; an error of an encoder over the position was taken out"
     offset = measured.time_offset
     late = "late" if offset.value >= 0.0 else "early"
-    half = "" if offset.std is None else f" ± {1e3 * settings.NORMAL_95 * offset.std:.2g}"
-    size = f"{1e3 * abs(offset.value):.3g}{half} ms"
+    size = with_interval(replace(offset, value=abs(offset.value)), 1e3, "ms")
     return f"{text}; the link is read {size} {late}, which is no elasticity"
 
 
@@ -217,7 +216,7 @@ def remaining_parameter_errors(
     if not errors:
         return ""
     worst = errors[0]
-    more = f" and at {_count(len(errors) - 1, 'more joint')}" if len(errors) > 1 else ""
+    more = _and_more(errors, "joint", " at")
     numbers = [
         f"{spaced(hint.effect)} at {hint.joint}"
         for hint in hints
@@ -236,7 +235,7 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
         return ""
     number, rms, share, noise = lacking[0]
     joint = data.joints[number]
-    more = f" and at {_count(len(lacking) - 1, 'more joint')}" if len(lacking) > 1 else ""
+    more = _and_more(lacking, "joint", " at")
     return (
         f"unexplained residual: {torque(data, rms, joint)} at {joint} ({100 * share:.0f} % of its "
         f"torque, noise {noise:.2g} {data.unit_at(number, 'N m')}){more}; the causes are not the "
@@ -423,8 +422,10 @@ def with_interval(parameter: EffectParameter, scale: float = 1.0, unit: str = ""
     return f"{text} {unit or parameter.unit}".rstrip()
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def _and_more(listed: Sequence[object], what: str, at: str = "") -> str:
+    """How many there are beyond the first; empty where there are none."""
+    more = len(listed) - 1
+    return f" and{at} {more} more {what}{'' if more == 1 else 's'}" if more > 0 else ""
 
 
 def spaced(name: str) -> str:

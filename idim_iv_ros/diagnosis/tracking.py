@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -45,20 +46,18 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        energies = [self.block_energies(joint) for joint in range(len(self.joints))]
-        return {
-            name: float(np.sqrt(energy.sum() / seconds))
-            for name, (energy, seconds) in zip(self.joints, energies, strict=True)
-        }
+        *energies, seconds = self.block_energies.sum(axis=0).tolist()
+        sizes = np.sqrt(np.array(energies) / seconds)
+        return dict(zip(self.joints, sizes.tolist(), strict=True))
 
-    def block_energies(self, joint: int) -> tuple[FloatArray, float]:
-        """Squared errors of a joint over time (b,) in blocks of time, and all seconds."""
-        sums, seconds = [], 0.0
+    @cached_property
+    def block_energies(self) -> FloatArray:
+        """Squared errors of each joint over time, and time, in blocks of it: (b, n_joints + 1)."""
+        sums = []
         for error, rate in zip(self.errors, self.rates, strict=True):
             (blocks,) = time_blocks([len(error)], rate)
-            sums.append(block_sums(blocks, error[:, joint] ** 2) / rate)
-            seconds += len(error) / rate
-        return np.concatenate(sums), seconds
+            sums.append(block_sums(blocks, np.column_stack([error**2, np.ones(len(error))])) / rate)
+        return np.concatenate(sums)
 
 
 def simulated_tracking(
@@ -103,8 +102,8 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationG
     """Tracking error before and after at a joint."""
     if before.note or after.note:
         return None
-    (one, seconds), (two, _) = before.block_energies(joint), after.block_energies(joint)
-    pair = np.column_stack([one, two])
+    pair = np.column_stack([stage.block_energies[:, joint] for stage in (before, after)])
+    seconds = before.block_energies[:, -1].sum()
     first, second = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
     if first <= 0.0:
         return SimulationGap(first, second)
@@ -114,7 +113,7 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationG
 
 
 def tracking_series(
-    data: Baseline, before: Tracking | None, after: Tracking | None
+    data: Baseline, before: Tracking, after: Tracking
 ) -> tuple[TrackingSeries, ...]:
     """Tracking errors, reference less position, of every joint and recording."""
     made = []
@@ -125,10 +124,7 @@ def tracking_series(
         wanted = reference[motion.span]
         thin = slice(None, None, -(-len(wanted) // settings.MOST_POINTS))
         measured = wanted - motion.position[motion.span]
-        simulated = [
-            None if gap is None or gap.note else measured - gap.errors[number]
-            for gap in (before, after)
-        ]
+        simulated = [None if gap.note else measured - gap.errors[number] for gap in (before, after)]
         time = (motion.span.start + np.arange(len(wanted))) / motion.signals.rate
         for joint, name in enumerate(data.joints):
             made.append(

@@ -1,12 +1,12 @@
 """Where the gap lies: its share in parts of the samples, against the share of the samples."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
@@ -41,14 +41,11 @@ def since_reversal(position: FloatArray, velocity: FloatArray, slowest: float) -
     return np.asarray(path - path[last])
 
 
-def motion_at_rows(data: Baseline, joint: int) -> FloatArray:
-    """Smooth motion of one joint at the rows that count, over all recordings.
+def motion_at_rows(data: Baseline, joint: int) -> dict[str, FloatArray]:
+    """Smooth motion of one joint at the rows (r,) that count, over all recordings.
 
-    Returns
-    -------
-    (5, r)
-        Time (s), position (rad, m), velocity, torque of the rigid bodies alone (N m, N), and
-        distance since the last reversal (rad, m).
+    By name: ``time`` (s), ``position`` (rad, m), ``speed``, ``load``, the torque of the rigid
+    bodies alone (N m, N), and ``since_reversal``, the distance since the last one (rad, m).
     """
     slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
     tables = []
@@ -57,7 +54,8 @@ def motion_at_rows(data: Baseline, joint: int) -> FloatArray:
         distance = since_reversal(position, velocity, slowest)
         values = (motion.time, position, velocity, motion.load[:, joint], distance)
         tables.append(np.column_stack(values)[motion.decimation.kept])
-    return data.counting(joint, tables).T
+    names = ("time", "position", "speed", "load", "since_reversal")
+    return dict(zip(names, data.counting(joint, tables).T, strict=True))
 
 
 @dataclass(frozen=True)
@@ -73,16 +71,16 @@ class Axis:
     unit: str = ""
 
 
-def axes_of(motion: FloatArray, starts: Sequence[float]) -> list[Axis]:
-    """Every quantity of a joint's motion (5, r) by which its samples are split.
+def axes_of(motion: Mapping[str, FloatArray], starts: Sequence[float]) -> list[Axis]:
+    """Every quantity of a joint's motion (`motion_at_rows`) by which its samples are split.
 
     `starts`: of the recordings in the time of the session, s.
     """
-    time, position, velocity, load, distance = motion
-    speed, load = np.abs(velocity), np.abs(load)
+    time, position, distance = motion["time"], motion["position"], motion["since_reversal"]
+    speed, load = np.abs(motion["speed"]), np.abs(motion["load"])
     return [
         Axis("speed", speed, _logarithmic(speed, 6), "rad/s"),
-        Axis("direction", np.sign(velocity) * 0.5, np.array([-1.0, 0.0, 1.0])),
+        Axis("direction", np.sign(motion["speed"]) * 0.5, np.array([-1.0, 0.0, 1.0])),
         Axis("position", position, np.linspace(position.min(), position.max(), 9), "rad"),
         Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6)), "N m"),
         Axis("time", time, _in_recordings(time, starts, 6), "s"),
@@ -252,15 +250,15 @@ def _joint_gaps(
     floors: Sequence[NoiseFloor],
 ) -> tuple[JointGap, ...]:
     """RMS, relative size and share of each joint; energies are divided by those of the torque."""
-    energy = np.array([float(residual @ residual) for residual in residuals])
-    whole = np.array([float(rows.torque @ rows.torque) for rows in regression.joints])
-    relative = np.where(whole > 0.0, energy / np.maximum(whole, 1e-300), 0.0)
-    shares = relative / max(float(relative.sum()), 1e-300)
+    sizes = np.array([rms(residual) for residual in residuals])
+    whole = np.array([rms(rows.torque) for rows in regression.joints])
+    relative = np.where(whole > 0.0, sizes / np.maximum(whole, 1e-300), 0.0)
+    shares = relative**2 / max(float(np.sum(relative**2)), 1e-300)
     return tuple(
         JointGap(
             joint=name,
-            rms=float(np.sqrt(energy[j] / max(len(residuals[j]), 1))),
-            relative_percent=100.0 * float(np.sqrt(relative[j])) if whole[j] > 0.0 else None,
+            rms=float(sizes[j]),
+            relative_percent=100.0 * float(relative[j]) if whole[j] > 0.0 else None,
             share=float(shares[j]),
             noise_floor=floors[j].sigma,
             floor_origin=floors[j].origin,

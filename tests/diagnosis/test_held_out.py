@@ -19,7 +19,7 @@ def _data(recordings: int) -> Baseline:
     motions = [SimpleNamespace(kept=np.ones((ROWS, 1), bool)) for _ in range(recordings)]
     data: Any = SimpleNamespace(
         motions=motions,
-        counting=lambda joint, values: np.concatenate(values),
+        of_joints=lambda values: (np.concatenate(values),),
         row_rate=RATE,
         joints=("joint_1",),
         recordings=(np.repeat(np.arange(recordings), ROWS),),

@@ -154,7 +154,8 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
     loud = time >= starts[-1] + 6.0
     residual = random.standard_normal(len(time)) * np.where(loud, 3.0, 1.0)
     other = random.uniform(0.1, 1.0, len(time))
-    axes = axes_of(np.array([time, other, other, other, other]), starts)
+    names = ("position", "speed", "load", "since_reversal")
+    axes = axes_of({"time": time, **dict.fromkeys(names, other)}, starts)
     axis = next(one for one in axes if one.name == "time")
     if 1 < recordings < 6:  # no bin holds rows of two recordings
         place = np.searchsorted(axis.edges, time, side="right")

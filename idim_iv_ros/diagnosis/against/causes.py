@@ -165,7 +165,9 @@ def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCa
             return [], f"the control laws of the sets were not compared: {reason} ({name})"
     one, other = (shown_law(refit.data) for refit in sets.refits)
     causes = [
-        _law_cause(sets, one.law, joint, one.joints[joint][0].followed_by(other.joints[joint][0]))
+        _law_cause(
+            sets, one.law, joint, one.joints[joint].every.followed_by(other.joints[joint].every)
+        )
         for joint in sorted(set(one.joints) & set(other.joints))
     ]
     return [cause for cause in causes if cause is not None], ""

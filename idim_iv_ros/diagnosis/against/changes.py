@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Difference, EffectParameter, RecordingAgreement
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
@@ -109,8 +109,8 @@ def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArr
     for joint, numbers in enumerate(data.recordings):
         inside = np.isin(numbers, list(recordings))
         parts = [t.columns[joint][inside] @ t.coefficients for t in terms if joint in t.columns]
-        if parts and inside.any():
-            made[joint] = np.sqrt(np.mean(np.sum(parts, axis=0) ** 2))
+        if parts:
+            made[joint] = rms(np.sum(parts, axis=0))
     return made
 
 

@@ -75,7 +75,7 @@ def contrast_of(
     numbers = number_changes(changes)
     law, why_no_law = law_causes(sets, without)
     shifts = {
-        name: EffectParameter(refit.shift.shift, refit.shift.std, "s")
+        name: refit.shift.common
         for name, refit in zip(("reference", "against"), sets.refits, strict=True)
     }
     delay = delay_causes(sets, shifts)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, smooth_regression, with_offsets
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
@@ -60,8 +60,7 @@ class TwoSets:
     def sizes(self) -> FloatArray:
         """RMS (n_joints,) of the torque in the second set, N m (N)."""
         rows = zip(self.data.rows, self.inside, strict=True)
-        squares = [np.mean(joint.torque[inside] ** 2) for joint, inside in rows]
-        return np.maximum(np.sqrt(squares), 1e-300)
+        return np.maximum([rms(joint.torque[inside]) for joint, inside in rows], 1e-300)
 
 
 def two_sets(

@@ -14,7 +14,7 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import shrinkage
+from idim_iv_ros.diagnosis.refit.held_out import gap_over
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -177,20 +177,16 @@ def _parametric_cause(
     if effect.known_to_be_left_out(space):
         inseparable = effect.inseparable_from(space)
         others = tuple(Indistinguishable(other, where, 1.0) for other, where in inseparable)
-    changed = [
-        data.joint_change(number, float(one), float(two))
-        for number, (one, two) in enumerate(zip(before, after, strict=True))
-    ]
+    stages = enumerate(zip(before, after, strict=True))
     changed = [
         change
-        for change in changed
+        for change in (data.joint_change(number, *stage) for number, stage in stages)
         if change.joint == name or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
     which = list(range(len(data.joints))) if joint is None else [joint]
     one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
     floor = common_floor([explanation.floors[number] for number in which])
-    taken = float(shrinkage(np.array(one), np.array(two), floor))
     cause = Cause(
         effect=effect.name,
         kind="parametric",
@@ -200,7 +196,7 @@ def _parametric_cause(
         probability=judgement.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
-        torque_gap=Gap(one, two, floor, taken if np.isfinite(taken) else None, None),
+        torque_gap=gap_over(floor, one, two),
         joint_gaps=tuple(changed),
     )
     return replace(cause, sentence=sentences.parametric_cause(data, cause, effect))
@@ -239,7 +235,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
                 reason=judgement.reason,
                 parameters=numbers,
                 chosen_in_folds=judgement.chosen if term.candidate.kind is Kind.EFFECT else "",
-                torque_gap=Gap(float(np.hypot(rest, share)), rest, None, None, None),
+                torque_gap=Gap(float(np.hypot(rest, share)), rest),
             )
         )
     return tuple(made)

@@ -152,9 +152,6 @@ def _tested(
     )
     more = [term.columns for term in outside if matters(term)]
     more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
-    wider = regression
-    for columns in more:
-        wider = wider.with_columns(columns)
     repeats = repeats_of(data)
     floors = noise_floors(data, regression, fits[-1], repeats)
     tested = held_out(
@@ -175,7 +172,7 @@ def _tested(
         outside=outside,
         regression=regression,
         fits=tuple(fits),
-        whole=wider.fit(fits[-1].noise_models) if more else fits[-1],
+        whole=regression.with_columns(*more).fit(fits[-1].noise_models) if more else fits[-1],
         tested=tested,
         floors=tuple(floors),
     )

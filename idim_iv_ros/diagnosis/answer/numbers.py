@@ -118,11 +118,9 @@ def _slopes(
         return np.array([number.value for number in numbers.values()])
 
     here = values(shape, coefficients)
-    slopes = []
-    for k, size in enumerate(np.maximum(np.abs(coefficients), deviations)):
-        step = _COEFFICIENT_STEP * max(float(size), 1e-12)
-        changed = coefficients.copy()
-        changed[k] += step
-        slopes.append((values(shape, changed) - here) / step)
-    slopes += [values(other, coefficients) - here for other in near]
-    return np.column_stack(slopes)
+    sizes = np.maximum(np.maximum(np.abs(coefficients), deviations), 1e-12)
+    slopes = scipy.optimize.approx_fprime(
+        coefficients, lambda changed: values(shape, changed), _COEFFICIENT_STEP * sizes
+    )
+    moves = [values(other, coefficients) - here for other in near]
+    return np.column_stack([slopes.reshape(len(here), -1), *moves])

@@ -71,14 +71,14 @@ class Baseline:
     @cached_property
     def recordings(self) -> tuple[IntArray, ...]:
         """(r_j,) of each joint: which recording each row belongs to."""
-        numbers = [np.full(len(motion.kept), k) for k, motion in enumerate(self.motions)]
-        return tuple(self.counting(joint, numbers) for joint in range(len(self.joints)))
+        return self.of_joints(
+            [np.full(len(motion.kept), k) for k, motion in enumerate(self.motions)]
+        )
 
     @cached_property
     def places(self) -> tuple[IntArray, ...]:
         """(r_j,) of each joint: which decimated sample of its recording each row is."""
-        samples = [np.arange(len(motion.kept)) for motion in self.motions]
-        return tuple(self.counting(joint, samples) for joint in range(len(self.joints)))
+        return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
 
     @property
     def left_out(self) -> frozenset[int]:
@@ -122,6 +122,15 @@ class Baseline:
         energy = float(before) ** 2 - float(after) ** 2
         share = float(np.sign(energy) * np.sqrt(abs(energy))) / self.torque_sizes[joint]
         return JointChange(self.joints[joint], float(before), float(after), share)
+
+    def decimated(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
+        """Rows of one joint (r, …) from values (s, …) on the grid of each smooth motion."""
+        parts = zip(values, self.motions, strict=True)
+        return self.counting(joint, [motion.rows(part) for part, motion in parts])
+
+    def of_joints(self, values: Sequence[NDArray[T]]) -> tuple[NDArray[T], ...]:
+        """Rows (r_j,) of every joint from decimated values (m,) of each recording."""
+        return tuple(self.counting(joint, values) for joint in range(len(self.joints)))
 
     def counting(self, joint: int, values: Sequence[NDArray[T]]) -> NDArray[T]:
         """Rows of one joint (r, …) from decimated values (m, …) of each recording."""

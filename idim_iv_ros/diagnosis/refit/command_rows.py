@@ -159,33 +159,32 @@ def command_rows(
     period
         Of the control, s: what the law sees, and is recorded, is about as late.
     """
-    tables, every = [], []
-    for number, motion in enumerate(motions):
+    every = [comparable(motion, law, joint) for motion in motions]
+    counts = [int(kept.sum()) for kept in every]
+    if sum(counts) < settings.LEAST_ROWS:
+        return None
+    tables = []
+    for motion, kept in zip(motions, every, strict=True):
         parts, _ = evaluated(motion, law, joint, speed)
         recorded = motion.signals.torque[:, joint]
         groups = [parts.groups[name] for name in CONTROL_LAW.groups]
         table = np.column_stack(
             [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
         )
-        kept = comparable(motion, law, joint)
-        table = motion.decimation.whole(table[motion.span])[kept]
-        number_and_time = np.column_stack([np.full(len(table), number), motion.time[kept]])
-        tables.append(np.hstack([number_and_time, table]))
-        every.append(kept)
+        decimated = motion.decimation.whole(table[motion.span])
+        tables.append(np.column_stack([motion.time, decimated])[kept])
     table = np.concatenate(tables)
-    if len(table) < settings.LEAST_ROWS:
-        return None
-    first = 4 + TIMES
+    first = 3 + TIMES
     step = 1.0 / min(motion.signals.rate for motion in motions)
     return CommandRows(
-        rest=table[:, 3],
-        size=rms(table[:, 2]),
+        rest=table[:, 2],
+        size=rms(table[:, 1]),
         groups={name: table[:, first + k] for k, name in enumerate(CONTROL_LAW.groups)},
-        errors=table[:, 4:first],
+        errors=table[:, 3:first],
         likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),
         runs=segments_of(every),
-        recording=table[:, 0].astype(np.int64),
-        time=table[:, 1],
+        recording=np.repeat(np.arange(len(counts)), counts),
+        time=table[:, 0],
         second=np.zeros(len(table), dtype=bool),
     )
 

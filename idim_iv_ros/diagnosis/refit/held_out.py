@@ -5,7 +5,7 @@ independent.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,9 +54,9 @@ def time_blocks(samples: Sequence[int], rate: float, length: float | None = None
 
 
 def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of values (r,) in each block that has rows: (b,)."""
-    _, number = np.unique(blocks, return_inverse=True)
-    return np.asarray(np.bincount(number, weights=values), dtype=float)
+    """Sum of values (r, …) in each block that has rows, one after the other: (b, …)."""
+    _, first = np.unique(blocks, return_index=True)
+    return np.asarray(np.add.reduceat(values, first, axis=0))
 
 
 def resampled(sums: FloatArray) -> FloatArray:
@@ -79,21 +79,16 @@ def interval(values: FloatArray) -> tuple[float, float]:
 
 def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
     """Sums of squares and of rows (b, 2) of a residual (r,) in each block (r,)."""
-    return np.column_stack([block_sums(blocks, residual**2), block_sums(blocks, residual**0)])
+    return block_sums(blocks, np.column_stack([residual**2, np.ones(len(residual))]))
 
 
 def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> Stage:
     """Stage from the `energies` (b, 2) of each joint, its tracking not yet known."""
-    limits = {}
-    for joint, blocks in zip(joints, sums, strict=True):
-        draws = resampled(blocks)
-        limits[joint] = interval(np.sqrt(draws[:, 0] / draws[:, 1]))
+    pairs = list(zip(joints, sums, strict=True))
     return Stage(
         name=name,
-        torque_rms={
-            joint: _root(blocks.sum(axis=0)) for joint, blocks in zip(joints, sums, strict=True)
-        },
-        torque_ci95=limits,
+        torque_rms={joint: float(_roots(blocks.sum(axis=0))) for joint, blocks in pairs},
+        torque_ci95={joint: interval(_roots(resampled(blocks))) for joint, blocks in pairs},
         tracking_rms=None,
         note="",
     )
@@ -142,7 +137,7 @@ class HeldOut:
 
     def rms(self, stage: int, joint: int) -> float:
         """RMS of one stage at one joint, N m (N)."""
-        return _root(self._energies[stage][joint].sum(axis=0))
+        return float(_roots(self._energies[stage][joint].sum(axis=0)))
 
     def stages(self) -> tuple[Stage, ...]:
         """All stages, their tracking not yet known."""
@@ -154,15 +149,15 @@ class HeldOut:
     def gap(self, before: int, after: int, joint: int) -> Gap:
         """Gap of two stages at a joint."""
         floor = self.floors[joint].sigma
-        sums = [self._energies[stage][joint] for stage in (before, after)]
-        one, two = (_root(blocks.sum(axis=0)) for blocks in sums)
-        share = float(shrinkage(np.array(one), np.array(two), floor))
-        if not np.isfinite(share):
-            return Gap(one, two, floor)
-        first, second = (np.sqrt(draws[:, 0] / draws[:, 1]) for draws in map(resampled, sums))
+        gap = gap_over(floor, self.rms(before, joint), self.rms(after, joint))
+        if gap.shrinkage is None:
+            return gap
+        first, second = (
+            _roots(resampled(self._energies[stage][joint])) for stage in (before, after)
+        )
         drawn = shrinkage(first, second, floor)
         drawn = drawn[np.isfinite(drawn)]
-        return Gap(one, two, floor, share, interval(drawn) if len(drawn) > 20 else None)
+        return replace(gap, ci95=interval(drawn) if len(drawn) > 20 else None)
 
     def gain(self, effect: int) -> tuple[float, int, int]:
         """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
@@ -186,6 +181,12 @@ def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> Flo
     room = before - (floor or 0.0)
     share = (before - after) / np.where(room > 0.0, room, 1.0)
     return np.asarray(np.where(room > _LEAST_ROOM * before, share, np.nan))
+
+
+def gap_over(floor: float | None, before: float, after: float) -> Gap:
+    """Gap with its shrinkage above a noise floor, where there is anything above it."""
+    share = float(shrinkage(np.array(before), np.array(after), floor))
+    return Gap(before, after, floor, share if np.isfinite(share) else None)
 
 
 def held_out(
@@ -245,8 +246,8 @@ def held_out(
 
 def row_blocks(data: Baseline, length: float | None = None) -> tuple[IntArray, ...]:
     """Block of time (r_j,) of every row of every joint; see `time_blocks`."""
-    blocks = time_blocks([len(motion.kept) for motion in data.motions], data.row_rate, length)
-    return tuple(data.counting(joint, blocks) for joint in range(len(data.joints)))
+    lengths = [len(motion.kept) for motion in data.motions]
+    return data.of_joints(time_blocks(lengths, data.row_rate, length))
 
 
 def folds_of(
@@ -270,8 +271,7 @@ def folds_of(
     seconds, count = sum(lengths) / data.row_rate, int(settings.FOLDS)
     stretches = max(int(seconds / settings.INTERLEAVED_FOLD), count) if interleaved else count
     fold = np.arange(sum(lengths)) * stretches // sum(lengths) % count
-    parts = np.split(fold, np.cumsum(lengths)[:-1])
-    folds = tuple(data.counting(joint, parts) for joint in range(len(data.joints)))
+    folds = data.of_joints(np.split(fold, np.cumsum(lengths)[:-1]))
     which = f"every {count}th block" if interleaved else f"each of {count} blocks"
     note = f"{which} of {seconds / stretches:.2g} s is predicted from the others"
     if interleaved:
@@ -332,6 +332,6 @@ def _solutions(
     return solutions
 
 
-def _root(total: FloatArray) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(total[0] / max(total[1], 1.0)))
+def _roots(energies: FloatArray) -> FloatArray:
+    """Root of the mean square (…) of sums of squares and of rows (…, 2)."""
+    return np.asarray(np.sqrt(energies[..., 0] / np.maximum(energies[..., 1], 1.0)))

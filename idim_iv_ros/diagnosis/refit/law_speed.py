@@ -24,10 +24,11 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     evaluated,
 )
 from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
@@ -48,21 +49,18 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     """
     differentiating = np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist()
     rows = {joint: command_rows(motions, law, joint, LawSpeed(), 0.0) for joint in differentiating}
-    joints = [
-        _JointCommands(motions, law, joint, some)
-        for joint, some in rows.items()
-        if some is not None
-    ]
-    if not joints:
+    usable = [(joint, some) for joint, some in rows.items() if some is not None]
+    if not usable:
         return LawSpeed()
+    plainly = [_JointCommands(motions, law, *pair, ["kp"]) for pair in usable]
 
-    def score(speed: LawSpeed, *, feedforward: bool = False) -> float:
+    def score(speed: LawSpeed, joints: Sequence[_JointCommands] = plainly) -> float:
         """What a speed leaves of the commands: geometric mean over joints.
 
         Each joint counts by its own noise, as in a likelihood: one whose efforts are much off,
         whatever the speed, would decide in a mean of squares.
         """
-        left = [joint.left(speed, feedforward=feedforward) for joint in joints]
+        left = [joint.left(speed) for joint in joints]
         return float(np.exp(0.5 * np.mean(np.log(np.maximum(left, 1e-30)))))
 
     recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
@@ -84,49 +82,43 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     if chosen.kind != "filtered":
         return chosen
     # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
-    late = score(chosen, feedforward=True)
-    others = {speed: score(speed, feedforward=True) for speed in early}
+    groups = ["kp", "feedforward_acceleration"]
+    beside_one = [_JointCommands(motions, law, *pair, groups) for pair in usable]
+    late = score(chosen, beside_one)
+    others = {speed: score(speed, beside_one) for speed in early}
     best = min(others, key=lambda speed: others[speed])
     return best if others[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
 
 
 class _JointCommands:
-    """Commands of one joint beside its law, for any speed of it."""
+    """Commands of one joint beside its law with other groups, for any speed of it."""
 
     def __init__(
-        self, motions: Sequence[Motion], law: ControlLaw, joint: int, rows: CommandRows
+        self,
+        motions: Sequence[Motion],
+        law: ControlLaw,
+        joint: int,
+        rows: CommandRows,
+        groups: Sequence[str],
     ) -> None:
         self.gain, self.joint, self.rows = float(law.torque_gains[1][joint]), joint, rows
+        others = [rows.groups[name] for name in groups]
+        self.plain = np.column_stack([rows.constants, rows.errors[:, 0], *others])
+        with_plain_speed = np.column_stack([self.plain, rows.groups["kd"]])
+        rest = independent_basis(with_plain_speed).remove(rows.rest)
+        self.steady = away_from_events(rest, rows.recording, rows.time)
         self.parts = [
             (motion, evaluated(motion, law, joint, LawSpeed())[1], comparable(motion, law, joint))
             for motion in motions
         ]
-        self._columns: dict[bool, tuple[FloatArray, FloatArray, BoolArray]] = {}
 
-    def left(self, speed: LawSpeed, *, feedforward: bool) -> float:
-        """Share of the energy of the command that the law with a speed leaves.
-
-        `feedforward`: beside one over the acceleration of the reference.
-        """
-        if feedforward not in self._columns:
-            self._columns[feedforward] = self._shared(feedforward=feedforward)
-        plain, slip, steady = self._columns[feedforward]
-        change = self._change(speed)[steady]
-        matrix = np.column_stack([plain, slip - change])
-        rest = self.rows.rest[steady] + self.gain * change
-        energy = float(np.sum((rest - matrix @ np.linalg.lstsq(matrix, rest)[0]) ** 2))
+    def left(self, speed: LawSpeed) -> float:
+        """Share of the energy of the command that the law with a speed leaves."""
+        change = self._change(speed)
+        matrix = np.column_stack([self.plain, self.rows.groups["kd"] - change])[self.steady]
+        rest = (self.rows.rest + self.gain * change)[self.steady]
+        energy = float(np.sum(independent_basis(matrix).remove(rest) ** 2))
         return energy / max(len(rest) * self.rows.size**2, 1e-300)
-
-    def _shared(self, *, feedforward: bool) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Columns that no speed changes, that of the plain one's gain, and the rows that count."""
-        rows = self.rows
-        names = ["kp", "feedforward_acceleration"] if feedforward else ["kp"]
-        columns = [rows.constants, rows.errors[:, 0], *(rows.groups[name] for name in names)]
-        plain, slip = np.column_stack(columns), rows.groups["kd"]
-        first = np.column_stack([plain, slip])
-        rest = rows.rest - first @ np.linalg.lstsq(first, rows.rest)[0]
-        steady = away_from_events(rest, rows.recording, rows.time)
-        return plain[steady], slip[steady], steady
 
     def _change(self, speed: LawSpeed) -> FloatArray:
         """Rows (r,) by which a speed is larger than the plain one, where no limit acts."""

@@ -10,6 +10,7 @@ from scipy.signal import fftconvolve
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.types import FloatArray, IntArray
 
 _COARSE = 5.0  # tolerances before the shift between two repeats is refined
@@ -104,12 +105,9 @@ def common_floor(floors: Sequence[NoiseFloor]) -> float | None:
 
 def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:
     """Energy of a difference (n,) beyond columns (n, c), and its degrees of freedom."""
-    scale = np.linalg.norm(drifting, axis=0)
-    columns = drifting[:, scale > 0.0] / scale[scale > 0.0]
-    columns = np.column_stack([columns, np.ones(len(difference))])
-    solution, _, rank, _ = np.linalg.lstsq(columns, difference, rcond=1e-8)
-    rest = difference - columns @ solution
-    return float(rest @ rest), float(len(difference) - rank)
+    basis = independent_basis(np.column_stack([drifting, np.ones(len(difference))]))
+    rest = basis.remove(difference)
+    return float(rest @ rest), float(len(difference) - basis.rank)
 
 
 def repeats_of(data: Baseline) -> tuple[Repeat, ...]:

@@ -256,13 +256,15 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
     robot = data.prepared.model.robot
     tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
     bodies = robot.given.of_links
-    parts = []
+    torques = []  # (s, n_joints, k) of each recording
     for motion in data.motions:
         still = np.zeros_like(motion.position)
-        torques = [inverse_dynamics(tilt, bodies, motion.position, still, still) for tilt in tilted]
-        parts.append(motion.rows(np.concatenate(torques, axis=1)))
-    n = len(robot.joints)
-    return [data.counting(joint, [part[:, joint::n] for part in parts]) for joint in range(n)]
+        held = [inverse_dynamics(tilt, bodies, motion.position, still, still) for tilt in tilted]
+        torques.append(np.stack(held, axis=2))
+    return [
+        data.decimated(joint, [torque[:, joint] for torque in torques])
+        for joint in range(len(robot.joints))
+    ]
 
 
 def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:

@@ -20,6 +20,7 @@ from idim_iv_ros.diagnosis.result import (
     EffectParameter,
     Evidence,
     Gap,
+    JointChange,
     SignalChain,
 )
 from idim_iv_ros.effects.registry import name_of
@@ -56,6 +57,11 @@ class EffortShift:
     agreeing: BoolArray
 
     @property
+    def common(self) -> EffectParameter:
+        """The common shift, s."""
+        return EffectParameter(self.shift, self.std, "s")
+
+    @property
     def beyond_control(self) -> bool:
         """Whether most joints share more than a command makes that is held and computed."""
         shared = int(self.agreeing.sum())
@@ -78,38 +84,28 @@ class EffortShift:
             where no loop is simulated.
         """
         assert self.std is not None
-        delay = EffectParameter(self.shift - self.configured, self.std, "s")
-        changes = [
-            data.joint_change(joint, *gaps)
-            for joint, gaps in enumerate(zip(before, after, strict=True))
-        ]
-        one, two = (float(np.linalg.norm(gap)) for gap in (before, after))
+        pairs = enumerate(zip(before, after, strict=True))
+        changes = [data.joint_change(joint, *gaps) for joint, gaps in pairs]
+        changes.sort(key=lambda change: -change.share_of_torque)
         which = "which this recording cannot tell"
         if abs(support) >= settings.LEAST_SUPPORT:
             which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
+        delay = EffectParameter(self.shift - self.configured, self.std, "s")
         half = 1e3 * settings.NORMAL_95 * self.std
-        return Cause(
-            effect=name_of("delay"),
-            kind="structural",
-            joint=None,
-            parameters={"delay": delay},
-            evidence=Evidence((delay.value / self.std) ** 2),
-            torque_gap=Gap.without_floor(one, two),
-            joint_gaps=tuple(sorted(changes, key=lambda change: -change.share_of_torque)),
-            sentence=(
-                f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
-                f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "
-                "held command takes half a one): the stamps are early, or commands take that long "
-                f"in the loop; {which}. Everything else was diagnosed with efforts at the time at "
-                "which they act"
-            ),
+        sentence = (
+            f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
+            f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "
+            "held command takes half a one): the stamps are early, or commands take that long "
+            f"in the loop; {which}. Everything else was diagnosed with efforts at the time at "
+            "which they act"
         )
+        return delay_of_all(delay, before, after, sentence, changes)
 
     def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
         """Return it by the names of the joints, with the speed of the law in words."""
         shifts = zip(joints, self.joint_shifts.tolist(), self.joint_stds.tolist(), strict=True)
         return SignalChain(
-            effort_shift=EffectParameter(self.shift, self.std, "s"),
+            effort_shift=self.common,
             periods=self.shift / self.period,
             joint_shifts={
                 name: EffectParameter(shift, std if np.isfinite(std) else None, "s")
@@ -130,14 +126,36 @@ class EffortShift:
         when = "before it acts" if self.shift >= 0.0 else "after it acts"
         half = 1e3 * settings.NORMAL_95 * self.std
         text = (
-            f"the effort is recorded {1e3 * abs(self.shift):.3f} ± {half:.2g} ms "
-            f"{when} ({abs(self.shift) / self.period:.2f} control periods), and aligned by that: a "
+            f"the effort is recorded {1e3 * abs(self.shift):.3f} ± {half:.2g} ms {when} "
+            f"({abs(self.shift) / self.period:.2f} control periods), and aligned by that: a "
             "command that is held over its period acts half a period late"
         )
         others = self._differing(joints)
         if others:
             text += f"; {', '.join(others)} differ{'s' if len(others) == 1 else ''} from the others"
         return text
+
+
+def delay_of_all(
+    delay: EffectParameter,
+    before: Sequence[float],
+    after: Sequence[float],
+    sentence: str,
+    changes: Sequence[JointChange] = (),
+) -> Cause:
+    """Name a delay that all joints share, with the gap of each joint before and after it."""
+    assert delay.std is not None
+    gap = Gap.without_floor(float(np.linalg.norm(before)), float(np.linalg.norm(after)))
+    return Cause(
+        effect=name_of("delay"),
+        kind="structural",
+        joint=None,
+        parameters={"delay": delay},
+        evidence=Evidence((delay.value / delay.std) ** 2),
+        torque_gap=gap,
+        joint_gaps=tuple(changes),
+        sentence=sentence,
+    )
 
 
 def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regression, EffortShift]:
@@ -160,17 +178,14 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
+    slopes = [np.gradient(motion.torque, 1.0 / motion.rate, axis=0) for motion in data.motions]
     rates = [
-        motion.rows(np.gradient(motion.torque, 1.0 / motion.rate, axis=0))
-        for motion in data.motions
+        {joint: data.decimated(joint, [slope[:, [joint]] for slope in slopes])}
+        for joint in range(len(data.joints))
     ]
     shifted = data
     for _ in range(_SHIFT_STEPS):
-        sloping = _with_torque_of(shifted, regression)
-        for joint in range(len(data.joints)):
-            rate = data.counting(joint, [rows[:, [joint]] for rows in rates])
-            sloping = sloping.with_columns({joint: rate})
-        fit = sloping.fit()
+        fit = _with_torque_of(shifted, regression).with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
         rows = later(data.rows, data.prepared.motions, chain.shift)

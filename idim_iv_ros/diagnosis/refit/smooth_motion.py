@@ -269,7 +269,7 @@ def smooth_motions(
     for motion, part, states, slip in parts:
         stride, grid = _stride(motion.decimation.factor), _grid(motion)
         rate, start = motion.signals.rate, part.start
-        time = start + (motion.span.start + np.arange(_samples(motion))[grid]) / rate
+        time = start + (motion.span.start + np.arange(motion.decimation.samples)[grid]) / rate
         # The mean over the samples of the coarser grid keeps when a joint turned.
         turning = np.sign(states[1]) if slip is None else slip
         turning = uniform_filter1d(turning, stride, axis=0, mode="nearest")
@@ -296,7 +296,7 @@ def smooth_motions(
 
 def measured_motion(smooth: SmoothMotion, motion: Motion) -> SmoothMotion:
     """Return the smooth motion with the measured one in its whole band."""
-    states = motion.derivatives(0, _samples(motion))
+    states = motion.derivatives(0, motion.decimation.samples)
     position, velocity, acceleration = (values[_grid(motion)] for values in states)
     return replace(smooth, position=position, velocity=velocity, acceleration=acceleration)
 
@@ -318,13 +318,13 @@ def _joined(
     What stands in for a simulated motion where there is none lacks the upper part of the band: with
     it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
     """
-    made: list[States] = [motion.derivatives(0, _samples(motion)) for motion in motions]
+    made: list[States] = [motion.derivatives(0, motion.decimation.samples) for motion in motions]
     simulated = [number for number, slip in enumerate(slips) if slip is not None]
     if not simulated:
         return made
     corrected = corrected_motions(
         [made[k] for k in simulated],
-        [instruments.states[k](0, _samples(motions[k])) for k in simulated],
+        [instruments.states[k](0, motions[k].decimation.samples) for k in simulated],
         [motions[k].decimation for k in simulated],
         [motions[k].signals.rate for k in simulated],
         cutoff,
@@ -336,11 +336,6 @@ def _joined(
             for real, state in zip(made[k], states, strict=True)
         ]
     return made
-
-
-def _samples(motion: Motion) -> int:
-    """How many samples the span of a motion has."""
-    return int(motion.span.stop) - int(motion.span.start)
 
 
 def _stride(factor: int) -> int:

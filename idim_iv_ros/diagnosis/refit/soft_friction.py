@@ -148,11 +148,8 @@ class _Tried:
         if (joint, crossing) not in self.columns:
             lead, soft = crossing
             width = max(lead * soft * self.width[joint], _STILL)
-            parts = [
-                motion.rows(_crossing(*fine, joint, lead, width)[:, None])[:, 0]
-                for motion, fine in zip(self.data.motions, self.fine, strict=True)
-            ]
-            self.columns[joint, crossing] = self.data.counting(joint, parts)
+            turning = [_crossing(*fine, joint, lead, width) for fine in self.fine]
+            self.columns[joint, crossing] = self.data.decimated(joint, turning)
         return self.columns[joint, crossing]
 
 

@@ -205,9 +205,8 @@ def _without_twist(
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
     joints = list(regression.joints)
     for other in parts[0]:
-        made = [motion.rows(part[other]) for motion, part in zip(data.motions, parts, strict=True)]
-        torque = joints[other].torque - data.counting(other, made)[:, 0]
-        joints[other] = replace(joints[other], torque=torque)
+        changed = data.decimated(other, [part[other][:, 0] for part in parts])
+        joints[other] = replace(joints[other], torque=joints[other].torque - changed)
     return Regression(tuple(joints), regression.parameters)
 
 

@@ -34,6 +34,7 @@ from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import SHIFT_SPLINE, Baseline
 from idim_iv_ros.diagnosis.result import Evidence
 from idim_iv_ros.estimation.observation import segments_of
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.signals.motion import all_around
@@ -284,9 +285,8 @@ def fit_twist(rows: TwistRows) -> TwistFit:
         offset += float(fit.values[0])
     selection, chosen = _chosen(rows, offset, columns)
     terms = list(chosen)
-    regression = _regression(rows, offset)
-    for term in terms:
-        regression = regression.with_columns({0: columns[term]})
+    blocks = [{0: columns[term]} for term in terms]
+    regression = _regression(rows, offset).with_columns(*blocks)
     fit, numbers = regression.fit(), {}
     for term in columns:
         if term == POSITION or (term == RATE and LOAD not in terms):
@@ -316,8 +316,7 @@ def _chosen(
 ) -> tuple[Selection, dict[str, Term]]:
     """Terms that the comparison asks for, in the order of the columns."""
     twist = rows.twist(offset)
-    means = np.linalg.lstsq(rows.constants, twist)[0]
-    size = float(np.std(twist - rows.constants @ means)) or 1e-300
+    size = float(np.std(independent_basis(rows.constants).remove(twist))) or 1e-300
     late = FREE * size / max(rms(rows.speed), 1e-300)
     ledger = ledger_of_rows(
         twist, size, rows.speed[:, None], np.array([late]), rows.constants, rows.segments
@@ -353,13 +352,11 @@ def _load_variance(fit: TwistFit) -> float:
     rows = fit.rows
     noise, joint = fit.fit.noise_models[0], fit.regression.joints[0]
     others = [joint.matrix, *(fit.columns[term] for term in fit.chosen if term != LOAD)]
-    nuisance = np.linalg.qr(noise.standardized(np.column_stack(others), rows.segments))[0]
-
-    def rest(values: FloatArray) -> FloatArray:
-        white = noise.standardized(values, rows.segments)
-        return white - nuisance @ (nuisance.T @ white)
-
-    load, changes, twist = rest(rows.load), rest(rows.load_columns), rest(joint.torque)
+    nuisance = independent_basis(noise.standardized(np.column_stack(others), rows.segments))
+    load, changes, twist = (
+        nuisance.remove(noise.standardized(values, rows.segments))
+        for values in (rows.load, rows.load_columns, joint.torque)
+    )
     energy = float(load @ load)
     if energy <= 0.0:
         return 0.0
