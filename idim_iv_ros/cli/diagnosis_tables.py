@@ -13,6 +13,7 @@ from idim_iv_ros.report.gap_words import (
     VERDICTS,
     effect_at,
     effect_words,
+    hint_words,
     lacking_row,
     small_unit,
     stage_words,
@@ -55,7 +56,7 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
         print_table(console, "Numbers of the model that are wrong", _NUMBERS, numbers)
     if result.stages and result.contrast is None:
         _print_gaps(console, result)
-    names = [effect_at(hint.effect, hint.joint, hint.other_joint) for hint in result.hints]
+    names = [hint_words(hint) for hint in result.hints]
     if names:
         more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
         console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))

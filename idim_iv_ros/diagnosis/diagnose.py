@@ -184,7 +184,7 @@ def concluded(
         sentences.nothing_explains(remaining=bool(more_errors)) if verdict == "none" else "",
         causes[0].sentence if causes else "",
         sentences.further_causes(causes[1:]),
-        sentences.not_in_catalogue(outside),
+        sentences.not_in_catalogue(outside, hints),
         sentences.unexplained_residual(data, residual),
         sentences.remaining_parameter_errors(data, more_errors, hints),
         sentences.next_step(causes, unknown=verdict == "unknown", remaining=bool(more_errors)),

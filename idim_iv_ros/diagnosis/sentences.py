@@ -347,15 +347,26 @@ def further_causes(causes: Sequence[Cause]) -> str:
     return f"besides: {', '.join(listed)}" if listed else ""
 
 
-def not_in_catalogue(unexplained: Unexplained | None) -> str:
-    """What no effect of the catalogue is like; empty where there is nothing."""
+def too_unsure(probability: float, times: str) -> str:
+    """Why something that may be a cause is none; `times`: in how many folds it is chosen."""
+    return (
+        f"its probability is {100.0 * probability:.0f} %, and the search without a part of the "
+        f"time chooses it in {times} cases"
+    )
+
+
+def not_in_catalogue(unexplained: Unexplained | None, hints: Sequence[Hint]) -> str:
+    """What no effect of the catalogue is like, or what it may be; empty where there is nothing."""
     if unexplained is None:
         return ""
+    perhaps = unexplained.perhaps(hints)
     share = f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
     # Of events `where` says the share.
-    return f"not in the catalogue: {unexplained.where}" + (
-        "" if unexplained.family == "event" else share
-    )
+    text = unexplained.where + ("" if unexplained.family == "event" else share)
+    if perhaps is None or perhaps.probability is None:
+        return f"not in the catalogue: {text}"
+    likelihood = f"{100.0 * perhaps.probability:.0f} %"
+    return f"no cause is certain there: {text}; it may be {spaced(perhaps.effect)} ({likelihood})"
 
 
 def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str:

@@ -10,6 +10,7 @@ from idim_iv_ros.diagnosis.result import (
     Cause,
     GapResult,
     GapSeries,
+    Hint,
     NotTestable,
     ParameterError,
     Regime,
@@ -60,6 +61,14 @@ def effect_at(effect: str, joint: str | None, other: str | None = None) -> str:
     """Return an effect with its place."""
     place = " and ".join(name for name in (joint, other) if name)
     return f"{effect_words(effect)} at {place}" if place else effect_words(effect)
+
+
+def hint_words(hint: Hint) -> str:
+    """Return a hint with its place, and its probability where that is why it is no cause."""
+    words = effect_at(hint.effect, hint.joint, hint.other_joint)
+    if hint.probability is None:
+        return words
+    return f"{words} ({percent(100.0 * hint.probability)} probable)"
 
 
 def stage_words(stage: str) -> str:

@@ -3,7 +3,7 @@
 import pytest
 
 from idim_iv_ros.diagnosis.answer.causes import verdict_of
-from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, JointGap, Unexplained
+from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap, Hint, JointGap, Unexplained
 from idim_iv_ros.diagnosis.sentences import largest_gap, not_in_catalogue
 
 REST = Unexplained("joint_2", "velocity", 0.37, "joint_2: a curve")
@@ -48,10 +48,31 @@ def test_verdict_of_causes_and_what_is_outside(causes, rest, word) -> None:
 
 def test_the_share_of_events_is_said_once_and_not_of_another_model() -> None:
     bang = Unexplained("joint_2", "event", 0.37, "joint_2: 1 % of the samples hold 37 %")
-    assert not_in_catalogue(bang).count("37 %") == 1
-    assert "refit" not in not_in_catalogue(bang)
-    assert "37 % of the refit" in not_in_catalogue(REST)
-    assert not_in_catalogue(None) == ""
+    assert not_in_catalogue(bang, []).count("37 %") == 1
+    assert "refit" not in not_in_catalogue(bang, [])
+    assert "37 % of the refit" in not_in_catalogue(REST, [])
+    assert not_in_catalogue(None, []) == ""
+
+
+def test_what_may_be_of_the_catalogue_is_not_said_to_be_outside_it() -> None:
+    def hint(effect: str, joint: str, probability: float | None) -> Hint:
+        return Hint(
+            effect=effect,
+            joint=joint,
+            sentence="",
+            parameters={},
+            reason="",
+            chosen_in_folds="3 of 4",
+            torque_gap=Gap(2.0, 1.0, None, None, None),
+            probability=probability,
+        )
+
+    elsewhere, misfit = hint("stribeck", "joint_1", 0.5), hint("backlash", "joint_2", None)
+    assert "not in the catalogue" in not_in_catalogue(REST, [elsewhere, misfit])
+    likely = [hint("spring", "joint_2", 0.2), hint("torque_saturation", "joint_2", 0.33)]
+    text = not_in_catalogue(REST, [elsewhere, misfit, *likely])
+    assert "not in the catalogue" not in text
+    assert "torque saturation (33 %)" in text
 
 
 def test_the_largest_gap_is_that_of_the_model_that_is_given() -> None:

@@ -233,6 +233,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
                 other_joint=joints[1] if len(joints) > 1 else None,
                 sentence=sentences.hint(term.key[0], joints, numbers, judgement.reason),
                 reason=judgement.reason,
+                probability=judgement.too_unsure,
                 parameters=numbers,
                 chosen_in_folds=judgement.chosen if term.candidate.kind is Kind.EFFECT else "",
                 torque_gap=Gap(float(np.hypot(rest, share)), rest),

@@ -45,6 +45,8 @@ class JudgedTerm:
         Why it is no cause; empty where it is one.
     outside : bool
         Whether its torque is there, and it is something else.
+    too_unsure : float or None
+        Probability that its set holds a cause, where nothing but this speaks against it.
     """
 
     term: Term
@@ -53,6 +55,7 @@ class JudgedTerm:
     chosen: str
     reason: str
     outside: bool = False
+    too_unsure: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,9 +219,13 @@ def _judged_terms(data: Baseline, regression: Regression, selection: Selection) 
         values = features(selection, number, chosen, remaining)
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
-        reason, outside = _why_no_cause(term, of_set(values, term.key[0]), beyond, times)
+        reason, outside = _why_no_cause(term, beyond)
+        whole = of_set(values, term.key[0])
+        unsure = whole if not reason and whole < settings.LEAST_PROBABILITY else None
+        if unsure is not None:
+            reason = sentences.too_unsure(unsure, times)
         odds = probability(values, term.key[0])
-        made.append(JudgedTerm(term, values, odds, times, reason, outside))
+        made.append(JudgedTerm(term, values, odds, times, reason, outside, unsure))
     return sorted(made, key=lambda judgements: -float(judgements.term.visible.max()))
 
 
@@ -234,12 +241,10 @@ def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) 
     return np.array(shares)
 
 
-def _why_no_cause(term: Term, odds: float, beyond: float, times: str) -> tuple[str, bool]:
-    """Why a term is no cause, empty where it is one; whether its torque is that of something else.
+def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:
+    """Why a term is no cause, empty where it may be one; whether its torque is something else's.
 
-    `odds`: probability that one of its set is a cause; `beyond`: what remains beyond the noise at
-    its joint, as a share of the torque; `times`: in how many searches without a part of the time it
-    is chosen.
+    `beyond`: what remains beyond the noise at its joint, as a share of the torque.
     """
     if term.presence < settings.PRESENCE:
         return "it may be misfit of the model", False
@@ -249,11 +254,6 @@ def _why_no_cause(term: Term, odds: float, beyond: float, times: str) -> tuple[s
     structural = term.candidate.kind is Kind.EFFECT
     if structural and float(term.visible.max()) < settings.ADEQUATE * beyond:
         return "most of what remains at its joint is something else", True
-    if odds < settings.LEAST_PROBABILITY:
-        return (
-            f"its probability is {100.0 * odds:.0f} %, and the search without a part of the time "
-            f"chooses it in {times} cases"
-        ), False
     return "", False
 
 

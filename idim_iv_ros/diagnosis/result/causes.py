@@ -1,5 +1,6 @@
 """Causes, hints, parameter errors, what is left unexplained, and how well each is supported."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -187,6 +188,9 @@ class Hint(Attribution):
     ----------
     reason : str
         Why it is no cause.
+    probability : float or None
+        That it, or what the recording cannot tell from it, is a cause, 0 to 1, calibrated; None
+        where something else speaks against it.
     chosen_in_folds : str
         Without how many of the folds a search names it again: ``2 of 5``; empty for a parameter
         error.
@@ -199,6 +203,7 @@ class Hint(Attribution):
     reason: str
     chosen_in_folds: str
     torque_gap: Gap
+    probability: float | None = None
 
 
 @dataclass(frozen=True)
@@ -213,3 +218,10 @@ class Unexplained:
     family: Family
     share: Number
     where: str
+
+    def perhaps(self, hints: Sequence[Hint]) -> Hint | None:
+        """Return the likeliest effect of the catalogue that it may be; None where there is none."""
+        there = [
+            hint for hint in hints if hint.joint == self.joint and hint.probability is not None
+        ]
+        return max(there, key=lambda hint: hint.probability or 0.0, default=None)

@@ -13,7 +13,7 @@ from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
-from idim_iv_ros.report.gap_words import effect_at, small_unit, torque_unit
+from idim_iv_ros.report.gap_words import effect_at, hint_words, small_unit, torque_unit
 from idim_iv_ros.report.numerals import (
     is_number,
     number,
@@ -96,11 +96,13 @@ def _shrinkage(gap: Gap) -> str:
 def _context(report: Report[GapResult]) -> dict[str, Any]:
     result = report.result
     rest = result.unexplained
+    perhaps = None if rest is None else rest.perhaps(result.hints)
     return {
         "cards": [_card(result, cause) for cause in result.causes],
         "separating_motion": separating_motion,
         "hints": [hint_row(result, hint) for hint in result.hints],
         "family": "" if rest is None else FAMILIES[rest.family],
+        "perhaps": perhaps and hint_words(perhaps),
     }
 
 
