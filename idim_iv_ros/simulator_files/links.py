@@ -41,9 +41,11 @@ class LinkBody:
 
 @dataclass(frozen=True)
 class _Part:
+    """A link that has mass, in the frame of the joint that carries it."""
+
     link: str
     place: pin.SE3
-    parameters: FloatArray | None  # in the frame of the joint
+    parameters: FloatArray  # XX … M (10,)
 
 
 def link_bodies(
@@ -64,11 +66,11 @@ def link_bodies(
     for joint, target in joints.items():
         main = urdf.joints[joint].child
         parts = carried[joint]
-        others = [part for part in parts if part.link != main and part.parameters is not None]
-        main_part = next(part for part in parts if part.link == main)
-        rest = target - sum((_parameters(other) for other in others), np.zeros(10))
-        reference = rest if main_part.parameters is None else main_part.parameters
-        if main_part.parameters is not None and _same(rest, reference):
+        others = [part for part in parts if part.link != main]
+        main_part = next((part for part in parts if part.link == main), None)
+        rest = target - sum((other.parameters for other in others), np.zeros(10))
+        reference = rest if main_part is None else main_part.parameters
+        if main_part is not None and _same(rest, reference):
             continue
         if is_possible(rest, reference):
             changed[main] = LinkBody.of(rest)
@@ -91,13 +93,8 @@ def link_bodies(
     return changed, tuple(notes)
 
 
-def _parameters(part: _Part) -> FloatArray:
-    assert part.parameters is not None
-    return part.parameters
-
-
 def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
-    """Links that each identified joint carries, their inertials in its frame."""
+    """Links with mass that each identified joint carries, their inertials in its frame."""
     places: dict[str, tuple[str, pin.SE3]] = {}
     carried: dict[str, list[_Part]] = {joint: [] for joint in identified}
     for link, joint in urdf.outward():
@@ -109,12 +106,10 @@ def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
             elif joint.rest != 0.0 and joint.type in MOVABLE:
                 place = place * joint_motion(joint.type, joint.axis, joint.rest)
         places[link] = carrier, place
-        if carrier:
-            inertial = urdf.links[link]
-            parameters = None
-            if inertial is not None and inertial.mass > 0.0:
-                body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
-                parameters = place.act(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
+        inertial = urdf.links[link]
+        if carrier and inertial is not None and inertial.mass > 0.0:
+            body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
+            parameters = place.act(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
             carried[carrier].append(_Part(link, place, parameters))
     return carried
 
@@ -136,8 +131,7 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
 
 def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | None:
     """Map all parts alike; None where the nominal whole is no body."""
-    with_mass = [part for part in parts if part.parameters is not None]
-    nominal = sum((_parameters(part) for part in with_mass), np.zeros(10))
+    nominal = sum((part.parameters for part in parts), np.zeros(10))
     try:
         root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(
             upper_root(pseudo_inertia(nominal))
@@ -145,8 +139,8 @@ def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | Non
     except np.linalg.LinAlgError:
         return None
     mapped = {}
-    for part in with_mass:
-        matrix = root @ pseudo_inertia(_parameters(part)) @ root.T
+    for part in parts:
+        matrix = root @ pseudo_inertia(part.parameters) @ root.T
         parameters = inertial_parameters(matrix)
         body = pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
         in_link = part.place.actInv(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
