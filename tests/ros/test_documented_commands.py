@@ -18,7 +18,6 @@ from sensor_msgs.msg import JointState
 
 from idim_iv_ros.nodes.collector import node as collector
 from idim_iv_ros.nodes.identifier import node as identifier
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue
 from idim_iv_ros.nodes.predictor import node as predictor
 from idim_iv_ros.nodes.recorder import node as recorder
 from idim_iv_ros.nodes.simulator import node as simulator
@@ -94,7 +93,7 @@ def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Itera
     made = []
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("nodes"))
-        patch.setattr(JobQueue, "warm", lambda queue: None)
+        patch.setattr(identifier, "warm", lambda: None)
         kinds: list[tuple[ModuleType, Callable]] = [
             (recorder, recorder.Recorder),
             (identifier, identifier.Identifier),
