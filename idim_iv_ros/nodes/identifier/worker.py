@@ -13,7 +13,7 @@ from typing import Any
 Event = dict[str, Any]
 Request = Mapping[str, object]
 
-_LOADED = "idim_iv_ros.nodes.identifier.rehearsed"
+_LOADED = [f"{__package__}.identification_worker", f"{__package__}.rehearsed"]
 _PROCESSES = multiprocessing.get_context("forkserver")
 # Jobs compute in one thread; buffers of many would count for `memory_limit`.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -22,8 +22,9 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THR
 def warm() -> None:
     """Begin to load what jobs need, so that they find it ready."""
     os.environ.update(_ONE_THREAD)
-    forkserver.set_forkserver_preload([_LOADED])
-    forkserver.ensure_running()
+    forkserver.set_forkserver_preload(_LOADED)
+    with contextlib.suppress(OSError):  # the next job says why
+        forkserver.ensure_running()
 
 
 def _do(request: Request, events: Connection) -> None:
