@@ -112,10 +112,7 @@ def test_goal_is_refused_unless_motion_is_allowed(collector, robot) -> None:
     collector.set(allow_motion=False)
     answer = collector.result(collector.send())
     assert answer.status == GoalStatus.STATUS_ABORTED
-    assert answer.result.message == (
-        "the robot must not be moved: set the parameter allow_motion to true once nobody is near "
-        "it and its way is free"
-    )
+    assert "allow_motion" in answer.result.message
     assert robot.received == []
 
 
@@ -240,9 +237,8 @@ def test_robot_is_stopped_when_somebody_else_stops_the_recorder(collector, robot
     robot.report()
     robot.state = RecorderStatus.IDLE
     answer = collector.result(goal)
-    assert answer.result.message == (
-        "stopped in recording: the recorder does not record any more: somebody stopped it"
-    )
+    assert answer.result.message.startswith("stopped in recording: ")
+    assert answer.result.message.endswith("somebody stopped it")
     require_rest(robot, observer)
 
 
@@ -279,10 +275,8 @@ def test_recorder_that_is_silent_is_gone(observer) -> None:
     now += 4.9
     assert recorder.trouble() == ""
     now += 1.1
-    assert recorder.trouble() == (
-        "the recorder has been silent for 6 s: is it running?; bag-1.mcap holds what was written "
-        "before"
-    )
+    assert "silent for 6 s" in recorder.trouble()
+    assert "bag-1.mcap" in recorder.trouble()
     recorder._reported(RecorderStatus(state=RecorderStatus.IDLE))
     assert recorder.trouble().endswith("somebody stopped it")
 
