@@ -359,14 +359,14 @@ def not_in_catalogue(unexplained: Unexplained | None, hints: Sequence[Hint]) -> 
     """What no effect of the catalogue is like, or what it may be; empty where there is nothing."""
     if unexplained is None:
         return ""
-    perhaps = unexplained.perhaps(hints)
+    likeliest = unexplained.likeliest(hints)
     share = f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
     # Of events `where` says the share.
     text = unexplained.where + ("" if unexplained.family == "event" else share)
-    if perhaps is None or perhaps.probability is None:
+    if likeliest is None or likeliest.probability is None:
         return f"not in the catalogue: {text}"
-    likelihood = f"{100.0 * perhaps.probability:.0f} %"
-    return f"no cause is certain there: {text}; it may be {spaced(perhaps.effect)} ({likelihood})"
+    likelihood = f"{100.0 * likeliest.probability:.0f} %"
+    return f"no cause is certain there: {text}; it may be {spaced(likeliest.effect)} ({likelihood})"
 
 
 def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str:

@@ -118,9 +118,9 @@ def _cause_words(result: GapResult, worst: str | None) -> str:
         return f"Main cause: {name}{others}{corrected}."
     if result.unexplained is not None:
         what = FAMILIES[result.unexplained.family]
-        perhaps = result.unexplained.perhaps(result.hints)
-        if perhaps is not None:
-            return f"No cause is certain: the residual {what}; perhaps {hint_words(perhaps)}."
+        likeliest = result.unexplained.likeliest(result.hints)
+        if likeliest is not None:
+            return f"No cause is certain: the residual {what}; perhaps {hint_words(likeliest)}."
         return f"No effect of the catalogue explains it: the residual {what}."
     if result.verdict == "none":
         return "No cause was found: what remains is noise, or too small for this recording."

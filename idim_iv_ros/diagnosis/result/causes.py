@@ -219,7 +219,7 @@ class Unexplained:
     share: Number
     where: str
 
-    def perhaps(self, hints: Sequence[Hint]) -> Hint | None:
+    def likeliest(self, hints: Sequence[Hint]) -> Hint | None:
         """Return the likeliest effect of the catalogue that it may be; None where there is none."""
         there = [
             hint for hint in hints if hint.joint == self.joint and hint.probability is not None

@@ -30,10 +30,10 @@ _NO_ROOM = "failed to map segment"  # of a library that is loaded when the memor
 Send = Callable[[Mapping[str, object]], None]
 
 
-def do(request: Mapping[str, Any], events: Connection) -> None:
+def do_job(request: Mapping[str, Any], events: Connection) -> None:
     """Do one request and send what happens: stages with their progress, at last the answer.
 
-    The process ends at once when the node does, with what it started: it is not outlived by a job.
+    When the node ends, this process ends at once, with what it started: no job outlives the node.
     """
     os.setsid()  # it is killed with what it started
     threading.Thread(target=_end_with_the_node, daemon=True).start()

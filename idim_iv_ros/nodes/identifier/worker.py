@@ -27,11 +27,11 @@ def warm() -> None:
         forkserver.ensure_running()
 
 
-def _do(request: Request, events: Connection) -> None:
+def _do_job(request: Request, events: Connection) -> None:
     """Do a job in its process; the node itself loads nothing of what that takes."""
-    from idim_iv_ros.nodes.identifier.identification_worker import do
+    from idim_iv_ros.nodes.identifier.identification_worker import do_job
 
-    do(request, events)
+    do_job(request, events)
 
 
 class Worker:
@@ -43,7 +43,7 @@ class Worker:
 
     def __init__(self, request: Request, heard: Callable[["Worker", Event], None]) -> None:
         self._events, its = _PROCESSES.Pipe(duplex=False)
-        self._process = _PROCESSES.Process(target=_do, args=(request, its))
+        self._process = _PROCESSES.Process(target=_do_job, args=(request, its))
         self._heard, self._unwanted = heard, False
         self._thread = threading.Thread(target=self._listen, args=(its,), name="job", daemon=True)
         self._thread.start()

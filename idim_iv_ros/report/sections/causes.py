@@ -96,13 +96,13 @@ def _shrinkage(gap: Gap) -> str:
 def _context(report: Report[GapResult]) -> dict[str, Any]:
     result = report.result
     rest = result.unexplained
-    perhaps = None if rest is None else rest.perhaps(result.hints)
+    likeliest = None if rest is None else rest.likeliest(result.hints)
     return {
         "cards": [_card(result, cause) for cause in result.causes],
         "separating_motion": separating_motion,
         "hints": [hint_row(result, hint) for hint in result.hints],
         "family": "" if rest is None else FAMILIES[rest.family],
-        "perhaps": perhaps and hint_words(perhaps),
+        "likeliest": likeliest and hint_words(likeliest),
     }
 
 
