@@ -5,9 +5,10 @@
     python -m benchmarks.calibration check DIR [--page NAME]
 
 DIR holds cells of `benchmarks.hostile`; `collect` goes on where it was stopped. `fit` draws the
-weights to those of the table in the package, but for effects that the search treats otherwise now
-(--anew); it prints how the table does on cells that it was not fitted to, beside the one in the
-package, and with --write puts it there.
+weights to those of the table in the package, but for features that this does not have, and for
+effects that the search treats otherwise now (--anew); it prints how the table does on cells that it
+was not fitted to, beside the one in the package if that has the features, and with --write puts it
+there.
 `check` reads the answers of cells that were diagnosed with the package: what was said, and how
 much was true.
 """
@@ -86,8 +87,8 @@ def fitted(
     """Intercept and weights of features and of effects (1 + f + e,) of a logistic regression.
 
     What was learnt `before` (1 + f + e,), from so many terms, counts as if these had the features
-    of the terms here (k, f). Weights of effects (k, e) that are fitted anew (e,) are random numbers
-    of unit spread.
+    of the terms here (k, f). Weights that are fitted anew (1 + f + e,) are random numbers of unit
+    spread, but for the intercept.
     """
     mean, spread = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
     table = np.column_stack([np.ones(len(x)), (x - mean) / spread, effects])
@@ -102,8 +103,7 @@ def fitted(
         return p, (table * (p * (1.0 - p))[:, None]).T @ table
 
     penalty = terms / len(x) * curvature()[1]
-    new = np.concatenate([np.zeros(first, dtype=bool), anew])
-    penalty[new], penalty[:, new] = 0.0, 0.0
+    penalty[anew], penalty[:, anew] = 0.0, 0.0
     penalty += PENALTY * np.diag(np.concatenate([[0.0], np.ones(len(centre) - 1)]))
     for _ in range(100):
         p, hessian = curvature()
@@ -154,8 +154,10 @@ def fit(files: list[Path], anew: list[str], *, write: bool) -> None:
     names = sorted({term["effect"] for _, term in rows} | set(old.effects))
     effects = np.array([[term["effect"] == name for name in names] for _, term in rows])
     kept = [0.0 if name in anew else old.effects.get(name, 0.0) for name in names]
-    before = np.array([old.intercept, *old.weights, *kept])
-    new = np.isin(names, anew)
+    features = probability.FEATURES
+    before = np.array([old.intercept, *(old.weights.get(name, 0.0) for name in features), *kept])
+    unlearnt = [name not in old.weights for name in features]
+    new = np.array([any(unlearnt), *unlearnt, *(name in anew for name in names)])
     p = np.zeros(len(y))
     for k in range(GROUPS):
         inside = group == k
@@ -163,17 +165,20 @@ def fit(files: list[Path], anew: list[str], *, write: bool) -> None:
         p[inside] = said(weights, x[inside], effects[inside])
     print(f"{len(cells)} recordings, {len(y)} terms, {int(y.sum())} of them true\n")
     print("\n".join(reliability(p, y)))
-    weights = np.array([old.intercept, *old.weights, *(old.effects.get(n, 0.0) for n in names)])
-    for name, values in ("anew", p), ("before", said(weights, x, effects)):
+    shipped = before[: 1 + len(features)], [old.effects.get(name, 0.0) for name in names]
+    tables = {"anew": p, "before": said(np.concatenate(shipped), x, effects)}
+    if any(unlearnt):
+        del tables["before"]
+    for name, values in tables.items():
         loss = -np.mean(y * np.log(values) + (1.0 - y) * np.log(1.0 - values))
         print(f"loss of the table {name}: {loss:.4f}")
     for least in (0.5, 0.6, 0.7, 0.8):
         named = p >= least
         print(f"from {least}: {int(y[named].sum())} true, {int((1 - y[named]).sum())} false")
     weights = np.round(fitted(x, effects, y, before, old.terms, new), 4)
-    slopes = weights[1 : 1 + x.shape[1]]
     offsets = dict(zip(names, weights[1 + x.shape[1] :].tolist(), strict=True))
-    for name, weight in (*zip(probability.FEATURES, slopes, strict=True), *offsets.items()):
+    slopes = dict(zip(features, weights[1 : 1 + x.shape[1]].tolist(), strict=True))
+    for name, weight in (*slopes.items(), *offsets.items()):
         print(f"{weight:+.3f}  {name}")
     if write:
         origin = (
@@ -184,7 +189,7 @@ def fit(files: list[Path], anew: list[str], *, write: bool) -> None:
             "origin": origin,
             "terms": old.terms + len(y),
             "intercept": float(weights[0]),
-            "weights": slopes.tolist(),
+            "weights": slopes,
             "effects": offsets,
         }
         path = Path(probability.__file__).with_name("probability.json")

@@ -19,8 +19,9 @@ FEATURES = (
     "least gain in the prediction of a part of the time, logarithm with its sign",
     "logarithm of its visible share of the torque over what remains beyond the noise",
     "its weight in its set",
-    "logarithm of its place among the terms by visible share",
+    "logarithm of its visible share over that of all other effects",
     "logarithm of the variance of its score over that of the noise",
+    "whether a free curve is left",
 )
 # What is lost counts in full up to the first; then only beside the dispersion of the scores, up to
 # the second: few terms of the table lose more, and misfit alone makes dispersed scores.
@@ -40,8 +41,8 @@ class Table:
     terms : int
         Of all of them.
     intercept : float
-    weights : list of float
-        One for each of `FEATURES`.
+    weights : dict of str to float
+        Those of `FEATURES`.
     effects : dict of str to float
         What is added for an effect, drawn towards zero: some are what misfit looks like.
     """
@@ -49,7 +50,7 @@ class Table:
     origin: str
     terms: int
     intercept: float
-    weights: list[float]
+    weights: dict[str, float]
     effects: dict[str, float]
 
 
@@ -83,10 +84,9 @@ def features(
     visible = float(term.visible.max())
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
-    larger = sum(
-        term.candidate.kind in (Kind.NUMBER, Kind.EFFECT) and float(term.visible.max()) > visible
-        for term in terms
-    )
+    # Shapes of effects are never exact: a small term beside large ones may be their misfit.
+    shares = [float(o.visible.max()) for o in others if o.candidate.kind is Kind.EFFECT]
+    rest = float(np.linalg.norm(shares))
     return np.array(
         [
             max(min(np.log1p(loss), _MOST_LOSS), min(np.log1p(loss / dispersion), _MOST_BESIDE)),
@@ -94,8 +94,9 @@ def features(
             np.sign(least) * np.log1p(abs(least)),
             np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),
             dict(term.rivals).get(term.key, 0.0),
-            np.log(1 + larger),
+            min(np.log((visible + _SMALL) / (rest + _SMALL)), 2.0),
             np.log(term.dispersion),
+            float(bool(selection.curves)),
         ]
     )
 
@@ -104,7 +105,7 @@ def probability(values: Sequence[float] | FloatArray, effect: str) -> float:
     """Probability of a term of an effect with these features."""
     weights = table()
     odds = weights.intercept + weights.effects.get(effect, 0.0)
-    odds += float(np.dot(weights.weights, values))
+    odds += float(np.dot([weights.weights[name] for name in FEATURES], values))
     return float(np.clip(1.0 / (1.0 + np.exp(-odds)), *LIMITS))
 
 
