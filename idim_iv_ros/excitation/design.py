@@ -125,14 +125,8 @@ def require_possible(
         One line that names the setting.
     """
     FourierBasis(settings.period, settings.harmonics)
-    if settings.repeats < 1:
-        raise UsageError(f"repeats {settings.repeats}: at least 1 is needed")
-    if settings.repeats > MOST_SAMPLES:
-        raise UsageError(
-            f"the motion has more than {MOST_SAMPLES} repeats: no more samples are possible"
-        )
-    if not (np.isfinite(settings.rate) and settings.rate > 0.0):
-        raise UsageError(f"rate {settings.rate:g}: samples per second above 0 are needed")
+    if not 1 <= settings.repeats <= MOST_SAMPLES:
+        raise UsageError(f"repeats {settings.repeats}: 1 to {MOST_SAMPLES} are possible")
     if settings.harmonics > _MOST_HARMONICS:
         raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
     require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
