@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_table
+from idim_iv_ros.files import signed, write_together
 
 _FILE, _CONFIGURATION = "compare.html", "robot.yaml"
 _SHOWN = 8  # rows at least, without --verbose
@@ -35,8 +37,6 @@ def compare_command(
 
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
-    from idim_iv_ros.cli.output import Output, print_table
-    from idim_iv_ros.files import signed, write_together
     from idim_iv_ros.identification.compare import compare_results
     from idim_iv_ros.report import require_writable
     from idim_iv_ros.report.compare import compare_html, compare_step

@@ -11,6 +11,8 @@ import typer
 from typer.core import TyperCommand
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.identify import print_physical
+from idim_iv_ros.cli.output import Output
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP
 
@@ -73,8 +75,6 @@ def diagnose_command(
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-    from idim_iv_ros.cli.identify import print_physical
-    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.diagnosis.diagnose import diagnose
     from idim_iv_ros.effects.registry import EFFECTS

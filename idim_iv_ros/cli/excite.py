@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+from rich.console import Console
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_marked, print_table
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
     from idim_iv_ros.model import InverseModel
 
@@ -85,7 +85,6 @@ def excite_command(
     import numpy as np
 
     from idim_iv_ros import excitation as motions
-    from idim_iv_ros.cli.output import Output, print_marked
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -143,8 +142,6 @@ def _print_excitation(
     console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
     """Print condition numbers, limits used, and the parameters that stay badly excited."""
-    from idim_iv_ros.cli.output import print_table
-
     design = excitation.design
     console.print(
         f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
@@ -155,11 +152,6 @@ def _print_excitation(
         for name, words in _CONDITION_NUMBERS.items()
     ]
     print_table(console, "", ("", ">random (median)", ">designed"), rows)
-    if excitation.criterion == "condition":
-        console.print(
-            "A slow motion and a fast one have the same condition number: --criterion precision "
-            "finds the motion with the smallest standard deviations."
-        )
     _print_limits(console, model, limits, design.use)
     _print_parameters(console, excitation)
     console.print(
@@ -177,8 +169,6 @@ def _print_limits(
     console: Console, model: InverseModel, limits: MotionLimits, use: LimitUse
 ) -> None:
     """Print the largest share of each limit joint by joint, and the lowest moving frame."""
-    from idim_iv_ros.cli.output import print_table
-
     console.print(f"Largest share of each limit (allowed: {100 * limits.margin:g} %)")
     rows = []
     for index, joint in enumerate(model.robot.joints):
@@ -199,40 +189,23 @@ def _print_limits(
 
 
 def _print_parameters(console: Console, excitation: Excitation) -> None:
-    """Print the parameters that the motion shows poorly, with their predicted deviations."""
-    from idim_iv_ros.cli.output import LONGEST, print_table
+    """Name the parameters that the motion shows poorly."""
     from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
 
-    bad = [parameter for parameter in excitation.parameters if parameter.bad]
-    valued = sum(parameter.relative_std is not None for parameter in excitation.parameters)
+    poorly = [parameter.name for parameter in excitation.parameters if parameter.bad]
     console.print(
-        f"Predicted under torque noise of {100 * excitation.torque_noise:g} % of each limit: "
-        f"{valued} of {len(excitation.parameters)} base parameters have a nominal value; "
-        f"{len(bad)} are seen poorly, or small: σ above {100 * BAD_DEVIATION:g} % of the nominal "
-        f"value, or less than {100 * BAD_SHARE:g} % of the column unexplained by the others"
+        f"Seen poorly, or small: {', '.join(poorly) or 'none'} (of "
+        f"{len(excitation.parameters)} base parameters; under torque noise of "
+        f"{100 * excitation.torque_noise:g} % of each limit "
+        f"σ above {100 * BAD_DEVIATION:g} % of the nominal value, or less than "
+        f"{100 * BAD_SHARE:g} % of the column unexplained by the others; the JSON file has every σ)"
     )
-    if not bad:
-        return
-    rows = [
-        (
-            parameter.name,
-            f"{parameter.given:.3g}",
-            f"{parameter.std:.2g}",
-            "" if parameter.relative_std is None else f"{100 * parameter.relative_std:.2g}",
-            f"{100 * parameter.unexplained:.2g} %",
-            parameter.unit,
-        )
-        for parameter in bad
-    ]
-    columns = ("parameter", ">nominal", ">predicted σ", ">%σ", ">unexplained", "unit")
-    print_table(console, "", columns, rows, most=LONGEST, rest="the JSON file has them")
 
 
 def _print_segments(
     console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
 ) -> None:
     """Print the segments by kind with the effects that they reveal, and the limits used."""
-    from idim_iv_ros.cli.output import print_table
     from idim_iv_ros.excitation.segments import NOT_REVEALED
 
     segments = diagnosis.segments
@@ -246,7 +219,4 @@ def _print_segments(
         rows.append((kind, str(len(same)), f"{seconds:.1f}", ", ".join(same[0].effects)))
     print_table(console, "", ("segments", ">of them", ">seconds", "reveal"), rows)
     _print_limits(console, model, limits, diagnosis.use)
-    frequencies = ", ".join(f"{frequency:.2g}" for frequency in diagnosis.bandwidth)
-    words = "taken" if diagnosis.bandwidth_known else "[yellow]not known, assumed[/]"
-    console.print(f"Bandwidth of the position loops: {words}: {frequencies} Hz")
     console.print(f"Not revealed: {', '.join(NOT_REVEALED)} (see the JSON file)")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, next_command
 
 
 def export_command(
@@ -61,7 +62,6 @@ def export_command(
 
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
-    from idim_iv_ros.cli.output import Output, next_command
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.simulator_files import export
 

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import IMPORT_FORMAT
@@ -58,7 +59,6 @@ def import_command(
 
     Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
-    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.model import read_urdf_file
     from idim_iv_ros.recording import import_mapped, import_table
     from idim_iv_ros.recording.lerobot import import_lerobot

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from idim_iv_ros.cli import arguments as shared
-
-if TYPE_CHECKING:
-    from idim_iv_ros.cli.output import Output
+from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.encoding import shell_command
+from idim_iv_ros.files import INIT_FORMAT, require_file_place, write_together
 
 
 def init_command(
@@ -43,8 +43,6 @@ def init_command(
 
     Example: idim-iv init run1.mcap --urdf ur5.urdf --out ur5.yaml
     """
-    from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
-    from idim_iv_ros.files import INIT_FORMAT, require_file_place
     from idim_iv_ros.recording.table_map import SUFFIXES as TABLES
     from idim_iv_ros.signal_source import NO_EFFORT
 
@@ -90,8 +88,6 @@ def init_command(
 
 def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
     """Write the map of a table, and say what comes next."""
-    from idim_iv_ros.encoding import shell_command
-    from idim_iv_ros.files import require_file_place, write_together
     from idim_iv_ros.recording.table_map import proposed_map
 
     require_file_place([out], force=force)

@@ -115,11 +115,10 @@ def watch_command(
 
 def _prediction(result: Path | None, results: Path) -> dict[str, object]:
     """Return the parameters of the predictor."""
-    if result is None:
-        return {"output_directory": results.resolve()}
-    if not result.is_file():
+    if result is not None and not result.is_file():
         raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
-    return {"output_directory": results.resolve(), "result": result.resolve()}
+    places = {"output_directory": results, "result": result}
+    return {name: place.resolve() for name, place in places.items() if place is not None}
 
 
 def _run(

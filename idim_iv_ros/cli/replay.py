@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_table
 from idim_iv_ros.files import REPLAY
 
 _TITLES = {
@@ -46,7 +47,6 @@ def replay_command(
 
     Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
     """
-    from idim_iv_ros.cli.output import Output, print_table
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_table
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import SERVO
 
 
@@ -41,9 +43,7 @@ def servo_command(
 
     Example: idim-iv servo run1.mcap --config so101.yaml --out servos
     """
-    from idim_iv_ros.cli.output import Output, print_table
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.errors import UsageError
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
 
 
 def simulate_command(
@@ -47,7 +48,6 @@ def simulate_command(
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
-    from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
