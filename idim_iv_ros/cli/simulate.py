@@ -9,6 +9,7 @@ import typer
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.files import SIMULATION_FORMAT
 
 
 def simulate_command(
@@ -59,7 +60,6 @@ def simulate_command(
         from idim_iv_ros.simulators import recording
 
         seeds = tuple(seed or [1])
-        recording.require_simulation_place(out, seeds, force=force)
         if trajectory is None:
             rate = 1.0 / (configuration.controller.period or 0.001)
             motion = random_motion(configuration, duration=duration, rate=rate, seed=motion_seed)
@@ -68,7 +68,8 @@ def simulate_command(
         bags, truth = recording.simulate(
             configuration, out, motion, seeds=seeds, effects=effects, force=force, progress=progress
         )
-    output.document(recording.simulation_document(bags, truth))
+    written = [bag.to_document() for bag in bags]
+    output.document({"format": SIMULATION_FORMAT, "bags": written, "truth": str(truth)})
     if (urdf := configuration.robot.description) is not None:
         robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
         print_marked(output.console, "Warning", robot.doubts, "yellow")

@@ -12,7 +12,6 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
-from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
@@ -212,7 +211,7 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
     meant = np.array(list(bodies.values()))
     for load in exported.model.loads:
         meant[list(bodies).index(load.joint)] += load.parameters
-    inertial = robot.given.inertial[:, list(REGRESSOR_ORDER)]
+    inertial = robot.given.of_bodies
     same = np.allclose(inertial, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
     same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
     same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
