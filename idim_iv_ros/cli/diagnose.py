@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+from typer import Option
 from typer.core import TyperCommand
 
 from idim_iv_ros.cli import arguments as shared
@@ -45,23 +45,19 @@ def diagnose_command(
     bags: shared.Bags,
     config: shared.Config,
     out: shared.OutOrJson = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Leave an effect out of the catalogue, to see what is said without it; may be "
-            "repeated.",
-            metavar="EFFECT",
-        ),
-    ] = None,
-    against: Annotated[
-        list[Path] | None,
-        typer.Option(
-            AGAINST,
-            help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
-            "changed from the others to them. Names up to the next option belong to it.",
-            metavar="BAG...",
-        ),
-    ] = None,
+    without: list[str] | None = Option(
+        None,
+        help="Leave an effect out of the catalogue, to see what is said without it; may be "
+        "repeated.",
+        metavar="EFFECT",
+    ),
+    against: list[Path] | None = Option(
+        None,
+        AGAINST,
+        help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
+        "changed from the others to them. Names up to the next option belong to it.",
+        metavar="BAG...",
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,

@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
 from rich.console import Console
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import Output, print_marked, print_table
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
     from idim_iv_ros.model import InverseModel
 
-_fourier = partial(typer.Option, rich_help_panel="For identification")
+_fourier = partial(Option, rich_help_panel="For identification")
 _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0, "servo": 100.0}
 # Between points controllers fit quintics; so many for each period of the fastest content.
 _POINTS_PER_PERIOD = 5.0
@@ -30,50 +30,39 @@ _CONDITION_NUMBERS = {
 
 def excite_command(
     config: shared.Config,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")
-    ],
-    purpose: Annotated[
-        Literal["identification", "diagnosis", "servo"],
-        typer.Option(
-            "--for",
-            help="Estimate parameters, separate the causes of a gap, or identify servos "
-            "without torques (20 s).",
-        ),
-    ] = "identification",
-    floor: Annotated[
-        float | None, typer.Option(help="Height all moving frames stay above, m in the base frame.")
-    ] = None,
-    margin: Annotated[float, typer.Option(help="Share of each limit that may be used.")] = 0.9,
-    acceleration: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A[,A…]",
-            help="Limit in rad/s² (m/s²), one or one a joint. Default: half of the torque limit on "
-            "the joint's mean inertia, and full speed in 0.1 s at most.",
-        ),
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen.")
-    ] = None,
-    rate: Annotated[float, typer.Option(help="Samples per second of the CSV.")] = 1000.0,
-    criterion: Annotated[
-        Literal["condition", "precision"],
-        typer.Option(help="Least condition number, or least standard deviations (faster motion)."),
-    ] = "condition",
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of the random starts, and of the multisine's phases.")
-    ] = 1,
-    period: Annotated[float, _fourier(help="Identification: seconds of a period.")] = 10.0,
-    repeats: Annotated[int, _fourier(help="Periods.")] = 3,
-    harmonics: Annotated[int, _fourier(help="Harmonics of 1 / period.")] = 5,
-    torque_noise: Annotated[
-        float, _fourier(help="σ of the torque, share of each limit, to predict σ from.")
-    ] = 0.005,
-    time_limit: Annotated[float, _fourier(help="Seconds for the search.")] = 120.0,
-    duration: Annotated[
-        float, typer.Option(help="Budget in seconds.", rich_help_panel="For diagnosis")
-    ] = 180.0,
+    out: Annotated[Path, Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")],
+    purpose: Literal["identification", "diagnosis", "servo"] = Option(
+        "identification",
+        "--for",
+        help="Estimate parameters, separate the causes of a gap, or identify servos "
+        "without torques (20 s).",
+    ),
+    floor: float | None = Option(
+        None, help="Height all moving frames stay above, m in the base frame."
+    ),
+    margin: float = Option(0.9, help="Share of each limit that may be used."),
+    acceleration: str | None = Option(
+        None,
+        metavar="A[,A…]",
+        help="Limit in rad/s² (m/s²), one or one a joint. Default: half of the torque limit on "
+        "the joint's mean inertia, and full speed in 0.1 s at most.",
+    ),
+    start: str | None = Option(
+        None, metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen."
+    ),
+    rate: float = Option(1000.0, help="Samples per second of the CSV."),
+    criterion: Literal["condition", "precision"] = Option(
+        "condition", help="Least condition number, or least standard deviations (faster motion)."
+    ),
+    seed: int = Option(1, min=0, help="Of the random starts, and of the multisine's phases."),
+    period: float = _fourier(10.0, help="Identification: seconds of a period."),
+    repeats: int = _fourier(3, help="Periods."),
+    harmonics: int = _fourier(5, help="Harmonics of 1 / period."),
+    torque_noise: float = _fourier(
+        0.005, help="σ of the torque, share of each limit, to predict σ from."
+    ),
+    time_limit: float = _fourier(120.0, help="Seconds for the search."),
+    duration: float = Option(180.0, help="Budget in seconds.", rich_help_panel="For diagnosis"),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,

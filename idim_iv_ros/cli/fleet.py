@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.text import Text
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table, report_warnings
@@ -51,7 +52,7 @@ def fleet_command(
     context: typer.Context,
     source: Annotated[
         str,
-        typer.Argument(
+        Argument(
             help="A manifest (.csv or .parquet with the columns uri, robot, and also type and "
             "time), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
             "TYPE/ROBOT/BAG."
@@ -59,23 +60,21 @@ def fleet_command(
     ],
     config: Annotated[
         Path,
-        typer.Option(
+        Option(
             metavar="FILE.yaml|FOLDER",
             help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
         ),
     ],
     out: shared.Out,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are "
-            "started on this machine.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="How many on this machine; left out, one for each core.")
-    ] = None,
+    scheduler: str | None = Option(
+        None,
+        metavar="ADDRESS",
+        help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are "
+        "started on this machine.",
+    ),
+    workers: int | None = Option(
+        None, help="How many on this machine; left out, one for each core."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
 ) -> None:

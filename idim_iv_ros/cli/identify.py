@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-import typer
 from rich.console import Console
 from rich.text import Text
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_marked, print_table
@@ -23,10 +23,9 @@ def identify_command(
     bags: shared.Bags,
     config: shared.Config,
     out: shared.OutOrJson = None,
-    estimator: Annotated[
-        Literal["idim-iv", "idim-ls"],
-        typer.Option(help="Instrumental variables, or least squares."),
-    ] = "idim-iv",
+    estimator: Literal["idim-iv", "idim-ls"] = Option(
+        "idim-iv", help="Instrumental variables, or least squares."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
@@ -15,23 +14,17 @@ from idim_iv_ros.files import INIT_FORMAT, require_file_place, write_together
 
 def init_command(
     bags: shared.Bags,
-    urdf: Annotated[
-        Path | None,
-        typer.Option(
-            help="The robot's URDF; may be left out where the bag has /robot_description."
-        ),
-    ] = None,
-    driver: Annotated[
-        str | None,
-        typer.Option(
-            help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
-            "YAML file with the same keys."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The configuration to write; my_arm.yaml, of a table map.yaml."),
-    ] = None,
+    urdf: Path | None = Option(
+        None, help="The robot's URDF; may be left out where the bag has /robot_description."
+    ),
+    driver: str | None = Option(
+        None,
+        help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
+        "YAML file with the same keys.",
+    ),
+    out: Path | None = Option(
+        None, help="The configuration to write; my_arm.yaml, of a table map.yaml."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import Output, print_table
@@ -21,21 +20,17 @@ _TITLES = {
 def replay_command(
     bags: shared.Bags,
     config: shared.Config,
-    model: Annotated[
-        str,
-        typer.Option(
-            metavar="urdf|ROBOT.xml",
-            help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
-        ),
-    ] = "urdf",
-    effects: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="effects.json|gap.json",
-            help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
-            "parameters are taken too where --model is urdf.",
-        ),
-    ] = None,
+    model: str = Option(
+        "urdf",
+        metavar="urdf|ROBOT.xml",
+        help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
+    ),
+    effects: Path | None = Option(
+        None,
+        metavar="effects.json|gap.json",
+        help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
+        "parameters are taken too where --model is urdf.",
+    ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated
 
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import Output, print_table
@@ -16,21 +15,17 @@ from idim_iv_ros.files import SERVO
 def servo_command(
     bags: shared.Bags,
     config: shared.Config,
-    gains: Annotated[
-        str | None,
-        typer.Option(
-            metavar="G1,G2,…",
-            help="The servos' gain setting in each recording, in any unit, where it differs.",
-        ),
-    ] = None,
-    model_error: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            help="How wrong the nominal model's torques may be, as a standard deviation.",
-        ),
-    ] = 0.05,
+    gains: str | None = Option(
+        None,
+        metavar="G1,G2,…",
+        help="The servos' gain setting in each recording, in any unit, where it differs.",
+    ),
+    model_error: float = Option(
+        0.05,
+        min=0.0,
+        max=1.0,
+        help="How wrong the nominal model's torques may be, as a standard deviation.",
+    ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
