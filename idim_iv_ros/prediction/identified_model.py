@@ -33,13 +33,7 @@ class IdentifiedModel:
     model: InverseModel
     transform: JointTransform  # From what the topics hold to the joints
     values: FloatArray  # (b,): Base parameters
-    couplings: tuple[tuple[int, int], ...]
     processing: ProcessingSection  # That the result was made with
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot."""
-        return self.result.robot
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -67,14 +61,6 @@ class IdentifiedModel:
         """Which recorded positions may wrap after one turn: those of joints that turn."""
         plain = np.array_equal(self.transform.to_joint, np.eye(len(self.joints)))
         return tuple(plain and joint_kind == "revolute" for joint_kind in self.result.joint_types)
-
-    def variance(self, matrix: FloatArray) -> FloatArray:
-        """Variance of predicted efforts by that of the parameters, (n_samples, n_joints) (N m)².
-
-        - `matrix`: (n_samples, n_joints, b), base regressor
-        """
-        covariance = self.result.covariance
-        return np.asarray(np.einsum("sjb,sjb->sj", matrix @ covariance, matrix))
 
 
 def identified_model(
@@ -122,7 +108,6 @@ def identified_model(
         model=model,
         transform=joint_transform(configuration),
         values=values,
-        couplings=model.regressor.layout.coupling_joints,
         processing=processing,
     )
 
