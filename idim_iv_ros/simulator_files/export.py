@@ -139,11 +139,11 @@ def export(
         recordings=robot.bags,
     )
     names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
-    table: list[str] = []
+    ranges = None
     if made.ranges is not None:
-        texts[made.ranges], table = randomization(robot, made.mjcf.name)
+        texts[made.ranges], ranges = randomization(robot, made.mjcf.name)
     texts[made.effects] = document.to_json()
-    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=table, file=kind)
+    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=ranges, file=kind)
     _write(texts, out)
     return replace(
         made,
