@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +70,6 @@ def diagnose_command(
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-    from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.diagnosis.diagnose import diagnose
     from idim_iv_ros.effects.registry import EFFECTS
 
@@ -80,11 +78,8 @@ def diagnose_command(
     for name in names:
         if name not in EFFECTS:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(EFFECTS)}")
-    configuration = load_configuration(config)
-    others = against or []
-    compute = partial(diagnose, bags, configuration, without=names, against=others)
     result, numbers, page = output.produce(
-        compute, GAP, out, force=force, config=config, bags=[*bags, *others]
+        diagnose, bags, config, GAP, out, force=force, without=names, against=against or []
     )
     print_diagnosis(output.console, result)
     # Without a named cause the export would change nothing else.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -34,19 +33,14 @@ def identify_command(
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
-    from idim_iv_ros.configuration import load_configuration
-
     output = Output(quiet=quiet, as_json=as_json)
-    configuration = load_configuration(config)
     with output.progress():  # while the libraries are loaded
         from idim_iv_ros.identification.identify import identify
-    compute = partial(identify, bags, configuration, estimator=estimator)
     result, numbers, page = output.produce(
-        compute, RESULT, out, force=force, config=config, bags=bags
+        identify, bags, config, RESULT, out, force=force, estimator=estimator
     )
     output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result)
-    print_remarks(output.console, result)
     print_verdict(output.console, result)
     if result.verdict.verdict == "misspecified":
         output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
@@ -98,22 +92,6 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
         "determines it.",
         style="dim",
     )
-
-
-def print_remarks(console: Console, result: IdentificationResult) -> None:
-    """Print what the remarks in the table of parameters mean, where there are any."""
-    from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT
-
-    meanings = {
-        IMPOSSIBLE: "negative beyond its 95 % interval, and nothing that it groups may be: the "
-        "model lacks an effect that it takes up, or the motion does not excite it.",
-        NOT_SIGNIFICANT: "its 95 % interval holds zero; it is essential together with others, not "
-        "alone.",
-    }
-    remarks = {parameter.essential_remark for parameter in result.parameters}
-    for remark, meaning in meanings.items():
-        if remark in remarks:
-            console.print(f"{remark}: {meaning}", highlight=False)
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:

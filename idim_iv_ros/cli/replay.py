@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from typer import Option
@@ -42,16 +41,12 @@ def replay_command(
 
     Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
     """
-    from idim_iv_ros.configuration import load_configuration
-
-    output = Output(quiet=quiet, as_json=as_json)
-    configuration = load_configuration(config)
     from idim_iv_ros.report.replay import error_rows, headline
     from idim_iv_ros.simulators.replay import replay_bags
 
-    compute = partial(replay_bags, bags, configuration, model=model, effects=effects)
+    output = Output(quiet=quiet, as_json=as_json)
     result, numbers, page = output.produce(
-        compute, REPLAY, out, force=force, config=config, bags=bags
+        replay_bags, bags, config, REPLAY, out, force=force, model=model, effects=effects
     )
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     columns = ["joint", *(f">{name}" for name in (*drawn, "noise"))]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
@@ -41,7 +39,6 @@ def servo_command(
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
-    configuration = load_configuration(config)
     settings = None if gains is None else shared.numbers("--gains", gains)
     if settings is not None and not all(setting > 0.0 for setting in settings):
         raise UsageError(f"--gains {gains}: gains are above zero")
@@ -58,9 +55,9 @@ def servo_command(
 
     if out is not None:
         require_servo_files(out, force=force)
-    compute = partial(identify_servos, bags, configuration, gains=settings, model_error=model_error)
+    options = {"gains": settings, "model_error": model_error}
     result, numbers, page = output.produce(
-        compute, SERVO, out, force=force, config=config, bags=bags
+        identify_servos, bags, config, SERVO, out, force=force, **options
     )
     columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"
@@ -84,6 +81,6 @@ def servo_command(
     output.console.print(headline(result))
     output.warn(result.warnings)
     if out is not None and any(joint.absolute for joint in result.joints):
-        for path in write_servo_files(result, configuration, bags, out):
+        for path in write_servo_files(result, load_configuration(config), bags, out):
             output.line(f"Wrote {path}")
     output.name_files(numbers, page)

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from bags.simulated_arms import arm6
-from idim_iv_ros.cli.identify import print_parameters, print_remarks, print_verdict
+from idim_iv_ros.cli.identify import print_parameters, print_verdict
 from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
 from idim_iv_ros.identification.assembly import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
@@ -57,7 +57,7 @@ def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark, mo
     result = with_value(value, std, non_negative)
     parameter = result.to_document()["parameters"][0]
     assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
-    text = printed(lambda c: print_parameters(c, result), lambda c: print_remarks(c, result))
+    text = printed(lambda console: print_parameters(console, result))
     (line,) = [line for line in text.splitlines() if "FvX" in line]
     html = report_html(result)
     row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
