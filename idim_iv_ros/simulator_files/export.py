@@ -1,6 +1,5 @@
 """From a result to the files of a simulator: the whole of `idim-iv export`."""
 
-import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
+from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
@@ -260,12 +259,8 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
 def _write(contents: Mapping[Path, bytes | str], out: Path) -> None:
     """Write all files, or none, and no folder either."""
     try:
-        with made_folder(out), complete_files(contents) as temporary:
-            for path, content in contents.items():
-                with temporary[path].open("wb") as file:
-                    file.write(content.encode() if isinstance(content, str) else content)
-                    file.flush()
-                    os.fsync(file.fileno())
+        with made_folder(out):
+            write_together(contents)
     except OSError as error:
         reason = error.strerror or error
         raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error

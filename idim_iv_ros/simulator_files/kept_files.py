@@ -239,14 +239,7 @@ def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, Flo
     return moments, np.array([turn.w, turn.x, turn.y, turn.z])
 
 
-_MOMENTS = {
-    "ixx": (0, 0),
-    "ixy": (0, 1),
-    "ixz": (0, 2),
-    "iyy": (1, 1),
-    "iyz": (1, 2),
-    "izz": (2, 2),
-}
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # the upper triangle
 
 
 def with_values(
@@ -294,7 +287,7 @@ def with_values(
 
 
 def _moments(body: pin.Inertia) -> dict[str, str]:
-    values = numbers_text(np.array([body.inertia[place] for place in _MOMENTS.values()]))
+    values = numbers_text(body.inertia[np.triu_indices(3)])
     return dict(zip(_MOMENTS, values.split(), strict=True))
 
 
