@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import InverseModel, kinematics_digest
+from idim_iv_ros.model import InverseModel, require_same_robot
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import JointTransform, joint_transform
 from idim_iv_ros.types import FloatArray
@@ -78,18 +78,8 @@ def identified_model(
         One line: it cannot be read, or is of another robot, URDF or configuration.
     """
     result = IdentificationResult.read(path)
-    joints = configuration.robot.joints
-    if list(result.joints) != joints:
-        raise UsageError(
-            f"{path}: its joints are {', '.join(result.joints)}, those of "
-            f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
-        )
+    require_same_robot(path, result, configuration, model.robot, source)
     _require_same(path, result, configuration)
-    if result.kinematics and result.kinematics != kinematics_digest(model.robot):
-        raise UsageError(
-            f"{path}: its robot is another than {source}: joints are placed or turned differently; "
-            "run `idim-iv identify` again with this URDF"
-        )
     names = tuple(parameter.name for parameter in result.parameters)
     if names != model.base.names:
         raise UsageError(
