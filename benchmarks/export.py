@@ -24,7 +24,6 @@ from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import build_inverse_model, read_urdf_text
 from idim_iv_ros.simulator_files.kept_files import with_values
-from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulators.recording import simulate
 from tests.real.recordings import TX40, double_pendulum_bag, emps_bag, tx40_bag
 
@@ -148,7 +147,7 @@ def ur10_with_masses(folder: Path) -> Path:
     for joint, mass in zip(joints, UR10_MASSES, strict=True):
         name = urdf.joints[joint].child
         centre = 0.5 * np.array(ends.get(name, np.zeros(3)))
-        links[name] = LinkBody(mass, centre, np.eye(3) * mass * 0.06**2)
+        links[name] = pin.Inertia(mass, centre, np.eye(3) * mass * 0.06**2)
     path = folder / "ur10.urdf"
     path.write_bytes(with_values(source.read_bytes(), links, {}, {}, source.name))
     return path

@@ -223,15 +223,16 @@ def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
                 file.replace(path)
 
 
-def write_together(texts: Mapping[Path, str]) -> None:
-    """Write text files that appear complete and together, or not at all.
+def write_together(contents: Mapping[Path, str | bytes]) -> None:
+    """Write files, texts in UTF-8, that appear complete and together, or not at all.
 
     Raises OSError: a file cannot be written, or a folder has its name.
     """
-    with complete_files(texts) as temporary:
-        for path, text in texts.items():
-            with temporary[path].open("w", encoding="utf-8", errors=SPELT) as file:
-                file.write(text)
+    with complete_files(contents) as temporary:
+        for path, content in contents.items():
+            with temporary[path].open("wb") as file:
+                raw = content if isinstance(content, bytes) else content.encode("utf-8", SPELT)
+                file.write(raw)
                 file.flush()
                 os.fsync(file.fileno())
 

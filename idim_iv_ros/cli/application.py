@@ -1,7 +1,7 @@
 """The commands and the options that belong to none of them."""
 
 import sys
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from typer import rich_utils
@@ -76,11 +76,12 @@ def _print_version(wanted: bool) -> None:
 
 @application.callback()
 def _options(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
-        ),
-    ] = False,
+    version: bool = typer.Option(
+        False,
+        "--version",
+        callback=_print_version,
+        is_eager=True,
+        help="Print the version and exit.",
+    ),
 ) -> None:
     pass

@@ -8,31 +8,27 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from idim_iv_ros.errors import UsageError
 
 Bags = Annotated[
     list[Path],
-    typer.Argument(help="MCAP files, rosbag2 folders or .db3 files of one robot."),
+    Argument(help="MCAP files, rosbag2 folders or .db3 files of one robot."),
 ]
 Config = Annotated[
-    Path, typer.Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one.")
+    Path, Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one.")
 ]
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+Out = Annotated[Path, Option("--out", help="Folder for the results.")]
 OutOrJson = Annotated[
-    Path | None, typer.Option("--out", help="Folder for the results; may be left out with --json.")
+    Path | None, Option("--out", help="Folder for the results; may be left out with --json.")
 ]
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace files that idim_iv_ros did not write.")
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
-]
+Force = Annotated[bool, Option("--force", help="Replace files that idim_iv_ros did not write.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
 AsJson = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
+    bool, Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
 ]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print long tables whole.")]
+Verbose = Annotated[bool, Option("--verbose", "-v", help="Print long tables whole.")]
 
 
 def numbers(option: str, text: str) -> list[float]:

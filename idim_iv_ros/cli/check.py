@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
+from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
 
 from idim_iv_ros.cli.arguments import AsJson, Bags, Config, Quiet, Verbose
+from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table
+from idim_iv_ros.errors import DataError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from idim_iv_ros.identification.check import CheckReport
 
 _STYLES = {"good": "green", "limited": "yellow", "unusable": "red"}
@@ -29,9 +31,7 @@ def check_command(
 
     Example: idim-iv check run1.mcap --config ur5.yaml
     """
-    from idim_iv_ros.cli.output import Output, next_command
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.errors import DataError
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
@@ -42,14 +42,9 @@ def check_command(
     output.document(report.to_document())
     _print_report(output.console, report, verbose)
     if not report.usable:
-        if quiet:
-            first, *others = [f for f in report.findings if f.level == "unusable"]
-            more = f" (and {len(others)} more)" if others else ""
-            raise DataError(
-                f"not usable for an identification: {first.where}: {first.sentence}{more}"
-            )
-        output.console.print("[red]Not usable[/] for an identification.")
-        raise typer.Exit(1)
+        first, *others = [f for f in report.findings if f.level == "unusable"]
+        more = f" (and {len(others)} more)" if others else ""
+        raise DataError(f"not usable for an identification: {first.where}: {first.sentence}{more}")
     limits = sum(finding.level == "limited" for finding in report.findings)
     plural = "s" if limits > 1 else ""
     output.line(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
@@ -58,10 +53,6 @@ def check_command(
 
 def _print_report(console: Console, report: CheckReport, whole: bool) -> None:
     """Print the findings on every recording and joint, and what the excitation shows."""
-    from rich.padding import Padding
-    from rich.text import Text
-
-    from idim_iv_ros.cli.output import LONGEST, print_table
 
     def print_indented(*parts: str | tuple[str, str]) -> None:
         console.print(Padding(Text.assemble(*parts), (0, 0, 0, 2), expand=False))

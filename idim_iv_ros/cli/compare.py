@@ -5,27 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_table
+from idim_iv_ros.files import signed, write_together
 
 _FILE, _CONFIGURATION = "compare.html", "robot.yaml"
 _SHOWN = 8  # rows at least, without --verbose
 
 
 def compare_command(
-    first: Annotated[Path, typer.Argument(help="A result.json of `idim-iv identify`.")],
-    second: Annotated[Path, typer.Argument(help="Another one of the same robot.")],
-    out: Annotated[
-        Path | None, typer.Option("--out", help=f"Folder for {_FILE}, both side by side.")
-    ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="The robot's YAML file, for the next command; left out, that of the second "
-            f"result is written beside {_FILE}."
-        ),
-    ] = None,
+    first: Annotated[Path, Argument(help="A result.json of `idim-iv identify`.")],
+    second: Annotated[Path, Argument(help="Another one of the same robot.")],
+    out: Path | None = Option(None, "--out", help=f"Folder for {_FILE}, both side by side."),
+    config: Path | None = Option(
+        None,
+        help="The robot's YAML file, for the next command; left out, that of the second "
+        f"result is written beside {_FILE}.",
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -35,8 +33,6 @@ def compare_command(
 
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
-    from idim_iv_ros.cli.output import Output, print_table
-    from idim_iv_ros.files import signed, write_together
     from idim_iv_ros.identification.compare import compare_results
     from idim_iv_ros.report import require_writable
     from idim_iv_ros.report.compare import compare_html, compare_step

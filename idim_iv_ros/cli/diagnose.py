@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+from typer import Option
 from typer.core import TyperCommand
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.identify import print_physical
+from idim_iv_ros.cli.output import Output
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import GAP
 
@@ -43,23 +44,19 @@ def diagnose_command(
     bags: shared.Bags,
     config: shared.Config,
     out: shared.OutOrJson = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Leave an effect out of the catalogue, to see what is said without it; may be "
-            "repeated.",
-            metavar="EFFECT",
-        ),
-    ] = None,
-    against: Annotated[
-        list[Path] | None,
-        typer.Option(
-            AGAINST,
-            help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
-            "changed from the others to them. Names up to the next option belong to it.",
-            metavar="BAG...",
-        ),
-    ] = None,
+    without: list[str] | None = Option(
+        None,
+        help="Leave an effect out of the catalogue, to see what is said without it; may be "
+        "repeated.",
+        metavar="EFFECT",
+    ),
+    against: list[Path] | None = Option(
+        None,
+        AGAINST,
+        help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
+        "changed from the others to them. Names up to the next option belong to it.",
+        metavar="BAG...",
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -73,9 +70,6 @@ def diagnose_command(
     What changed: idim-iv diagnose before.mcap --against after.mcap --config ur5.yaml --out changed
     """
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
-    from idim_iv_ros.cli.identify import print_physical
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.diagnosis.diagnose import diagnose
     from idim_iv_ros.effects.registry import EFFECTS
 
@@ -84,11 +78,8 @@ def diagnose_command(
     for name in names:
         if name not in EFFECTS:
             raise UsageError(f"--without {name}: no such effect; there are {', '.join(EFFECTS)}")
-    configuration = load_configuration(config)
-    others = against or []
-    compute = partial(diagnose, bags, configuration, without=names, against=others)
     result, numbers, page = output.produce(
-        compute, GAP, out, force=force, config=config, bags=[*bags, *others]
+        diagnose, bags, config, GAP, out, force=force, without=names, against=against or []
     )
     print_diagnosis(output.console, result)
     # Without a named cause the export would change nothing else.

@@ -6,17 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from rich.console import Console
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_marked, print_table
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
     from idim_iv_ros.model import InverseModel
 
-_fourier = partial(typer.Option, rich_help_panel="For identification")
+_fourier = partial(Option, rich_help_panel="For identification")
 _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0, "servo": 100.0}
 # Between points controllers fit quintics; so many for each period of the fastest content.
 _POINTS_PER_PERIOD = 5.0
@@ -30,50 +30,39 @@ _CONDITION_NUMBERS = {
 
 def excite_command(
     config: shared.Config,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")
-    ],
-    purpose: Annotated[
-        Literal["identification", "diagnosis", "servo"],
-        typer.Option(
-            "--for",
-            help="Estimate parameters, separate the causes of a gap, or identify servos "
-            "without torques (20 s).",
-        ),
-    ] = "identification",
-    floor: Annotated[
-        float | None, typer.Option(help="Height all moving frames stay above, m in the base frame.")
-    ] = None,
-    margin: Annotated[float, typer.Option(help="Share of each limit that may be used.")] = 0.9,
-    acceleration: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A[,A…]",
-            help="Limit in rad/s² (m/s²), one or one a joint. Default: half of the torque limit on "
-            "the joint's mean inertia, and full speed in 0.1 s at most.",
-        ),
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen.")
-    ] = None,
-    rate: Annotated[float, typer.Option(help="Samples per second of the CSV.")] = 1000.0,
-    criterion: Annotated[
-        Literal["condition", "precision"],
-        typer.Option(help="Least condition number, or least standard deviations (faster motion)."),
-    ] = "condition",
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of the random starts, and of the multisine's phases.")
-    ] = 1,
-    period: Annotated[float, _fourier(help="Identification: seconds of a period.")] = 10.0,
-    repeats: Annotated[int, _fourier(help="Periods.")] = 3,
-    harmonics: Annotated[int, _fourier(help="Harmonics of 1 / period.")] = 5,
-    torque_noise: Annotated[
-        float, _fourier(help="σ of the torque, share of each limit, to predict σ from.")
-    ] = 0.005,
-    time_limit: Annotated[float, _fourier(help="Seconds for the search.")] = 120.0,
-    duration: Annotated[
-        float, typer.Option(help="Budget in seconds.", rich_help_panel="For diagnosis")
-    ] = 180.0,
+    out: Annotated[Path, Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")],
+    purpose: Literal["identification", "diagnosis", "servo"] = Option(
+        "identification",
+        "--for",
+        help="Estimate parameters, separate the causes of a gap, or identify servos "
+        "without torques (20 s).",
+    ),
+    floor: float | None = Option(
+        None, help="Height all moving frames stay above, m in the base frame."
+    ),
+    margin: float = Option(0.9, help="Share of each limit that may be used."),
+    acceleration: str | None = Option(
+        None,
+        metavar="A[,A…]",
+        help="Limit in rad/s² (m/s²), one or one a joint. Default: half of the torque limit on "
+        "the joint's mean inertia, and full speed in 0.1 s at most.",
+    ),
+    start: str | None = Option(
+        None, metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen."
+    ),
+    rate: float = Option(1000.0, help="Samples per second of the CSV."),
+    criterion: Literal["condition", "precision"] = Option(
+        "condition", help="Least condition number, or least standard deviations (faster motion)."
+    ),
+    seed: int = Option(1, min=0, help="Of the random starts, and of the multisine's phases."),
+    period: float = _fourier(10.0, help="Identification: seconds of a period."),
+    repeats: int = _fourier(3, help="Periods."),
+    harmonics: int = _fourier(5, help="Harmonics of 1 / period."),
+    torque_noise: float = _fourier(
+        0.005, help="σ of the torque, share of each limit, to predict σ from."
+    ),
+    time_limit: float = _fourier(120.0, help="Seconds for the search."),
+    duration: float = Option(180.0, help="Budget in seconds.", rich_help_panel="For diagnosis"),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -85,7 +74,6 @@ def excite_command(
     import numpy as np
 
     from idim_iv_ros import excitation as motions
-    from idim_iv_ros.cli.output import Output, print_marked
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -143,8 +131,6 @@ def _print_excitation(
     console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
     """Print condition numbers, limits used, and the parameters that stay badly excited."""
-    from idim_iv_ros.cli.output import print_table
-
     design = excitation.design
     console.print(
         f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
@@ -155,11 +141,6 @@ def _print_excitation(
         for name, words in _CONDITION_NUMBERS.items()
     ]
     print_table(console, "", ("", ">random (median)", ">designed"), rows)
-    if excitation.criterion == "condition":
-        console.print(
-            "A slow motion and a fast one have the same condition number: --criterion precision "
-            "finds the motion with the smallest standard deviations."
-        )
     _print_limits(console, model, limits, design.use)
     _print_parameters(console, excitation)
     console.print(
@@ -177,8 +158,6 @@ def _print_limits(
     console: Console, model: InverseModel, limits: MotionLimits, use: LimitUse
 ) -> None:
     """Print the largest share of each limit joint by joint, and the lowest moving frame."""
-    from idim_iv_ros.cli.output import print_table
-
     console.print(f"Largest share of each limit (allowed: {100 * limits.margin:g} %)")
     rows = []
     for index, joint in enumerate(model.robot.joints):
@@ -199,40 +178,23 @@ def _print_limits(
 
 
 def _print_parameters(console: Console, excitation: Excitation) -> None:
-    """Print the parameters that the motion shows poorly, with their predicted deviations."""
-    from idim_iv_ros.cli.output import LONGEST, print_table
+    """Name the parameters that the motion shows poorly."""
     from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
 
-    bad = [parameter for parameter in excitation.parameters if parameter.bad]
-    valued = sum(parameter.relative_std is not None for parameter in excitation.parameters)
+    poorly = [parameter.name for parameter in excitation.parameters if parameter.bad]
     console.print(
-        f"Predicted under torque noise of {100 * excitation.torque_noise:g} % of each limit: "
-        f"{valued} of {len(excitation.parameters)} base parameters have a nominal value; "
-        f"{len(bad)} are seen poorly, or small: σ above {100 * BAD_DEVIATION:g} % of the nominal "
-        f"value, or less than {100 * BAD_SHARE:g} % of the column unexplained by the others"
+        f"Seen poorly, or small: {', '.join(poorly) or 'none'} (of "
+        f"{len(excitation.parameters)} base parameters; under torque noise of "
+        f"{100 * excitation.torque_noise:g} % of each limit "
+        f"σ above {100 * BAD_DEVIATION:g} % of the nominal value, or less than "
+        f"{100 * BAD_SHARE:g} % of the column unexplained by the others; the JSON file has every σ)"
     )
-    if not bad:
-        return
-    rows = [
-        (
-            parameter.name,
-            f"{parameter.given:.3g}",
-            f"{parameter.std:.2g}",
-            "" if parameter.relative_std is None else f"{100 * parameter.relative_std:.2g}",
-            f"{100 * parameter.unexplained:.2g} %",
-            parameter.unit,
-        )
-        for parameter in bad
-    ]
-    columns = ("parameter", ">nominal", ">predicted σ", ">%σ", ">unexplained", "unit")
-    print_table(console, "", columns, rows, most=LONGEST, rest="the JSON file has them")
 
 
 def _print_segments(
     console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
 ) -> None:
     """Print the segments by kind with the effects that they reveal, and the limits used."""
-    from idim_iv_ros.cli.output import print_table
     from idim_iv_ros.excitation.segments import NOT_REVEALED
 
     segments = diagnosis.segments
@@ -246,7 +208,4 @@ def _print_segments(
         rows.append((kind, str(len(same)), f"{seconds:.1f}", ", ".join(same[0].effects)))
     print_table(console, "", ("segments", ">of them", ">seconds", "reveal"), rows)
     _print_limits(console, model, limits, diagnosis.use)
-    frequencies = ", ".join(f"{frequency:.2g}" for frequency in diagnosis.bandwidth)
-    words = "taken" if diagnosis.bandwidth_known else "[yellow]not known, assumed[/]"
-    console.print(f"Bandwidth of the position loops: {words}: {frequencies} Hz")
     console.print(f"Not revealed: {', '.join(NOT_REVEALED)} (see the JSON file)")

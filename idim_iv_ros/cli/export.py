@@ -5,50 +5,43 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, next_command
 
 
 def export_command(
     result: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="RESULT.json|GAP.json",
             help="What `idim-iv identify` or `idim-iv diagnose` wrote.",
         ),
     ],
     config: shared.Config,
     out: shared.Out,
-    refit: Annotated[
-        bool,
-        typer.Option(
-            "--refit",
-            help="Of a diagnosis all parameters of its refit, not the named causes alone.",
-        ),
-    ] = False,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="CAUSE[@JOINT]",
-            help="Leave out a named cause, for example payload; may be given again.",
-        ),
-    ] = None,
-    remainder: Annotated[
-        bool,
-        typer.Option(
-            "--remainder",
-            help="Spread what no cause explains over links and joints, as far as the recording "
-            "asks for it.",
-        ),
-    ] = False,
-    randomize: Annotated[
-        bool,
-        typer.Option(
-            "--randomize",
-            help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo.",
-        ),
-    ] = False,
+    refit: bool = Option(
+        False,
+        "--refit",
+        help="Of a diagnosis all parameters of its refit, not the named causes alone.",
+    ),
+    without: list[str] | None = Option(
+        None,
+        metavar="CAUSE[@JOINT]",
+        help="Leave out a named cause, for example payload; may be given again.",
+    ),
+    remainder: bool = Option(
+        False,
+        "--remainder",
+        help="Spread what no cause explains over links and joints, as far as the recording "
+        "asks for it.",
+    ),
+    randomize: bool = Option(
+        False,
+        "--randomize",
+        help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo.",
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -61,7 +54,6 @@ def export_command(
 
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
-    from idim_iv_ros.cli.output import Output, next_command
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.simulator_files import export
 

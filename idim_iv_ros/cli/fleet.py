@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
+from rich.text import Text
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table, report_warnings
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.files import FLEET, FLEET_PAGE
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from idim_iv_ros.fleet.commands import Fleet
     from idim_iv_ros.fleet.run import FleetRun
 
@@ -48,7 +52,7 @@ def fleet_command(
     context: typer.Context,
     source: Annotated[
         str,
-        typer.Argument(
+        Argument(
             help="A manifest (.csv or .parquet with the columns uri, robot, and also type and "
             "time), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
             "TYPE/ROBOT/BAG."
@@ -56,29 +60,25 @@ def fleet_command(
     ],
     config: Annotated[
         Path,
-        typer.Option(
+        Option(
             metavar="FILE.yaml|FOLDER",
             help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
         ),
     ],
     out: shared.Out,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are "
-            "started on this machine.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="How many on this machine; left out, one for each core.")
-    ] = None,
+    scheduler: str | None = Option(
+        None,
+        metavar="ADDRESS",
+        help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are "
+        "started on this machine.",
+    ),
+    workers: int | None = Option(
+        None, help="How many on this machine; left out, one for each core."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
 ) -> None:
     """Identify or diagnose a fleet, whichever the command is called."""
-    from idim_iv_ros.cli.output import Output, report_warnings
-    from idim_iv_ros.files import FLEET, FLEET_PAGE
     from idim_iv_ros.fleet.commands import diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.fleet.table import FILE, write_table
@@ -102,8 +102,6 @@ def fleet_command(
     if page is not None:
         output.line(f"Report: {page}")
     if not any(bag.used for bag in answer.result.bags):
-        from idim_iv_ros.errors import DataError
-
         output.line(f"Next: {_next(name, run, answer)}")
         first = answer.result.bags[0]
         words = f"none of {len(answer.bags):,} bags can be used"
@@ -112,7 +110,6 @@ def fleet_command(
 
 def _next(name: str, run: FleetRun, answer: Fleet) -> str:
     """Return the command that says more of a bag on this machine, or else the same again."""
-    from idim_iv_ros.cli.output import next_command
     from idim_iv_ros.fleet.robots import path_of
     from idim_iv_ros.fleet.source import is_local, local_path
 
@@ -141,9 +138,6 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
 
 def _print(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
     """Print which robots need attention, what their types say, and what was left out."""
-    from rich.text import Text
-
-    from idim_iv_ros.cli.output import LONGEST, print_table
     from idim_iv_ros.report.fleet import headline
 
     result = answer.result

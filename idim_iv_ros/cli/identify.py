@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-import typer
+from rich.console import Console
+from rich.text import Text
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_marked, print_table
+from idim_iv_ros.files import RESULT
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.identification.result import IdentificationResult
 
@@ -23,10 +22,9 @@ def identify_command(
     bags: shared.Bags,
     config: shared.Config,
     out: shared.OutOrJson = None,
-    estimator: Annotated[
-        Literal["idim-iv", "idim-ls"],
-        typer.Option(help="Instrumental variables, or least squares."),
-    ] = "idim-iv",
+    estimator: Literal["idim-iv", "idim-ls"] = Option(
+        "idim-iv", help="Instrumental variables, or least squares."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -35,23 +33,17 @@ def identify_command(
 
     Example: idim-iv identify run1.mcap run2.mcap --config ur5.yaml --out results
     """
-    from idim_iv_ros.cli.output import Output
-    from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.files import RESULT
-
     output = Output(quiet=quiet, as_json=as_json)
-    configuration = load_configuration(config)
     with output.progress():  # while the libraries are loaded
         from idim_iv_ros.identification.identify import identify
-    compute = partial(identify, bags, configuration, estimator=estimator)
     result, numbers, page = output.produce(
-        compute, RESULT, out, force=force, config=config, bags=bags
+        identify, bags, config, RESULT, out, force=force, estimator=estimator
     )
     output.warn_quietly([*result.doubts, *data_warnings(result)])
-    print_parameters(output.console, result, whole=False)
-    print_remarks(output.console, result)
+    print_parameters(output.console, result)
     print_verdict(output.console, result)
-    print_next(output.console, result, bags, config)
+    if result.verdict.verdict == "misspecified":
+        output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
     print_physical(output, result, numbers, config)
     output.name_files(numbers, page)
 
@@ -64,8 +56,6 @@ def print_physical(
     *options: str,
 ) -> None:
     """Name the command that takes the answer into a simulator; else say why it cannot be."""
-    from idim_iv_ros.cli.output import next_command
-
     if result.physical is None:
         if result.why_no_physical:
             output.line(f"No physical parameters for a simulator: {result.why_no_physical}")
@@ -77,41 +67,22 @@ def print_physical(
         output.line(f"Into a simulator: {command}")
 
 
-def print_parameters(
-    console: Console,
-    result: IdentificationResult,
-    truth: dict[str, float] | None = None,
-    *,
-    whole: bool = True,
-) -> None:
-    """Print essential parameters with their standard deviations, and true values if known.
-
-    The best determined ones come first where not the `whole` table is printed.
-    """
-    from idim_iv_ros.cli.output import LONGEST, print_table
-
+def print_parameters(console: Console, result: IdentificationResult) -> None:
+    """Print essential parameters with their standard deviations, the best determined first."""
     rows: list[tuple[float, tuple[str, ...]]] = []
     for parameter in result.parameters:
         value, std = parameter.essential_value, parameter.essential_std
         if not parameter.essential or value is None or std is None:
             continue
-        true = off = ""
-        if truth:
-            true = f"{truth[parameter.name]:.4g}"
-            off = f"{(value - truth[parameter.name]) / std:+.1f} σ"
         percent = 100.0 * std / abs(value)
-        cells = (f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}", true, off, parameter.unit)
+        cells = (f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}", parameter.unit)
         rows.append((percent, (parameter.name, *cells, parameter.essential_remark)))
-    title = f"{result.robot}: essential parameters, {result.estimator}"
-    if not whole:
-        rows.sort(key=lambda row: row[0])
-        title += ", best determined first"
     print_table(
         console,
-        title,
-        ("parameter", ">value", ">σ", ">%σ", ">truth", ">off by", "unit", "remark"),
-        [cells for _, cells in rows],
-        most=None if whole else LONGEST,
+        f"{result.robot}: essential parameters, {result.estimator}, best determined first",
+        ("parameter", ">value", ">σ", ">%σ", "unit", "remark"),
+        [cells for _, cells in sorted(rows)],
+        most=LONGEST,
         rest="the report has them",
     )
     console.print(
@@ -123,28 +94,8 @@ def print_parameters(
     )
 
 
-def print_remarks(console: Console, result: IdentificationResult) -> None:
-    """Print what the remarks in the table of parameters mean, where there are any."""
-    from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT
-
-    meanings = {
-        IMPOSSIBLE: "negative beyond its 95 % interval, and nothing that it groups may be: the "
-        "model lacks an effect that it takes up, or the motion does not excite it.",
-        NOT_SIGNIFICANT: "its 95 % interval holds zero; it is essential together with others, not "
-        "alone.",
-    }
-    remarks = {parameter.essential_remark for parameter in result.parameters}
-    for remark, meaning in meanings.items():
-        if remark in remarks:
-            console.print(f"{remark}: {meaning}", highlight=False)
-
-
 def print_verdict(console: Console, result: IdentificationResult) -> None:
     """Print verdict, fit, where the instruments came from, and what was left out."""
-    from rich.text import Text
-
-    from idim_iv_ros.cli.output import print_marked
-
     fit = result.fit
     lines = [
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
@@ -175,16 +126,3 @@ def data_warnings(result: IdentificationResult) -> list[str]:
         sentences += [channel.sentence for channel in bag.frozen]
         warnings += [f"{Path(bag.path).name}: {sentence}" for sentence in sentences]
     return warnings
-
-
-def print_next(
-    console: Console, result: IdentificationResult, bags: Sequence[Path], config: Path
-) -> None:
-    """Name the command that looks for the cause of a model error, with its arguments."""
-    from rich.text import Text
-
-    from idim_iv_ros.cli.output import next_command
-
-    if result.verdict.verdict == "misspecified":
-        command = next_command("diagnose", bags, config, "--out", "why")
-        console.print(Text(f"Next: {command}"), soft_wrap=True)

@@ -7,45 +7,40 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import IMPORT_FORMAT
 
-_table = partial(typer.Option, metavar="FILE[:KEY]")
+_table = partial(Option, metavar="FILE[:KEY]")
 
 
 def import_command(
-    out: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The bag to write.")],
-    position: Annotated[str | None, _table(help="Measured positions.")] = None,
-    effort: Annotated[str | None, _table(help="Measured efforts; without: servos.")] = None,
-    joints: Annotated[
-        str | None,
-        typer.Option(metavar="a,b,c", help="Names for the columns; of a data set JOINT=COLUMN."),
-    ] = None,
-    columns: Annotated[
-        Path | None,
-        typer.Option(metavar="MAP.yaml", help="A table and its columns; `idim-iv init TABLE`."),
-    ] = None,
-    lerobot: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="A LeRobot data set instead of tables.")
-    ] = None,
-    episode: Annotated[int, typer.Option(min=0, help="Of the data set.")] = 0,
-    scale: Annotated[
-        float, typer.Option(help="Of the data set's positions to rad: 0.0174533 for degrees.")
-    ] = 1.0,
-    rate: Annotated[float | None, typer.Option(help="Samples per second.")] = None,
-    time: Annotated[str | None, _table(help="Stamps in s, instead of --rate.")] = None,
-    velocity: Annotated[str | None, _table()] = None,
-    reference: Annotated[str | None, _table(help="Position references.")] = None,
-    velocity_reference: Annotated[str | None, _table()] = None,
-    reference_time: Annotated[
-        str | None, _table(help="Stamps of the references, if they differ.")
-    ] = None,
-    link: Annotated[str | None, _table(help="Positions of encoders behind the gears.")] = None,
-    urdf: Annotated[Path | None, typer.Option(help="URDF to put on /robot_description.")] = None,
+    out: Annotated[Path, Argument(metavar="OUT.mcap", help="The bag to write.")],
+    position: str | None = _table(None, help="Measured positions."),
+    effort: str | None = _table(None, help="Measured efforts; without: servos."),
+    joints: str | None = Option(
+        None, metavar="a,b,c", help="Names for the columns; of a data set JOINT=COLUMN."
+    ),
+    columns: Path | None = Option(
+        None, metavar="MAP.yaml", help="A table and its columns; `idim-iv init TABLE`."
+    ),
+    lerobot: Path | None = Option(
+        None, metavar="FOLDER", help="A LeRobot data set instead of tables."
+    ),
+    episode: int = Option(0, min=0, help="Of the data set."),
+    scale: float = Option(1.0, help="Of the data set's positions to rad: 0.0174533 for degrees."),
+    rate: float | None = Option(None, help="Samples per second."),
+    time: str | None = _table(None, help="Stamps in s, instead of --rate."),
+    velocity: str | None = _table(None),
+    reference: str | None = _table(None, help="Position references."),
+    velocity_reference: str | None = _table(None),
+    reference_time: str | None = _table(None, help="Stamps of the references, if they differ."),
+    link: str | None = _table(None, help="Positions of encoders behind the gears."),
+    urdf: Path | None = Option(None, help="URDF to put on /robot_description."),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -58,7 +53,6 @@ def import_command(
 
     Example: idim-iv import r.mcap --rate 1000 --position d.mat:q --effort d.mat:tau --joints a,b
     """
-    from idim_iv_ros.cli.output import Output
     from idim_iv_ros.model import read_urdf_file
     from idim_iv_ros.recording import import_mapped, import_table
     from idim_iv_ros.recording.lerobot import import_lerobot

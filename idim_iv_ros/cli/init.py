@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
-
-if TYPE_CHECKING:
-    from idim_iv_ros.cli.output import Output
+from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.encoding import shell_command
+from idim_iv_ros.files import INIT_FORMAT, require_file_place, write_together
 
 
 def init_command(
     bags: shared.Bags,
-    urdf: Annotated[
-        Path | None,
-        typer.Option(
-            help="The robot's URDF; may be left out where the bag has /robot_description."
-        ),
-    ] = None,
-    driver: Annotated[
-        str | None,
-        typer.Option(
-            help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
-            "YAML file with the same keys."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The configuration to write; my_arm.yaml, of a table map.yaml."),
-    ] = None,
+    urdf: Path | None = Option(
+        None, help="The robot's URDF; may be left out where the bag has /robot_description."
+    ),
+    driver: str | None = Option(
+        None,
+        help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
+        "YAML file with the same keys.",
+    ),
+    out: Path | None = Option(
+        None, help="The configuration to write; my_arm.yaml, of a table map.yaml."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -43,8 +36,6 @@ def init_command(
 
     Example: idim-iv init run1.mcap --urdf ur5.urdf --out ur5.yaml
     """
-    from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
-    from idim_iv_ros.files import INIT_FORMAT, require_file_place
     from idim_iv_ros.recording.table_map import SUFFIXES as TABLES
     from idim_iv_ros.signal_source import NO_EFFORT
 
@@ -90,8 +81,6 @@ def init_command(
 
 def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
     """Write the map of a table, and say what comes next."""
-    from idim_iv_ros.encoding import shell_command
-    from idim_iv_ros.files import require_file_place, write_together
     from idim_iv_ros.recording.table_map import proposed_map
 
     require_file_place([out], force=force)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 
 from idim_iv_ros.cli.arguments import Config, Out
 from idim_iv_ros.errors import UsageError
@@ -18,14 +19,10 @@ _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
 Namespace = Annotated[
     str,
-    typer.Option(
-        help="ROS namespace of the node, and of the relative topics of the configuration."
-    ),
+    Option(help="ROS namespace of the node, and of the relative topics of the configuration."),
 ]
-Result = Annotated[
-    Path | None, typer.Option(help="A result.json; left out: the newest of --results.")
-]
-Results = Annotated[Path, typer.Option(help="Folder in which `idim-iv serve` writes its results.")]
+Result = Annotated[Path | None, Option(help="A result.json; left out: the newest of --results.")]
+Results = Annotated[Path, Option(help="Folder in which `idim-iv serve` writes its results.")]
 
 
 def record_command(
@@ -45,10 +42,8 @@ def serve_command(
     context: typer.Context,
     config: Config,
     out: Out,
-    bags: Annotated[Path, typer.Option(help="Folder of the bags that may be asked for.")] = Path(),
-    auto: Annotated[
-        bool, typer.Option("--auto", help="Identify every bag that the recorder closes.")
-    ] = False,
+    bags: Path = Option(Path(), help="Folder of the bags that may be asked for."),
+    auto: bool = Option(False, "--auto", help="Identify every bag that the recorder closes."),
     namespace: Namespace = "",
 ) -> None:
     """Answer ROS 2 requests to identify bags until Ctrl-C.
@@ -80,23 +75,18 @@ def predict_command(
 
 def watch_command(
     context: typer.Context,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="The robot's YAML file: predict here, too; left out: show what `predict` says."
-        ),
-    ] = None,
+    config: Path | None = Option(
+        None, help="The robot's YAML file: predict here, too; left out: show what `predict` says."
+    ),
     result: Result = None,
     results: Results = Path("results"),
-    web: Annotated[
-        int | None,
-        typer.Option(
-            metavar="PORT",
-            min=0,
-            max=65535,
-            help="Show a page on this port of this machine, and no table; 0: any free port.",
-        ),
-    ] = None,
+    web: int | None = Option(
+        None,
+        metavar="PORT",
+        min=0,
+        max=65535,
+        help="Show a page on this port of this machine, and no table; 0: any free port.",
+    ),
     namespace: Namespace = "",
 ) -> None:
     """Show measured and predicted efforts of a running robot until Ctrl-C.
@@ -115,11 +105,10 @@ def watch_command(
 
 def _prediction(result: Path | None, results: Path) -> dict[str, object]:
     """Return the parameters of the predictor."""
-    if result is None:
-        return {"output_directory": results.resolve()}
-    if not result.is_file():
+    if result is not None and not result.is_file():
         raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
-    return {"output_directory": results.resolve(), "result": result.resolve()}
+    places = {"output_directory": results, "result": result}
+    return {name: place.resolve() for name, place in places.items() if place is not None}
 
 
 def _run(

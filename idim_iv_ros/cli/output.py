@@ -19,6 +19,7 @@ from rich.text import Text
 
 from idim_iv_ros.encoding import json_text, shell_command
 from idim_iv_ros.errors import ReportWarning, UsageError
+from idim_iv_ros.files import REPORT
 from idim_iv_ros.progress import Progress
 
 INTERVAL = 5.0  # s between lines where stderr is not a terminal
@@ -42,33 +43,38 @@ class Output:
     def produce(
         self,
         compute: Callable[..., AnyResult],
+        bags: Sequence[Path],
+        config: Path,
         name: str,
         out: Path | None,
         *,
         force: bool,
-        config: Path,
-        bags: Sequence[Path],
+        **options: Any,
     ) -> tuple[AnyResult, Path | None, Path | None]:
-        """Compute a result, write its numbers and its page, and print it for a program.
+        """Compute a result of bags, write its numbers and its page, and print it for a program.
 
-        `compute` takes `progress`; the numbers are written to the file `name` in the folder `out`.
-        Returned are the result, and the paths of numbers and page, which are None without --out.
+        `compute` takes bags, configuration, `options` and `progress`; the numbers are written to
+        the file `name` in the folder `out`. Returned are the result, and the paths of numbers and
+        page, which are None without --out.
 
         Raises UsageError: there is no place for a file, or neither --out nor --json: nothing was
         computed.
         """
-        from idim_iv_ros.files import REPORT
+        from idim_iv_ros.configuration import load_configuration
         from idim_iv_ros.report import require_writable, write_report
 
         numbers = page = None
+        configuration, recordings = load_configuration(config), [*bags, *options.get("against", ())]
         if out is None and not self.as_json:
             raise UsageError("give --out FOLDER for the report, or --json for the result on stdout")
         with nullcontext() if out is None else require_writable(out, (name, REPORT), force=force):
             with self.progress() as progress:
-                result = compute(progress=progress)
+                result = compute(bags, configuration, progress=progress, **options)
             if out is not None:
                 with report_warnings():
-                    numbers, page = write_report(result, out, force=force, config=config, bags=bags)
+                    numbers, page = write_report(
+                        result, out, force=force, config=config, bags=recordings
+                    )
         self.document(result.to_document())
         return result, numbers, page
 

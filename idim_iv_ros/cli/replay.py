@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_table
 from idim_iv_ros.files import REPLAY
 
 _TITLES = {
@@ -20,21 +19,17 @@ _TITLES = {
 def replay_command(
     bags: shared.Bags,
     config: shared.Config,
-    model: Annotated[
-        str,
-        typer.Option(
-            metavar="urdf|ROBOT.xml",
-            help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
-        ),
-    ] = "urdf",
-    effects: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="effects.json|gap.json",
-            help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
-            "parameters are taken too where --model is urdf.",
-        ),
-    ] = None,
+    model: str = Option(
+        "urdf",
+        metavar="urdf|ROBOT.xml",
+        help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
+    ),
+    effects: Path | None = Option(
+        None,
+        metavar="effects.json|gap.json",
+        help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
+        "parameters are taken too where --model is urdf.",
+    ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -46,17 +41,12 @@ def replay_command(
 
     Example: idim-iv replay run1.mcap --config ur5.yaml --effects why/gap.json --out replay
     """
-    from idim_iv_ros.cli.output import Output, print_table
-    from idim_iv_ros.configuration import load_configuration
-
-    output = Output(quiet=quiet, as_json=as_json)
-    configuration = load_configuration(config)
     from idim_iv_ros.report.replay import error_rows, headline
     from idim_iv_ros.simulators.replay import replay_bags
 
-    compute = partial(replay_bags, bags, configuration, model=model, effects=effects)
+    output = Output(quiet=quiet, as_json=as_json)
     result, numbers, page = output.produce(
-        compute, REPLAY, out, force=force, config=config, bags=bags
+        replay_bags, bags, config, REPLAY, out, force=force, model=model, effects=effects
     )
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     columns = ["joint", *(f">{name}" for name in (*drawn, "noise"))]

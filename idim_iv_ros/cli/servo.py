@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Annotated
-
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, print_table
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import SERVO
 
 
 def servo_command(
     bags: shared.Bags,
     config: shared.Config,
-    gains: Annotated[
-        str | None,
-        typer.Option(
-            metavar="G1,G2,…",
-            help="The servos' gain setting in each recording, in any unit, where it differs.",
-        ),
-    ] = None,
-    model_error: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            help="How wrong the nominal model's torques may be, as a standard deviation.",
-        ),
-    ] = 0.05,
+    gains: str | None = Option(
+        None,
+        metavar="G1,G2,…",
+        help="The servos' gain setting in each recording, in any unit, where it differs.",
+    ),
+    model_error: float = Option(
+        0.05,
+        min=0.0,
+        max=1.0,
+        help="How wrong the nominal model's torques may be, as a standard deviation.",
+    ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -41,12 +36,9 @@ def servo_command(
 
     Example: idim-iv servo run1.mcap --config so101.yaml --out servos
     """
-    from idim_iv_ros.cli.output import Output, print_table
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.errors import UsageError
 
     output = Output(quiet=quiet, as_json=as_json)
-    configuration = load_configuration(config)
     settings = None if gains is None else shared.numbers("--gains", gains)
     if settings is not None and not all(setting > 0.0 for setting in settings):
         raise UsageError(f"--gains {gains}: gains are above zero")
@@ -63,9 +55,9 @@ def servo_command(
 
     if out is not None:
         require_servo_files(out, force=force)
-    compute = partial(identify_servos, bags, configuration, gains=settings, model_error=model_error)
+    options = {"gains": settings, "model_error": model_error}
     result, numbers, page = output.produce(
-        compute, SERVO, out, force=force, config=config, bags=bags
+        identify_servos, bags, config, SERVO, out, force=force, **options
     )
     columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"
@@ -89,6 +81,6 @@ def servo_command(
     output.console.print(headline(result))
     output.warn(result.warnings)
     if out is not None and any(joint.absolute for joint in result.joints):
-        for path in write_servo_files(result, configuration, bags, out):
+        for path in write_servo_files(result, load_configuration(config), bags, out):
             output.line(f"Wrote {path}")
     output.name_files(numbers, page)

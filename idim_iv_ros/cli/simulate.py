@@ -5,36 +5,33 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.files import SIMULATION_FORMAT
 
 
 def simulate_command(
     config: shared.Config,
-    out: Annotated[Path, typer.Option("--out", metavar="BAG.mcap", help="The bag.")],
-    trajectory: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TRAJ.csv",
-            help="References, as `idim-iv excite` writes them; without it a random exciting motion "
-            "of --duration seconds within the limits of the URDF.",
-        ),
-    ] = None,
-    duration: Annotated[float, typer.Option(min=1.0, help="Seconds of the random motion.")] = 10.0,
-    motion_seed: Annotated[int, typer.Option(min=0, help="Of the random motion.")] = 1,
-    seed: Annotated[
-        list[int] | None,
-        typer.Option(min=0, help="Of the noise; several write several bags, BAG-SEED.mcap."),
-    ] = None,
-    effects: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="gap.json",
-            help="A diagnosis: the robot has its extended parameters and its accepted effects. "
-            "Or a file of effects written by hand (docs/simulation.md).",
-        ),
-    ] = None,
+    out: Annotated[Path, Option("--out", metavar="BAG.mcap", help="The bag.")],
+    trajectory: Path | None = Option(
+        None,
+        metavar="TRAJ.csv",
+        help="References, as `idim-iv excite` writes them; without it a random exciting motion "
+        "of --duration seconds within the limits of the URDF.",
+    ),
+    duration: float = Option(10.0, min=1.0, help="Seconds of the random motion."),
+    motion_seed: int = Option(1, min=0, help="Of the random motion."),
+    seed: list[int] | None = Option(
+        None, min=0, help="Of the noise; several write several bags, BAG-SEED.mcap."
+    ),
+    effects: Path | None = Option(
+        None,
+        metavar="gap.json",
+        help="A diagnosis: the robot has its extended parameters and its accepted effects. "
+        "Or a file of effects written by hand (docs/simulation.md).",
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -47,7 +44,6 @@ def simulate_command(
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
-    from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -59,7 +55,6 @@ def simulate_command(
         from idim_iv_ros.simulators import recording
 
         seeds = tuple(seed or [1])
-        recording.require_simulation_place(out, seeds, force=force)
         if trajectory is None:
             rate = 1.0 / (configuration.controller.period or 0.001)
             motion = random_motion(configuration, duration=duration, rate=rate, seed=motion_seed)
@@ -68,7 +63,8 @@ def simulate_command(
         bags, truth = recording.simulate(
             configuration, out, motion, seeds=seeds, effects=effects, force=force, progress=progress
         )
-    output.document(recording.simulation_document(bags, truth))
+    written = [bag.to_document() for bag in bags]
+    output.document({"format": SIMULATION_FORMAT, "bags": written, "truth": str(truth)})
     if (urdf := configuration.robot.description) is not None:
         robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
         print_marked(output.console, "Warning", robot.doubts, "yellow")

@@ -10,7 +10,7 @@ from idim_iv_ros.effects.parametric_effect import (
     ParametricEffect,
     estimated,
 )
-from idim_iv_ros.model.parameters import INERTIAL, POINT, REGRESSOR_ORDER
+from idim_iv_ros.model.parameters import INERTIAL, POINT
 
 _POSITIVE = ("M", "XX", "YY", "ZZ")
 
@@ -59,9 +59,9 @@ class LinkInertia(ParametricEffect):
     ) -> bool:
         """Mass and moments of inertia stay positive where the URDF gives them."""
         assert joint is not None
-        given = space.model.robot.given.inertial[joint]
+        given = space.model.robot.given.of_bodies[joint]
         for kind in _POSITIVE:
-            value = float(given[REGRESSOR_ORDER[INERTIAL.index(kind)]])
+            value = float(given[INERTIAL.index(kind)])
             estimate = estimated(estimates, f"change_of_{kind}{joint + 1}")
             if estimate is not None and value > 0.0 and estimate.exceeds(-value) is False:
                 return False

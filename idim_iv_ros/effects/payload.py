@@ -14,7 +14,7 @@ from idim_iv_ros.effects.parametric_effect import (
     estimated,
 )
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.parameters import INERTIAL, POINT, REGRESSOR_ORDER
+from idim_iv_ros.model.parameters import INERTIAL, POINT
 from idim_iv_ros.types import FloatArray
 
 _CHECKED = ("M", "XX", "YY", "ZZ")
@@ -76,7 +76,7 @@ class Payload(ParametricEffect):
         mass = estimated(estimates, "mass")
         there = dict.fromkeys(_CHECKED, 0.0)
         if mass is not None and mass.determined and mass.value < 0.0:
-            given = space.model.robot.given.inertial[joint][list(REGRESSOR_ORDER)]
+            given = space.model.robot.given.of_bodies[joint]
             there = dict(zip(INERTIAL, map(float, given), strict=True))
         for kind in _CHECKED:
             change = estimated(estimates, _NAMES[kind])

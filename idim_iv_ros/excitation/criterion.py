@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import streamed_r_factor
 from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits, MovingFrames
@@ -143,21 +143,20 @@ class ExcitationCost:
     def _torque_penalty(self, regressor: FloatArray) -> tuple[float, FloatArray | None]:
         if not self.limits.torque_known:
             return 0.0, None
-        allowed = self.limits.margin * self.limits.torque
-        torque = regressor @ self.model.given
-        excess = np.maximum(np.abs(torque) / allowed - 1.0, 0.0)
-        slope = 2.0 * self.weight * excess * np.sign(torque) / allowed
-        return float(self.weight * np.sum(excess**2)), slope
+        return self._penalty(regressor @ self.model.given, self.limits.torque)
 
     def _box_penalty(self, states: FloatArray) -> tuple[float, FloatArray]:
         limits = self.limits
-        allowed = limits.margin * np.stack(
-            [limits.half_range, limits.velocity, limits.acceleration]
-        )
         values = states.copy()
         values[0] -= limits.middle
-        excess = np.maximum(np.abs(values) / allowed[:, None] - 1.0, 0.0)
-        slope = 2.0 * self.weight * excess * np.sign(values) / allowed[:, None]
+        box = np.stack([limits.half_range, limits.velocity, limits.acceleration])
+        return self._penalty(values, box[:, None])
+
+    def _penalty(self, values: FloatArray, limit: FloatArray) -> tuple[float, FloatArray]:
+        """What it costs to pass a limit, and the derivative by each value."""
+        allowed = self.limits.margin * limit
+        excess = np.maximum(np.abs(values) / allowed - 1.0, 0.0)
+        slope = 2.0 * self.weight * excess * np.sign(values) / allowed
         return float(self.weight * np.sum(excess**2)), slope
 
     def _floor_penalty(self, q: FloatArray) -> tuple[float, FloatArray]:
@@ -270,14 +269,7 @@ def predict_parameters(
 
     - `torque_limit`: (n_joints,) N m (N)
     - `torque_noise`: share of the torque limit
-
-    Raises
-    ------
-    UsageError
-        `torque_noise` is not positive.
     """
-    if not (np.isfinite(torque_noise) and torque_noise > 0.0):
-        raise UsageError(f"torque noise {torque_noise:g}: a share of the limit above 0 is needed")
     upper = weighted_r_factor(model, period, 1.0 / (torque_noise * torque_limit)) * np.sqrt(repeats)
     norms = np.linalg.norm(upper, axis=0)
     # Of the equilibrated factor: columns of unit length.

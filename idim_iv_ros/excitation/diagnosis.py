@@ -253,7 +253,7 @@ def design_diagnosis(
         The segments do not fit in the duration or keep the limits.
     """
     report = progress or (lambda stage, share: None)
-    if not (np.isfinite(rate) and rate >= 100.0):
+    if not rate >= 100.0:
         raise UsageError(f"rate {rate:g}: a diagnosis needs 100 samples per second or more")
     if not SHORTEST <= duration <= LONGEST:
         raise UsageError(

@@ -32,7 +32,6 @@ class Excitation:
     design: Design
     parameters: tuple[PredictedParameter, ...]  # The worst first
     torque_noise: float  # Share of each torque limit that `parameters` assumes
-    criterion: str  # What the design minimised
     document: Mapping[str, object] = field(repr=False)  # All figures, as they are written to JSON
 
 
@@ -102,7 +101,7 @@ def excite(
             for parameter in parameters
         ],
     )
-    return Excitation(design, parameters, torque_noise, settings.criterion, document)
+    return Excitation(design, parameters, torque_noise, document)
 
 
 def random_motion(
@@ -131,12 +130,10 @@ def random_motion(
     DataError
         The robot cannot even stay near the middle of its range.
     """
-    if not duration >= 1.0:
-        raise UsageError(f"duration {duration:g}: at least 1 s is needed")
-    if duration > _LONGEST:
+    if not 1.0 <= duration <= _LONGEST:
         raise UsageError(
-            f"duration {duration:g}: a random motion lasts at most {_LONGEST:g} s; design a "
-            "longer one with idim-iv excite --for diagnosis"
+            f"duration {duration:g}: a random motion lasts 1 to {_LONGEST:g} s; design a longer "
+            "one with idim-iv excite --for diagnosis"
         )
     require_sampling(rate, duration, "the random motion")
     model = load_model(configuration)

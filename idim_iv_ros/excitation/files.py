@@ -16,7 +16,7 @@ from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.diagnosis import Diagnosis
 from idim_iv_ros.excitation.limits import LimitUse, MotionLimits
-from idim_iv_ros.excitation.segments import NOT_REVEALED
+from idim_iv_ros.excitation.segments import NOT_REVEALED, Segment
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
 from idim_iv_ros.files import (
     FILES,
@@ -140,7 +140,7 @@ def motion_document(
 
     Limits in rad, rad/s, rad/s², N m and m; `figures`: what motions of this purpose have beyond.
     """
-    allowed = _plain(limits)
+    allowed, used = ({k: _plain(v) for k, v in vars(part).items()} for part in (limits, use))
     checked = allowed.pop("torque_known")
     return {
         "format": FORMAT,
@@ -151,7 +151,7 @@ def motion_document(
         "duration": trajectory.duration,
         **figures,
         "limits": {**allowed, "torque_checked": checked},
-        "use": _plain(use),
+        "use": used,
     }
 
 
@@ -168,7 +168,7 @@ def diagnosis_document(
         {"rate": diagnosis.trajectory.rate, "seed": seed},
         loop_bandwidth=diagnosis.bandwidth.tolist(),
         loop_bandwidth_known=diagnosis.bandwidth_known,
-        segments=[segment.document() for segment in diagnosis.segments],
+        segments=[_segment(segment) for segment in diagnosis.segments],
         not_revealed=[
             {"effect": effect, "excitation_needed": needed}
             for effect, needed in NOT_REVEALED.items()
@@ -176,11 +176,14 @@ def diagnosis_document(
     )
 
 
-def _plain(part: MotionLimits | LimitUse) -> dict[str, object]:
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in vars(part).items()
-    }
+def _segment(segment: Segment) -> dict[str, object]:
+    """Row of the side table: s, rad/s (m/s), rad (m), Hz."""
+    names = ("name", "kind", "start", "end", "effects", "speed", "amplitude", "frequency")
+    return {name: _plain(getattr(segment, name)) for name in names}
+
+
+def _plain(value: object) -> object:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _files(out: FilePath) -> dict[str, Path]:

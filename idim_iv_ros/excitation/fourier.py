@@ -40,9 +40,7 @@ class FourierBasis:
 
     def shapes(self, time: FloatArray) -> FloatArray:
         """Position, velocity and acceleration of the shapes, (3, n_samples, size)."""
-        sines, cosines = _at_rest(self.harmonics)
-        waves = [np.hstack([odd @ sines, even @ cosines]) for odd, even in self._waves(time)]
-        return np.stack(waves)
+        return self.motion(time, np.eye(self.size))
 
     def motion(self, time: FloatArray, coefficients: FloatArray) -> FloatArray:
         """Σ shape_i(t) c_i, (3, n_samples, n_joints), for `coefficients` (size, n_joints).

@@ -16,7 +16,6 @@ from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
 
 Kind = Literal["designed", "random"]
-KINDS = ("designed", "random")
 
 _PERIOD = 10.0  # s; longer motions repeat a period
 _LONGEST_SEARCH = 300.0  # s; searches end by themselves long before

@@ -61,19 +61,6 @@ class Segment:
         joints = len(self.offset)
         return tuple(name for name in EFFECTS[self.kind] if joints >= BY_NAME[name].joints_needed)
 
-    def document(self) -> dict[str, object]:
-        """Row of the side table, for JSON: s, rad/s (m/s), rad (m), Hz."""
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "start": round(self.start, 9),
-            "end": round(self.end, 9),
-            "effects": list(self.effects),
-            "speed": None if self.speed is None else self.speed.tolist(),
-            "amplitude": None if self.amplitude is None else self.amplitude.tolist(),
-            "frequency": None if self.frequency is None else list(self.frequency),
-        }
-
 
 def separating_motion(first: str, second: str) -> str:
     """Return in words which segments of ``excite --for diagnosis`` separate two effects.

@@ -1,6 +1,5 @@
 """A motion that a robot is asked for, and its CSV file."""
 
-import contextlib
 import csv
 import math
 from collections.abc import Sequence
@@ -10,8 +9,9 @@ from typing import TextIO
 
 import numpy as np
 
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, read_text
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.files import FilePath, is_file
+from idim_iv_ros.recording.table_file import TextTable, one_line_errors
 from idim_iv_ros.types import FloatArray
 
 SIGNALS = ("position", "velocity", "acceleration")
@@ -134,11 +134,13 @@ def read_trajectory(path: FilePath) -> Trajectory:
         samples, or stamps that are not uniform. The message is one line and names the file.
     """
     path = Path(path)
-    header, table = _read_table(path)
-    columns = {name: table[:, place] for place, name in enumerate(header)}
-    joints = tuple(name[: -len(".position")] for name in header if name.endswith(".position"))
+    columns = _read_columns(path)
+    joints = tuple(name[: -len(".position")] for name in columns if name.endswith(".position"))
     if "time" not in columns or not joints:
         raise UsageError(f"{path}: the columns time and <joint>.position are needed")
+    samples = len(columns["time"])
+    if samples < 3:
+        raise UsageError(f"{path}: {samples} samples; at least 3 are needed")
     rate = _rate(path, columns["time"])
     position = np.column_stack([columns[f"{joint}.position"] for joint in joints])
     velocity = _derivative(path, columns, joints, "velocity", position, rate)
@@ -154,43 +156,23 @@ def write_csv(trajectory: Trajectory, file: TextIO) -> None:
     np.savetxt(file, table, fmt="%.10g", delimiter=",")
 
 
-def _read_table(path: Path) -> tuple[list[str], FloatArray]:
-    text = read_text(path, "the trajectory", megabytes=500.0)
+def _read_columns(path: Path) -> dict[str, FloatArray]:
+    """Time and signals (n_samples,) by the names of their columns."""
+    if not is_file(path):
+        raise UsageError(f"{path}: cannot read the trajectory: no such file")
     try:
-        rows = [row for row in csv.reader(text.splitlines()) if row]
-    except csv.Error as error:
-        raise UsageError(f"{path}: cannot read the trajectory: not a CSV text file") from error
-    if not rows:
-        raise UsageError(f"{path}: the file is empty")
-    header = [name.strip() for name in rows[0]]
-    repeated = {name for name in header if header.count(name) > 1}
-    if repeated:
-        raise UsageError(f"{path}: the column {min(repeated)} is there twice")
-    if len(rows) < 4:
-        raise UsageError(f"{path}: {len(rows) - 1} samples; at least 3 are needed")
-    for line, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            raise UsageError(f"{path}, line {line}: {len(row)} cells for {len(header)} columns")
-    return header, _numbers(path, header, rows[1:])
-
-
-def _numbers(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> FloatArray:
-    used = [
-        place
-        for place, name in enumerate(header)
-        if name == "time" or name.rpartition(".")[2] in SIGNALS
-    ]
-    table = np.full((len(rows), len(header)), np.nan)
-    for index, row in enumerate(rows):
-        for place in used:
-            with contextlib.suppress(ValueError):
-                table[index, place] = float(row[place])
-            if not np.isfinite(table[index, place]):
-                raise UsageError(
-                    f"{path}, line {index + 2}: {header[place]} is {row[place]!r}, "
-                    "not a finite number"
-                )
-    return table
+        with one_line_errors(path):
+            table = TextTable(path)
+            used = [n for n in table.names if n == "time" or n.rpartition(".")[2] in SIGNALS]
+            values = table.columns([table.number(name) for name in used])
+    except DataError as error:
+        raise UsageError(str(error)) from error
+    columns = dict(zip(used, values, strict=True))
+    for name, column in columns.items():
+        if not np.isfinite(column).all():
+            sample = 1 + int(np.argmin(np.isfinite(column)))
+            raise UsageError(f"{path}: {name} of sample {sample} is not a finite number")
+    return columns
 
 
 def _rate(path: Path, time: FloatArray) -> float:

@@ -30,24 +30,13 @@ from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
 
 _TYPICAL = 3  # ordinary robots that represent their type
 _NEWEST = 3  # bags of a robot that are diagnosed
+_OF_BAG = ("uri", "robot", "type", "time", "status", "duration")
 _SOFTWARE = ("idim-iv-ros", "numpy", "scipy")
 _WHY_DIAGNOSE = {
     "differs": "differs from its type in {}",
     "changed": "{} changed over time",
     "unsteady": "{}: its bags disagree",
 }
-
-LIMITS = (
-    "Robots are compared in their base parameters and in the residual of each joint. An effect "
-    "that all robots of a type share raises all their residuals and makes none of them stand out: "
-    "that is why ordinary robots are diagnosed, too.",
-    "What a residual consists of (backlash, load-dependent friction, a ripple) is not in an R "
-    "factor: only a diagnosis of the bags says it.",
-    "An effect that is smaller than what bags of one robot differ by, or than what robots of the "
-    "type differ by, is not found here.",
-    "Parameters of R factors are those of least squares: noise of the encoders moves those of all "
-    "robots equally, so that differences and changes are right and means may be off by a little.",
-)
 
 
 def fleet_result(results: Sequence[BagResult]) -> FleetResult:
@@ -99,19 +88,13 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
         robots=tuple(sorted(robots, key=_urgency)),
         bags=tuple(
             FleetBag(
-                uri=bag.uri,
-                robot=bag.robot,
-                type=bag.type,
-                time=bag.time,
-                status=bag.status,
+                **{name: getattr(bag, name) for name in _OF_BAG},
                 used=place not in why_not,
                 why_not=why_not.get(place, ""),
-                duration=bag.duration,
             )
             for place, bag in enumerate(results)
         ),
         screen=tuple(screen),
-        limits=LIMITS,
         software={name: version(name) for name in _SOFTWARE},
     )
 

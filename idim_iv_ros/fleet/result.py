@@ -333,7 +333,6 @@ class FleetResult(Document):
     - `level`: level of all intervals
     - `robots`: what needs attention first; `bags`: in the order in which they were given
     - `screen`: which robots to diagnose
-    - `limits`: what R factors cannot show
     """
 
     what: ClassVar[str] = "the result of a fleet"
@@ -346,5 +345,4 @@ class FleetResult(Document):
     robots: tuple[FleetRobot, ...]
     bags: tuple[FleetBag, ...]
     screen: tuple[Screened, ...]
-    limits: tuple[str, ...]
     software: dict[str, str] = field(default_factory=dict)

@@ -1,7 +1,12 @@
 """The inverse dynamic model: regressor, standard and base parameters."""
 
 from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
-from idim_iv_ros.model.inverse_model import InverseModel, build_inverse_model, configured_robot
+from idim_iv_ros.model.inverse_model import (
+    InverseModel,
+    build_inverse_model,
+    configured_robot,
+    require_same_robot,
+)
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
     ParameterLayout,
@@ -29,4 +34,5 @@ __all__ = [
     "parameter_layout",
     "read_urdf_file",
     "read_urdf_text",
+    "require_same_robot",
 ]

@@ -1,6 +1,8 @@
 """The inverse dynamic model in base parameters: what the recordings are regressed on."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.base_parameters import BaseParameters, find_base_parameters
 from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
-from idim_iv_ros.model.robot import RobotModel, load_robot
+from idim_iv_ros.model.robot import RobotModel, kinematics_digest, load_robot
 from idim_iv_ros.types import FloatArray
 
 _BLOCK = 256
@@ -135,3 +137,40 @@ def build_inverse_model(configuration: Configuration, urdf: str, source: str) ->
             f"not a base parameter of this robot; they are {', '.join(base.names)}"
         )
     return InverseModel(robot, regressor, base.without(excluded))
+
+
+class OfRobot(Protocol):
+    """A result that says of which robot it is, and which command makes it again."""
+
+    written_by: ClassVar[str]
+
+    @property
+    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    @property
+    def kinematics(self) -> str: ...  # noqa: D102
+
+
+def require_same_robot(
+    path: Path, result: OfRobot, configuration: Configuration, robot: RobotModel, source: str
+) -> None:
+    """Refuse the result in a file if it is not of the robot of this configuration.
+
+    `source` names the URDF of `robot` in messages.
+
+    Raises
+    ------
+    UsageError
+        Joints have other names or another order, or are placed or turned differently.
+    """
+    joints = configuration.robot.joints
+    if list(result.joints) != joints:
+        raise UsageError(
+            f"{path}: its joints are {', '.join(result.joints)}, those of "
+            f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
+        )
+    if result.kinematics and result.kinematics != kinematics_digest(robot):
+        raise UsageError(
+            f"{path}: its robot is another than {source}: joints are placed or turned differently; "
+            f"run `idim-iv {result.written_by}` again with this URDF"
+        )

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from idim_iv_ros.types import FloatArray
@@ -21,6 +22,18 @@ POINT = ("M", "MX", "MY", "MZ")  # of a mass without size
 # Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
+
+
+def body_of(parameters: FloatArray) -> pin.Inertia:
+    """Mass, centre and inertia of XX … M (10,) about the origin of a frame, in its axes."""
+    return pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
+
+
+def parameters_of(body: pin.Inertia) -> FloatArray:
+    """XX … M (10,) of a body about the origin of its frame."""
+    return np.asarray(body.toDynamicParameters()[list(REGRESSOR_ORDER)])
+
+
 _WORDS = {
     "M": "link mass",
     "Ia": "drive inertia",
@@ -94,6 +107,11 @@ class DynamicParameters:
     coupling_inertia: FloatArray
     coupling_viscous: FloatArray
     coupling_coulomb: FloatArray
+
+    @property
+    def of_bodies(self) -> FloatArray:
+        """XX … M of each link, (n_joints, 10)."""
+        return np.asarray(self.inertial[:, list(REGRESSOR_ORDER)])
 
     @property
     def of_links(self) -> "DynamicParameters":

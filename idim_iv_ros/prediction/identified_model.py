@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import InverseModel, kinematics_digest
+from idim_iv_ros.model import InverseModel, require_same_robot
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import JointTransform, joint_transform
 from idim_iv_ros.types import FloatArray
@@ -33,13 +33,7 @@ class IdentifiedModel:
     model: InverseModel
     transform: JointTransform  # From what the topics hold to the joints
     values: FloatArray  # (b,): Base parameters
-    couplings: tuple[tuple[int, int], ...]
     processing: ProcessingSection  # That the result was made with
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot."""
-        return self.result.robot
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -68,14 +62,6 @@ class IdentifiedModel:
         plain = np.array_equal(self.transform.to_joint, np.eye(len(self.joints)))
         return tuple(plain and joint_kind == "revolute" for joint_kind in self.result.joint_types)
 
-    def variance(self, matrix: FloatArray) -> FloatArray:
-        """Variance of predicted efforts by that of the parameters, (n_samples, n_joints) (N m)².
-
-        - `matrix`: (n_samples, n_joints, b), base regressor
-        """
-        covariance = self.result.covariance
-        return np.asarray(np.einsum("sjb,sjb->sj", matrix @ covariance, matrix))
-
 
 def identified_model(
     path: Path, configuration: Configuration, model: InverseModel, source: str
@@ -92,18 +78,8 @@ def identified_model(
         One line: it cannot be read, or is of another robot, URDF or configuration.
     """
     result = IdentificationResult.read(path)
-    joints = configuration.robot.joints
-    if list(result.joints) != joints:
-        raise UsageError(
-            f"{path}: its joints are {', '.join(result.joints)}, those of "
-            f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
-        )
+    require_same_robot(path, result, configuration, model.robot, source)
     _require_same(path, result, configuration)
-    if result.kinematics and result.kinematics != kinematics_digest(model.robot):
-        raise UsageError(
-            f"{path}: its robot is another than {source}: joints are placed or turned differently; "
-            "run `idim-iv identify` again with this URDF"
-        )
     names = tuple(parameter.name for parameter in result.parameters)
     if names != model.base.names:
         raise UsageError(
@@ -122,7 +98,6 @@ def identified_model(
         model=model,
         transform=joint_transform(configuration),
         values=values,
-        couplings=model.regressor.layout.coupling_joints,
         processing=processing,
     )
 

@@ -136,7 +136,9 @@ class PredictionWindow:
         predicted = matrix @ self._identified.values
         if len(places):
             row = (places - first) // self._factor
-            variance = self._identified.variance(matrix[places - first])
+            of_rows = matrix[places - first]
+            covariance = self._identified.result.covariance
+            variance = np.einsum("sjb,sjb->sj", of_rows @ covariance, of_rows)
             residual = motion.decimation.at(motion.torque - predicted, places - first)
             rows.add(places, residual, motion.kept[row], variance)
             self._next_row = int(places[-1]) + self._factor
@@ -176,7 +178,7 @@ class PredictionWindow:
             self._processing,
             (self._cutoff, self._factor),
             self._identified.minimum_speed,
-            self._identified.couplings,
+            self._identified.model.regressor.layout.coupling_joints,
         )
 
     def _smooth(self, values: FloatArray, cutoff: float) -> FloatArray:
@@ -194,9 +196,11 @@ class PredictionWindow:
         reach = max(self._factor, self._around)
         around = slice(max(place - reach, 0), place + reach + 1)
         there = motion.signals.valid[motion.span][around].all(axis=0)
-        identified = self._identified
         fast = fast_samples(
-            motion.position[motion.span], self.rate, identified.minimum_speed, identified.couplings
+            motion.position[motion.span],
+            self.rate,
+            self._identified.minimum_speed,
+            self._identified.model.regressor.layout.coupling_joints,
         )
         moves = fast[around].all(axis=0)
         return (

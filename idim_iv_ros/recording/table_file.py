@@ -256,8 +256,8 @@ class TextTable:
         wrong = next(cell for cell in plain if cell.strip() not in _EMPTY and not is_number(cell))
         raise DataError(
             f"{self._path}: {self.names[column]} holds {wrong[:40]!r}: no number"
-            f"{' and no time of ISO 8601' if dates else ''}; set decimal, delimiter, comment or "
-            "time.unit in the map"
+            f"{' and no time of ISO 8601' if dates else ''}; a map of the columns may set decimal, "
+            "delimiter, comment or time.unit"
         )
 
 

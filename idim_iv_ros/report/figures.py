@@ -49,7 +49,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Mark:
-    """An entry of a legend; `kind` is a class of the stylesheet: line, bar, band or sign."""
+    """An entry of a legend; `kind` is a class of the stylesheet: line, band or sign."""
 
     kind: str
     colour: str

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.identification.result import IdentificationResult, JointSeries
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report.figures import GREY, MUTED
 from idim_iv_ros.types import FloatArray, IntArray
@@ -156,15 +156,3 @@ def peaks(curves: Sequence[FloatArray], buckets: int) -> NDArray[np.int64]:
             piece = curve[first:last]
             chosen += [first + int(np.argmin(piece)), first + int(np.argmax(piece))]
     return np.unique(chosen)
-
-
-def contiguous_rows(series: JointSeries, session: SessionAxis) -> list[slice]:
-    """Return the rows of one recording that follow each other without a gap, as slices."""
-    time = np.asarray(series.time)
-    steps = np.diff(time)
-    if len(steps) == 0:
-        return [slice(0, len(time))] if len(time) else []
-    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
-    cuts = np.union1d(gaps, session.ends(time)) + 1
-    bounds = [0, *cuts.tolist(), len(time)]
-    return [slice(first, last) for first, last in itertools.pairwise(bounds)]

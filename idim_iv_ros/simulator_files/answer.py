@@ -14,9 +14,9 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import (
     InverseModel,
     build_inverse_model,
-    kinematics_digest,
     read_urdf_file,
     read_urdf_text,
+    require_same_robot,
 )
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
@@ -63,9 +63,9 @@ def read_answer(
     text = read_text(path, "the result", megabytes=_LARGEST)
     kind = GapResult if ANY_GAP in text else IdentificationResult
     result: Result = kind.from_json(text, str(path))
-    _require_same_joints(path, result, configuration)
     source, urdf = str(file), read_urdf_file(file)
     model = build_inverse_model(configuration, urdf, source)
+    require_same_robot(path, result, configuration, model.robot, source)
     physical = _require_same_nominal(path, result, model, source)
     gap = result if isinstance(result, GapResult) else None
     if refit or gap is None:
@@ -136,15 +136,6 @@ def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tu
     )
 
 
-def _require_same_joints(path: Path, result: Result, configuration: Configuration) -> None:
-    joints = configuration.robot.joints
-    if list(result.joints) != joints:
-        raise UsageError(
-            f"{path}: its joints are {', '.join(result.joints)}, those of "
-            f"{configuration.source or 'the configuration'} {', '.join(joints)}: another robot"
-        )
-
-
 def _require_same_nominal(
     path: Path, result: Result, model: InverseModel, source: str
 ) -> PhysicalParameters:
@@ -153,11 +144,6 @@ def _require_same_nominal(
     What no motion shows was taken from it.
     """
     again = f"run `idim-iv {result.written_by}` again"
-    if result.kinematics and result.kinematics != kinematics_digest(model.robot):
-        raise UsageError(
-            f"{path}: its robot is another than {source}: joints are placed or turned "
-            f"differently; {again} with this URDF"
-        )
     physical = result.physical
     if physical is None:
         why = result.why_no_physical or "it was written before they were part of it"

@@ -1,6 +1,5 @@
 """From a result to the files of a simulator: the whole of `idim-iv export`."""
 
-import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,10 +8,9 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import EFFECTS, FilePath, complete_files, made_folder
+from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
-from idim_iv_ros.model.parameters import REGRESSOR_ORDER
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
@@ -140,11 +138,11 @@ def export(
         recordings=robot.bags,
     )
     names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
-    table: list[str] = []
+    ranges = None
     if made.ranges is not None:
-        texts[made.ranges], table = randomization(robot, made.mjcf.name)
+        texts[made.ranges], ranges = randomization(robot, made.mjcf.name)
     texts[made.effects] = document.to_json()
-    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=table, file=kind)
+    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=ranges, file=kind)
     _write(texts, out)
     return replace(
         made,
@@ -212,7 +210,7 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
     meant = np.array(list(bodies.values()))
     for load in exported.model.loads:
         meant[list(bodies).index(load.joint)] += load.parameters
-    inertial = robot.given.inertial[:, list(REGRESSOR_ORDER)]
+    inertial = robot.given.of_bodies
     same = np.allclose(inertial, meant, rtol=0.0, atol=_READ_BACK * np.abs(meant).max())
     same &= np.allclose(robot.given.viscous, drives.damping, rtol=_READ_BACK)
     same &= np.allclose(robot.given.coulomb, drives.friction, rtol=_READ_BACK)
@@ -261,12 +259,8 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
 def _write(contents: Mapping[Path, bytes | str], out: Path) -> None:
     """Write all files, or none, and no folder either."""
     try:
-        with made_folder(out), complete_files(contents) as temporary:
-            for path, content in contents.items():
-                with temporary[path].open("wb") as file:
-                    file.write(content.encode() if isinstance(content, str) else content)
-                    file.flush()
-                    os.fsync(file.fileno())
+        with made_folder(out):
+            write_together(contents)
     except OSError as error:
         reason = error.strerror or error
         raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error

@@ -4,48 +4,15 @@ Fields as documented for Isaac Lab 2.3 and 3.0 (`ActuatorBaseCfg`, `DelayedPDAct
 Isaac Sim 5 `friction` and `dynamic_friction` are efforts, `viscous_friction` a coefficient.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.simulation import SimulatedEffect
+from idim_iv_ros.simulator_files.file_text import file_text
 from idim_iv_ros.simulator_files.robot import DriveLaw, ExportedRobot, JointValues
-from idim_iv_ros.types import FloatArray
-
-_FILE = '''"""{robot} for Isaac Lab, from {origin}.
-
-Written from the documented fields of Isaac Lab 2.3 and 3.0, and not run there.
-What these fields cannot express:
-{inexpressible}
-"""
-
-from pathlib import Path
-
-import isaaclab.sim as sim_utils
-from isaaclab.actuators import {kind}
-from isaaclab.assets import ArticulationCfg
-
-PHYSICS_DT = {period!r}  # s, SimulationCfg.dt; delays below count such steps
-
-ROBOT_CFG = ArticulationCfg(
-    spawn=sim_utils.UrdfFileCfg(
-        asset_path=str(Path(__file__).parent / "{urdf}"),
-        fix_base=True,
-        # The actuators below have the gains and the friction, not the importer's drives.
-        joint_drive=sim_utils.UrdfConverterCfg.JointDriveCfg(
-            gains=sim_utils.UrdfConverterCfg.JointDriveCfg.PDGainsCfg(
-                stiffness=0.0, damping=0.0
-            ),
-        ),
-    ),
-    actuators={{
-{actuators}
-    }},
-)
-'''
-_UNKNOWN_LAW = ["stiffness=0.0,  # the control law is not known: send efforts", "damping=0.0,"]
 
 
 def isaac_lab_text(
@@ -57,57 +24,53 @@ def isaac_lab_text(
     """
     robot, values, law = exported.robot, exported.drives, exported.law
     delayed = bool(law.configured and any(law.delay))
-    kind = "DelayedPDActuatorCfg" if delayed else "IdealPDActuatorCfg"
-    said = _inexpressible(robot, values, law, effects) or ["nothing that was found"]
     # A delay is that of a group: one for each length.
     steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
-    lines = []
-    for number in sorted(set(steps)):
-        joints = [joint for joint, step in enumerate(steps) if step == number]
-        name = "joints" if len(set(steps)) == 1 else f"delayed_{number}"
-        fields = _fields(robot.joints, joints, values, law)
-        if delayed:
-            fields += [f"min_delay={number},", f"max_delay={number},"]
-        lines += [f'        "{name}": {kind}(', *(f"            {line}" for line in fields)]
-        lines.append("        ),")
-    return _FILE.format(
+    groups = [
+        {
+            "name": "joints" if len(set(steps)) == 1 else f"delayed_{delay}",
+            "delay": delay,
+            "joints": [
+                name for name, step in zip(robot.joints, steps, strict=True) if step == delay
+            ],
+            "fields": _fields(robot.joints, [step == delay for step in steps], values, law),
+        }
+        for delay in sorted(set(steps))
+    ]
+    return file_text(
+        "isaac_lab.py",
         robot=robot.name,
         origin=exported.origin,
-        inexpressible="\n".join(f"- {text}" for text in said),
-        kind=kind,
+        inexpressible=_inexpressible(robot, values, law, effects) or ["nothing that was found"],
+        kind="DelayedPDActuatorCfg" if delayed else "IdealPDActuatorCfg",
         period=law.period,
         urdf=urdf_name,
-        actuators="\n".join(lines),
+        configured=law.configured,
+        delayed=delayed,
+        groups=groups,
     )
 
 
 def _fields(
-    names: Sequence[str], joints: Sequence[int], values: JointValues, law: DriveLaw
-) -> list[str]:
-    """Lines of the fields of one group of joints."""
-
-    def field(name: str, numbers: FloatArray, unit: str) -> list[str]:
-        listed: Mapping[str, float] = {
-            names[joint]: float(numbers[joint]) for joint in joints if np.isfinite(numbers[joint])
-        }
-        entries = [f'    "{joint}": {value!r},' for joint, value in listed.items()]
-        return [f"{name}={{  # {unit}", *entries, "},"] if listed else []
-
-    return [
-        f"joint_names_expr={[names[joint] for joint in joints]!r},",
-        *([] if law.configured else _UNKNOWN_LAW),
-        *(field("stiffness", law.kp, "N m/rad") if law.configured else ()),
-        *(field("damping", law.kd, "N m s/rad") if law.configured else ()),
-        *field("armature", values.armature, "kg m2"),
-        *field("friction", values.friction, "N m: static, an effort"),
-        *field(
-            "dynamic_friction",
-            values.friction,
-            "N m: Coulomb; static friction beyond it is unknown",
-        ),
-        *field("viscous_friction", values.damping, "N m s/rad"),
-        *field("effort_limit", law.limit, "N m"),
+    names: Sequence[str], chosen: Sequence[bool], values: JointValues, law: DriveLaw
+) -> list[tuple[str, str, dict[str, float]]]:
+    """Fields of one group of joints with finite numbers: name, unit, and numbers by joint."""
+    fields = [
+        *([("stiffness", law.kp, "N m/rad")] if law.configured else []),
+        *([("damping", law.kd, "N m s/rad")] if law.configured else []),
+        ("armature", values.armature, "kg m2"),
+        ("friction", values.friction, "N m: static, an effort"),
+        ("dynamic_friction", values.friction, "N m: Coulomb; static friction beyond it is unknown"),
+        ("viscous_friction", values.damping, "N m s/rad"),
+        ("effort_limit", law.limit, "N m"),
     ]
+    listed = []
+    for field, numbers, unit in fields:
+        finite = np.isfinite(numbers) & chosen
+        by_joint = {name: float(numbers[k]) for k, name in enumerate(names) if finite[k]}
+        if by_joint:
+            listed.append((field, unit, by_joint))
+    return listed
 
 
 def _inexpressible(

@@ -16,7 +16,6 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
-from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
 from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
@@ -179,7 +178,7 @@ class _Mjcf:
             )
         return self.bodies[link]
 
-    def set_inertial(self, link: str, new: LinkBody) -> bool:
+    def set_inertial(self, link: str, new: pin.Inertia) -> bool:
         """Write the inertial of a link; False where the body had none."""
         values = inertial_of(new, self._anchor(link))
         element = next(_of_body(self._body(link), "inertial"), None)
@@ -240,19 +239,12 @@ def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, Flo
     return moments, np.array([turn.w, turn.x, turn.y, turn.z])
 
 
-_MOMENTS = {
-    "ixx": (0, 0),
-    "ixy": (0, 1),
-    "ixz": (0, 2),
-    "iyy": (1, 1),
-    "iyz": (1, 2),
-    "izz": (2, 2),
-}
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # the upper triangle
 
 
 def with_values(
     content: bytes,
-    links: Mapping[str, LinkBody],
+    links: Mapping[str, pin.Inertia],
     dynamics: Mapping[str, Mapping[str, float]],
     mounted: Mapping[str, tuple[str, Load]],
     source: str,
@@ -294,22 +286,22 @@ def with_values(
     return written_xml(document, content)
 
 
-def _moments(body: LinkBody) -> dict[str, str]:
-    values = numbers_text(np.array([body.inertia[place] for place in _MOMENTS.values()]))
+def _moments(body: pin.Inertia) -> dict[str, str]:
+    values = numbers_text(body.inertia[np.triu_indices(3)])
     return dict(zip(_MOMENTS, values.split(), strict=True))
 
 
-def _inertial(body: LinkBody) -> list[str]:
+def _inertial(body: pin.Inertia) -> list[str]:
     return [
         "<inertial>",
-        f"  {tag_text('origin', {'xyz': numbers_text(body.centre), 'rpy': '0 0 0'})}",
+        f"  {tag_text('origin', {'xyz': numbers_text(body.lever), 'rpy': '0 0 0'})}",
         f"  {tag_text('mass', {'value': number_text(body.mass)})}",
         f"  {tag_text('inertia', _moments(body))}",
         "</inertial>",
     ]
 
 
-def _set_inertial(link: Any, body: LinkBody) -> None:
+def _set_inertial(link: Any, body: pin.Inertia) -> None:
     """Mass, centre and moments of a link."""
     inertial = next(elements(link, "inertial"), None)
     if inertial is None:
@@ -318,7 +310,7 @@ def _set_inertial(link: Any, body: LinkBody) -> None:
     mass, inertia = (next(elements(inertial, tag)) for tag in ("mass", "inertia"))
     set_values(mass, {"value": number_text(body.mass)})
     set_values(inertia, _moments(body))
-    centre = {"xyz": numbers_text(body.centre)}
+    centre = {"xyz": numbers_text(body.lever)}
     origin = next(elements(inertial, "origin"), None)
     if origin is None:
         insert(inertial, [tag_text("origin", {**centre, "rpy": "0 0 0"})], first=True)

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import joint_motion
-from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER
+from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
 from idim_iv_ros.model.urdf import MOVABLE, Urdf
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.types import FloatArray
@@ -22,21 +22,6 @@ from idim_iv_ros.types import FloatArray
 # Of the nominal link the rest must have at least this share in every direction.
 _LEAST = 1e-4
 _ROUNDING = 1e-12
-
-
-@dataclass(frozen=True)
-class LinkBody:
-    """Inertial of one link in the axes of its frame."""
-
-    mass: float  # kg
-    centre: FloatArray  # (3,) m
-    inertia: FloatArray  # (3, 3) kg m²: about the centre of mass
-
-    @classmethod
-    def of(cls, parameters: FloatArray) -> "LinkBody":
-        """From XX … M (10,) about the origin of its frame."""
-        body = pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
-        return cls(float(body.mass), np.array(body.lever), np.array(body.inertia))
 
 
 @dataclass(frozen=True)
@@ -50,7 +35,7 @@ class _Part:
 
 def link_bodies(
     urdf: Urdf, joints: Mapping[str, FloatArray], source: str
-) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
+) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
     """Return the links that change, and what there is to say of them.
 
     `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
@@ -73,7 +58,7 @@ def link_bodies(
         if main_part is not None and _same(rest, reference):
             continue
         if is_possible(rest, reference):
-            changed[main] = LinkBody.of(rest)
+            changed[main] = body_of(rest)
             continue
         names = ", ".join(other.link for other in others)
         if not others:
@@ -109,8 +94,7 @@ def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
         inertial = urdf.links[link]
         if carrier and inertial is not None and inertial.mass > 0.0:
             body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
-            parameters = place.act(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
-            carried[carrier].append(_Part(link, place, parameters))
+            carried[carrier].append(_Part(link, place, parameters_of(place.act(body))))
     return carried
 
 
@@ -129,7 +113,7 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
     return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
 
 
-def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | None:
+def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | None:
     """Map all parts alike; None where the nominal whole is no body."""
     nominal = sum((part.parameters for part in parts), np.zeros(10))
     try:
@@ -141,10 +125,7 @@ def _spread(parts: list[_Part], target: FloatArray) -> dict[str, LinkBody] | Non
     mapped = {}
     for part in parts:
         matrix = root @ pseudo_inertia(part.parameters) @ root.T
-        parameters = inertial_parameters(matrix)
-        body = pin.Inertia.FromDynamicParameters(parameters[np.argsort(REGRESSOR_ORDER)])
-        in_link = part.place.actInv(body).toDynamicParameters()[list(REGRESSOR_ORDER)]
-        mapped[part.link] = LinkBody.of(in_link)
+        mapped[part.link] = part.place.actInv(body_of(inertial_parameters(matrix)))
     return mapped
 
 

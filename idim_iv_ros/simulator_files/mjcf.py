@@ -23,7 +23,6 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.links import LinkBody
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.simulator_files.xml_text import number_text, numbers_text
 from idim_iv_ros.types import FloatArray
@@ -91,10 +90,10 @@ _IMPEDANCE = 0.95  # largest of MuJoCo's default solimpfriction
 _THICKNESS = 0.12  # of a drawn link, of its length
 
 
-def inertial_of(body: LinkBody, anchor: FloatArray | None = None) -> dict[str, str]:
+def inertial_of(body: pin.Inertia, anchor: FloatArray | None = None) -> dict[str, str]:
     """Attributes of an `<inertial>`; `anchor` (3,): of the body's frame in that of the joint, m."""
     return {
-        "pos": numbers_text(body.centre + (0.0 if anchor is None else anchor)),
+        "pos": numbers_text(body.lever + (0.0 if anchor is None else anchor)),
         "mass": number_text(body.mass),
         "fullinertia": numbers_text(body.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]),
     }
@@ -233,11 +232,11 @@ class _Model:
             attributes["actuatorfrcrange"] = _numbers([-limit, limit])
         return attributes
 
-    def _drawn(self, index: int, body: LinkBody) -> dict[str, str]:
+    def _drawn(self, index: int, body: pin.Inertia) -> dict[str, str]:
         """Something to look at: it neither weighs nor touches anything."""
         tree = self.robot.pinocchio
         children = [k for k in range(1, tree.njoints) if int(tree.parents[k]) == index]
-        end = 2.0 * body.centre
+        end = 2.0 * body.lever
         if children:
             end = np.array(tree.jointPlacements[children[0]].translation)
         length = float(np.linalg.norm(end))

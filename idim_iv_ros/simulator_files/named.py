@@ -22,13 +22,13 @@ from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
 from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
 from idim_iv_ros.physical.remainder import Remainder, spread_remainder
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.links import LinkBody, is_possible
+from idim_iv_ros.simulator_files.links import is_possible
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
@@ -46,9 +46,9 @@ class Load:
     words: str
 
     @property
-    def body(self) -> LinkBody:
+    def body(self) -> pin.Inertia:
         """As mass, centre and moments."""
-        return LinkBody.of(self.parameters)
+        return body_of(self.parameters)
 
 
 @dataclass(frozen=True)
@@ -270,11 +270,10 @@ def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, sou
     mass = numbers["M"].value
     none = EffectParameter(0.0, None, "kg m")
     first = np.array([numbers.get(kind, none).value for kind in ("MX", "MY", "MZ")])
-    centre = first / mass
-    moment = 0.4 * mass * (3.0 * mass / (4.0 * math.pi * _WATER)) ** (2.0 / 3.0)
-    about = moment * np.eye(3) + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    ball = np.array([*about[np.triu_indices(3)], *first, mass])
-    body = _nearest(np.zeros(10), numbers, ball, f"{source}: {cause_name(cause)}")
+    ball = pin.Inertia.FromSphere(mass, (3.0 * mass / (4.0 * math.pi * _WATER)) ** (1.0 / 3.0))
+    ball.lever = first / mass
+    about = f"{source}: {cause_name(cause)}"
+    body = _nearest(np.zeros(10), numbers, parameters_of(ball), about)
     missing = [kind for kind in INERTIAL if kind not in numbers]
     words = f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
     if missing:

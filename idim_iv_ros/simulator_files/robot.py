@@ -6,16 +6,18 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.parameters import body_of
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.simulation import SimulatedEffect, control_law
-from idim_iv_ros.simulator_files.links import LinkBody, body_of_joint, link_bodies
+from idim_iv_ros.simulator_files.links import body_of_joint, link_bodies
 from idim_iv_ros.simulator_files.named import CorrectedModel, Load
 from idim_iv_ros.types import FloatArray
 
@@ -116,7 +118,7 @@ class JointValues:
     damping: FloatArray
     friction: FloatArray
     offset: FloatArray
-    bodies: tuple[LinkBody, ...]  # What each joint carries, in its frame
+    bodies: tuple[pin.Inertia, ...]  # What each joint carries, in its frame
     # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
     # MuJoCo's with the defaults of its solver
     lead: FloatArray
@@ -173,7 +175,7 @@ class ExportedRobot:
         return {name: body_of_joint(values, joint) for joint, name in enumerate(joints)}
 
     @cached_property
-    def links(self) -> tuple[dict[str, LinkBody], tuple[str, ...]]:
+    def links(self) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
         """Links that change, and what there is to say of them."""
         return link_bodies(self.urdf, self.bodies, str(self.source))
 
@@ -200,7 +202,7 @@ class ExportedRobot:
             damping=np.maximum(numbers["Fv"], 0.0),
             friction=np.maximum(numbers["Fc"], 0.0),
             offset=numbers["off"],
-            bodies=tuple(LinkBody.of(body) for body in self.bodies.values()),
+            bodies=tuple(body_of(body) for body in self.bodies.values()),
             lead=np.array([leads.get(name, 0.0) for name in robot.joints]),
             couplings=tuple(
                 Coupled(

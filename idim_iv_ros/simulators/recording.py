@@ -12,7 +12,6 @@ from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import Trajectory, require_sampling
 from idim_iv_ros.files import (
-    SIMULATION_FORMAT,
     TRUTH_FORMAT,
     FilePath,
     as_file,
@@ -175,6 +174,12 @@ class SimulatedBag:
     # (n_joints,) rad (m): largest distance between reference and true position
     peak_error: FloatArray
 
+    def to_document(self) -> dict[str, object]:
+        """Plain values for programs."""
+        peaks = {"peak_torque": self.peak_torque.tolist(), "peak_error": self.peak_error.tolist()}
+        plain = ("seed", "samples", "rate", "duration")
+        return {"path": str(self.path)} | {name: getattr(self, name) for name in plain} | peaks
+
 
 def simulate(
     configuration: Configuration,
@@ -216,8 +221,8 @@ def simulate(
         raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
-    require_simulation_place(out, seeds, force=force)
-    bag_paths, truth = _paths(Path(out), seeds)
+    bag_paths, truth = _paths(as_file(out), seeds)
+    require_file_place([*bag_paths.values(), truth], force=force)
     text = read_urdf_file(urdf)
     extended = None if effects is None else Path(effects)
     robot = simulated_robot(configuration, text, urdf.name, extended)
@@ -247,26 +252,6 @@ def simulate(
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return bags, truth
-
-
-def simulation_document(bags: Sequence[SimulatedBag], truth: Path) -> dict[str, object]:
-    """Plain values of the bags that were written, for programs."""
-    return {
-        "format": SIMULATION_FORMAT,
-        "bags": [
-            {name: getattr(bag, name) for name in ("seed", "samples", "rate", "duration")}
-            | {"path": str(bag.path)}
-            | {name: getattr(bag, name).tolist() for name in ("peak_torque", "peak_error")}
-            for bag in bags
-        ],
-        "truth": str(truth),
-    }
-
-
-def require_simulation_place(out: FilePath, seeds: Sequence[int], *, force: bool = False) -> None:
-    """Refuse, before long work, bags that could not be written; see `require_file_place`."""
-    bags, truth = _paths(as_file(out), seeds)
-    require_file_place([*bags.values(), truth], force=force)
 
 
 def _paths(out: Path, seeds: Sequence[int]) -> tuple[dict[int, Path], Path]:

@@ -97,7 +97,8 @@ def diagnose(config, tmp_path: Path, monkeypatch) -> Callable[..., None]:
     def call(stand_in: Callable, bags: Sequence[Path] = (), **options: object) -> None:
         monkeypatch.setenv("COLUMNS", "140")
         monkeypatch.setattr("idim_iv_ros.diagnosis.diagnose.diagnose", stand_in)
-        diagnose_command(list(bags), config(), **{"out": tmp_path / "why", **options})
+        given = {"out": tmp_path / "why", "without": None, "against": None, **options}
+        diagnose_command(list(bags), config(), **given)
 
     return call
 

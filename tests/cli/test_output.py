@@ -89,7 +89,7 @@ def test_tables_of_a_check_fit_the_terminal(config, bag, width: int) -> None:
     ("place", "arguments"),
     [
         ("results/report.html", "identify no.mcap --out results --config arm2.yaml"),
-        ("a.mcap", "simulate --out a.mcap --trajectory no.csv --config arm2.yaml"),
+        ("a.mcap", "simulate --out a.mcap --duration 1 --config arm2.yaml"),
         ("run.csv", "excite --out run --config arm2.yaml"),
         ("my_arm.yaml", "init no.mcap --out my_arm.yaml"),
         ("b.mcap", "import b.mcap --rate 9 --joints a --position no.npz:q --effort no.npz:q"),

@@ -188,7 +188,7 @@ def test_worst_parameters_come_first(arm2, design) -> None:
         ({"harmonics": 1}, "harmonics"),
         ({"period": -1.0}, "period"),
         ({"period": 8.001}, "whole number of samples"),
-        ({"rate": float("nan")}, "rate"),
+        ({"rate": float("nan")}, "samples per second"),
         ({"rate": 4.0}, "harmonics of 8 s need"),
         ({"repeats": 0}, "repeats"),
         ({"time_limit": 0.0}, "time limit"),

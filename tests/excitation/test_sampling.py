@@ -46,7 +46,7 @@ def test_random_motion_of_any_duration_is_made_or_refused(configuration, duratio
 )
 def test_design_that_cannot_be_computed_is_refused(configuration, settings) -> None:
     limits = motion_limits(load_model(configuration), configuration)
-    with pytest.raises(UsageError, match=r"motion (lasts|has)|harmonics|rate"):
+    with pytest.raises(UsageError, match=r"motion (lasts|has)|harmonics|repeats"):
         require_possible(DesignSettings(**settings), limits, ("joint_1", "joint_2"))
 
 

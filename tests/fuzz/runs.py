@@ -16,7 +16,7 @@ _WARNING = "Warning: "  # ours; those of libraries begin with the path of a modu
 _PROGRESS = re.compile(r"^\d+ s: .{1,200}, \d+ %$")
 _USAGE_PANEL = re.compile(r"^(Usage: idim-iv|Try 'idim-iv|[╭│╰])")
 # What tells on stdout why the status is not 0: help, and the table or the document of `check`.
-_SHOWN = ("Usage: idim-iv", "Not usable", '"usable": false')
+_SHOWN = ("Usage: idim-iv", "not usable", '"usable": false')
 _FORBIDDEN = ("Traceback", "defect in", "not enough memory")
 
 

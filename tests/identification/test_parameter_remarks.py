@@ -3,21 +3,18 @@
 import io
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from bags.simulated_arms import arm6
-from idim_iv_ros.cli.identify import print_next, print_parameters, print_remarks, print_verdict
+from idim_iv_ros.cli.identify import print_parameters, print_verdict
 from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
 from idim_iv_ros.identification.assembly import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.report import report_html
-from idim_iv_ros.statistics import OverallVerdict
 from tests.report.sample_result import sample_result
 
 
@@ -38,10 +35,10 @@ def with_value(value: float, std: float, non_negative: bool) -> IdentificationRe
     return replace(result, parameters=(changed, *others))
 
 
-def printed(*prints: Callable[[Console], None], width: int = 300) -> str:
+def printed(*prints: Callable[[Console], None]) -> str:
     text = io.StringIO()
     for one in prints:
-        one(Console(file=text, width=width))
+        one(Console(file=text, width=300))
     return text.getvalue()
 
 
@@ -55,11 +52,12 @@ def printed(*prints: Callable[[Console], None], width: int = 300) -> str:
         (0.5, 0.1, True, ""),
     ],
 )
-def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark) -> None:
+def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark, monkeypatch) -> None:
+    monkeypatch.setattr("idim_iv_ros.cli.identify.LONGEST", None)
     result = with_value(value, std, non_negative)
     parameter = result.to_document()["parameters"][0]
     assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
-    text = printed(lambda c: print_parameters(c, result), lambda c: print_remarks(c, result))
+    text = printed(lambda console: print_parameters(console, result))
     (line,) = [line for line in text.splitlines() if "FvX" in line]
     html = report_html(result)
     row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
@@ -101,19 +99,6 @@ def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
     )  # fmt: skip
     values = dict(zip(base.names, base.from_standard(standard), strict=True))
     assert all(values[name] >= 0.0 for name in forbidden)
-
-
-def test_a_model_error_names_the_next_command_with_its_arguments() -> None:
-    result = sample_result()
-    wrong = replace(result, verdict=OverallVerdict("misspecified", "The model is wrong."))
-    right = replace(result, verdict=OverallVerdict("valid", "Fine."))
-    bags = [Path("run1.mcap"), Path("my runs/2.mcap")]
-    expected = "idim-iv diagnose run1.mcap 'my runs/2.mcap' --config my.yaml --out why"
-    for case, named in ((wrong, True), (right, False)):
-        text = printed(
-            partial(print_next, result=case, bags=bags, config=Path("my.yaml")), width=40
-        )
-        assert (expected in text) == named
 
 
 @pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])

@@ -76,7 +76,7 @@ def test_every_result_becomes_a_well_formed_page_that_loads_nothing(joints: int,
     text = page_of(result)
     page = Page(text)
     assert page.open == []
-    assert len(page.figures) == (3 if case in CASES else 4) * joints
+    assert len(page.figures) == (2 if case in CASES else 4) * joints
     answer = result.verdict.sentence if case in CASES else result.summary
     assert answer in page.text
     anchors = [attributes["id"] for _, attributes in page.elements if "id" in attributes]

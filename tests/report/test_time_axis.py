@@ -2,7 +2,7 @@ import numpy as np
 
 from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.recording import SessionPart
-from idim_iv_ros.report.time_axis import Curves, SessionAxis, contiguous_rows, curves, session_axis
+from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves, session_axis
 
 ALONE = session_axis([])
 
@@ -42,7 +42,6 @@ def test_lines_are_interrupted_where_samples_do_not_count() -> None:
     thinned = _thin(series, ALONE)
     np.testing.assert_array_equal(thinned.gaps, [[0.2, 0.6]])
     np.testing.assert_array_equal(thinned.values[0], [0.0, 1.0, 2.0, np.nan, 3.0, 4.0])
-    assert contiguous_rows(series, ALONE) == [slice(0, 3), slice(3, 5)]
 
 
 TWO = session_axis([SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)])
@@ -61,7 +60,6 @@ def test_no_line_runs_from_one_recording_to_the_next() -> None:
     assert list(breaks) == [101]
     assert np.isnan(thinned.values[1][101])
     assert len(thinned.gaps) == 0  # nothing was left out between the two
-    assert contiguous_rows(_two(), TWO) == [slice(0, 101), slice(101, 202)]
 
 
 def test_a_long_pause_does_not_leave_hairlines_for_recordings() -> None:

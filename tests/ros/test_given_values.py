@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from rclpy.node import Node
@@ -13,7 +14,7 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.passes import KINDS as KINDS_OF_MOTION
+from idim_iv_ros.excitation.passes import Kind
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.parameters import (
     changed,
@@ -86,7 +87,7 @@ def test_a_wrong_start_names_parameter_value_and_need(
 
 
 def test_choices_are_those_of_what_they_choose() -> None:
-    assert (tuple(PRESETS), KINDS_OF_MOTION) == (STORAGE, MOTIONS)
+    assert (tuple(PRESETS), get_args(Kind)) == (STORAGE, MOTIONS)
 
 
 def test_what_is_meant_is_taken(node) -> None:

@@ -252,7 +252,7 @@ class Predictor(NodeProgram[PredictorSettings]):
             msg.Prediction,
             newest,
             header=newest.stamp,
-            robot=self._configuration.robot.name if identified is None else identified.robot,
+            robot=self._configuration.robot.name if identified is None else identified.result.robot,
             valid=not newest.reason,
             identified=0 if identified is None else self._source.stamp,
             name=self._joints,

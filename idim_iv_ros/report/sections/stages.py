@@ -7,9 +7,6 @@ from idim_iv_ros.report.gap_words import AXES, regime_range, small_unit, stage_w
 from idim_iv_ros.report.numerals import is_number, number, percent
 from idim_iv_ros.report.section import Report, Section
 
-_COLOURS = {"given": "given", "refit": "refit"}
-
-
 # Part of a bar: class, start and length in percent of the widest.
 Bar = dict[str, str | float]
 
@@ -52,7 +49,7 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> di
         interval = None
     bars = []
     if value is not None and is_number(value):
-        colour = _COLOURS.get(stage.name, "effect")
+        colour = stage.name if stage.name in ("given", "refit") else "effect"
         bars.append(bar(f"full {colour}", 0.0, value / largest))
         if previous is not None and previous > value:
             bars.append(bar(f"gone {colour}", value / largest, previous / largest))

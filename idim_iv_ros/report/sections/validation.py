@@ -16,33 +16,32 @@ from idim_iv_ros.report.figures import (
     band,
     layout,
     line,
-    typed,
 )
-from idim_iv_ros.report.numerals import count, number, p_value
+from idim_iv_ros.report.numerals import count, number, p_equals
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.report.time_axis import contiguous_rows
 from idim_iv_ros.statistics import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
 _SPACE = "\N{NO-BREAK SPACE}"
-_BINS = 41
-_WIDEST = 5.0  # σ; further samples are counted in the outermost bins
 
 # An answer and what it rests on.
 Answer = tuple[str, str]
 
 
 def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
+    row_rate = report.result.processing.row_rate
     return {
         "answers": (_white, _whitened, _gaussian),
         "legend": [
             Mark("line", ORANGE, "residual as it is"),
-            Mark("bar", BLUE, "whitened by the autoregressive filter"),
+            Mark("line", BLUE, "whitened by the autoregressive filter"),
             Mark("band", SHADE, "95 % of a white residual's correlations"),
-            Mark("line", INK, "Gaussian"),
         ],
-        "plots": [_plots(report, index) for index in range(len(report.result.residuals))],
+        "plots": [
+            (residual.joint, _state(residual), _acf(residual, row_rate, index))
+            for index, residual in enumerate(report.result.residuals)
+        ],
     }
 
 
@@ -80,28 +79,14 @@ def _gaussian(residual: JointResidual) -> Answer:
 
 
 def _p(test: HypothesisTest) -> str:
-    text = p_value(test.p_value)
-    return f"p{_SPACE}{text}" if text.startswith("<") else f"p{_SPACE}={_SPACE}{text}"
+    return f"p{_SPACE}{p_equals(test.p_value).replace(' ', _SPACE)}"
 
 
-def _plots(report: Report[IdentificationResult], index: int) -> tuple[str, str, Figure, Figure]:
-    result = report.result
-    residual, series = result.residuals[index], result.series[index]
-    raw = np.asarray(series.measured) - np.asarray(series.predicted)
-    pieces = contiguous_rows(series, report.session)
-    whitening = residual.autoregression
-    whitened = whitening.whiten(raw, pieces) if whitening is not None and pieces else raw
+def _state(residual: JointResidual) -> str:
     if residual.white is None:
-        state = "autocorrelation not tested"
-    elif residual.white:
-        state = "may be treated as white"
-    else:
-        state = f"autocorrelated, AR({residual.ar_order})"
+        return "autocorrelation not tested"
     return (
-        residual.joint,
-        state,
-        _acf(residual, result.processing.row_rate, index),
-        _histogram(raw, whitened, residual.joint, index),
+        "may be treated as white" if residual.white else f"autocorrelated, AR({residual.ar_order})"
     )
 
 
@@ -147,43 +132,6 @@ def _stems(
         text=[words for lag_time in lag_times for words in ("", lag_time, "")],
         marker={"color": colour, "size": size.tolist(), "line": {"width": 0}},
     )
-
-
-def _histogram(raw: FloatArray, whitened: FloatArray, joint: str, index: int) -> Figure:
-    """Histograms of the residual and the whitened residual, each in its own σ."""
-    edges = np.linspace(-_WIDEST, _WIDEST, _BINS + 1)
-    centres = 0.5 * (edges[1:] + edges[:-1])
-    grid = np.linspace(-_WIDEST, _WIDEST, 161)
-    gauss = np.exp(-0.5 * grid**2) / np.sqrt(2.0 * np.pi)
-    bars = {
-        "type": "bar",
-        "x": typed(centres),
-        "y": typed(_density(whitened, edges)),
-        "width": float(edges[1] - edges[0]),
-        "marker": {"color": BLUE, "opacity": 0.55, "line": {"width": 0}},
-        "hovertemplate": "whitened: density %{y:.3f} at %{x:.2f} σ<extra></extra>",
-    }
-    hover = "residual: density %{y:.3f} at %{x:.2f} σ"
-    data = [
-        bars,
-        line(centres, _density(raw, edges), ORANGE, 1.5, hover),
-        line(grid, gauss, INK, 1.5, "", hoverinfo="skip"),
-    ]
-    axes = {
-        "xaxis": axis("Residual, in its standard deviation σ", range=[-5.2, 5.2], dtick=1),
-        "yaxis": axis("Density, 1/σ", rangemode="tozero", nticks=5),
-    }
-    words = f"Histogram of the residual of {joint} with a Gaussian"
-    return Figure(f"histogram-{index}", _HEIGHT, words, data, layout(axes, bargap=0))
-
-
-def _density(values: FloatArray, edges: FloatArray) -> FloatArray:
-    spread = float(np.std(values)) if len(values) else 0.0
-    if spread == 0.0:
-        return np.zeros(len(edges) - 1)
-    unit = np.clip((values - np.mean(values)) / spread, edges[0], edges[-1])
-    counts, _ = np.histogram(unit, bins=edges)
-    return counts / (len(values) * np.diff(edges))
 
 
 RESIDUALS = Section(
