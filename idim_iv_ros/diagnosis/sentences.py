@@ -306,13 +306,14 @@ def summary(sentences: Sequence[str]) -> str:
 
 
 def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
-    """Where the gap is largest; empty where no joint has one."""
+    """Where the gap beyond the noise is largest; empty where no joint has one."""
     worst = max(gaps, key=lambda gap: gap.share, default=None)
-    if worst is None or worst.relative_percent is None:
+    if worst is None or not worst.beyond_noise_percent:
         return ""
+    noise = "" if worst.noise_floor is None else " beyond noise"
     return (
-        f"the {model} misses {worst.relative_percent:.3g} % of the torque at {worst.joint}, where "
-        "the gap is largest"
+        f"the {model} misses {worst.beyond_noise_percent:.3g} % of the torque{noise} at "
+        f"{worst.joint}, where the gap is largest"
     )
 
 

@@ -249,11 +249,16 @@ def _joint_gaps(
     residuals: Sequence[FloatArray],
     floors: Sequence[NoiseFloor],
 ) -> tuple[JointGap, ...]:
-    """RMS, relative size and share of each joint; energies are divided by those of the torque."""
+    """RMS, relative size and share of each joint; energies are divided by those of the torque.
+
+    Shares are those of what lies beyond the noise.
+    """
     sizes = np.array([rms(residual) for residual in residuals])
     whole = np.array([rms(rows.torque) for rows in regression.joints])
     relative = np.where(whole > 0.0, sizes / np.maximum(whole, 1e-300), 0.0)
-    shares = relative**2 / max(float(np.sum(relative**2)), 1e-300)
+    noise = np.array([floor.sigma or 0.0 for floor in floors])
+    beyond = np.maximum(sizes**2 - noise**2, 0.0) / np.maximum(whole, 1e-300) ** 2
+    shares = beyond / max(float(np.sum(beyond)), 1e-300)
     return tuple(
         JointGap(
             joint=name,

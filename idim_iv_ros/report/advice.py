@@ -80,13 +80,18 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
     if worst is None:
         words = f"The gap of the {model} could not be judged at any joint."
         return words, _cause_words(result, None)
-    relative = worst.relative_percent
-    share = percent(relative, 3)
-    if relative is not None and relative > 100.0:
-        share = "more than all"
-    size = f"The {model} misses {share} of the torque at {worst.joint}."
-    cause, certainty = _cause_words(result, worst.joint), _certainty(result, worst)
+    size = f"The {model} misses {_share_missed(worst)} at {worst.joint}."
+    cause, certainty = _cause_words(result, worst), _certainty(result, worst)
     return (size, cause, certainty) if certainty else (size, cause)
+
+
+def _share_missed(gap: JointGap) -> str:
+    """How much of its torque the model misses at a joint, beyond the noise where that is known."""
+    beyond, noise = gap.beyond_noise_percent, "" if gap.noise_floor is None else " beyond noise"
+    if beyond == 0.0:
+        return f"nothing{noise}"
+    size = "more than all" if beyond is not None and beyond > 100.0 else percent(beyond, 3)
+    return f"{size} of the torque{noise}"
 
 
 def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
@@ -103,9 +108,9 @@ def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
     )
 
 
-def _cause_words(result: GapResult, worst: str | None) -> str:
+def _cause_words(result: GapResult, gap: JointGap | None) -> str:
     """What causes the gap, and how much of it at the worst joint the corrections remove."""
-    corrected = "" if worst is None else _corrected(result, worst)
+    corrected, worst = ("", None) if gap is None else (_corrected(result, gap), gap.joint)
     if result.causes:
         first = result.causes[0]
         more = len(result.causes) - 1
@@ -121,9 +126,9 @@ def _cause_words(result: GapResult, worst: str | None) -> str:
         likeliest = result.unexplained.likeliest(result.hints)
         if likeliest is not None:
             return f"No cause is certain: the residual {what}; perhaps {hint_words(likeliest)}."
-        return f"No effect of the catalogue explains it: the residual {what}."
+        return f"Nothing in the catalogue explains it: the residual {what}."
     if result.verdict == "none":
-        return "No cause was found: what remains is noise, or too small for this recording."
+        return "No cause was found: the rest is noise, or too small here."
     if result.verdict == "parametric":
         return f"Parameter values are wrong; this recording does not show which{corrected}."
     return "Its cause is inconclusive on this recording."
@@ -161,14 +166,17 @@ def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
     return ""
 
 
-def _corrected(result: GapResult, joint: str) -> str:
-    """What all corrections together take of the gap at a joint, on held-out data."""
+def _corrected(result: GapResult, gap: JointGap) -> str:
+    """What all corrections together take of a joint's gap beyond the noise, on held-out data."""
     if len(result.stages) < 2:
         return ""
-    first, last = (result.stages[k].torque_rms.get(joint) for k in (0, -1))
-    if first is None or last is None or not (is_number(first) and is_number(last)) or last >= first:
+    first, last = (result.stages[k].torque_rms.get(gap.joint) for k in (0, -1))
+    if first is None or last is None or not (is_number(first) and is_number(last)):
         return ""
-    return f" ({percent(100.0 * (1.0 - last / first))} of it corrected)"
+    room = first - (gap.noise_floor or 0.0)
+    if room <= 0.0 or last >= first:
+        return ""
+    return f" ({percent(100.0 * min((first - last) / room, 1.0))} of it corrected)"
 
 
 def _acts_at(cause: Cause, joint: str) -> bool:

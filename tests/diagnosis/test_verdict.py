@@ -1,5 +1,7 @@
 """The verdict in one word, for every combination of causes."""
 
+from dataclasses import replace
+
 import pytest
 
 from idim_iv_ros.diagnosis.answer.causes import verdict_of
@@ -77,8 +79,16 @@ def test_what_may_be_of_the_catalogue_is_not_said_to_be_outside_it() -> None:
 
 def test_the_largest_gap_is_that_of_the_model_that_is_given() -> None:
     assert "12.3 % of the torque at joint_2" in largest_gap(GAPS, "refit")
+    noisy = [replace(GAPS[0], noise_floor=0.4), replace(GAPS[1], share=0.1, noise_floor=0.29)]
+    assert "4.2 % of the torque beyond noise at joint_1" in largest_gap(noisy, "refit")
     no_model = [JointGap("joint_1", 0.5, None, 1.0, None, "lower bound")]
     assert largest_gap(no_model, "nominal model") == largest_gap([], "refit") == ""
+
+
+def test_the_part_of_a_gap_beyond_the_noise_is_that_of_its_energy() -> None:
+    assert replace(GAPS[0], noise_floor=0.4).beyond_noise_percent == pytest.approx(7.0 * 0.6)
+    assert replace(GAPS[0], noise_floor=0.6).beyond_noise_percent == 0.0
+    assert GAPS[0].beyond_noise_percent == 7.0
 
 
 def test_much_that_stays_is_not_nothing() -> None:

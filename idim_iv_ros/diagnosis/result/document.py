@@ -1,5 +1,6 @@
 """The document gap.json: where the gap lies, the stages, and the series that its report draws."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
@@ -34,7 +35,7 @@ class JointGap:
     relative_percent : float or None
         100 ‖y − X β₀‖ / ‖y‖.
     share : float
-        Of the whole gap, each joint's energy divided by that of its torque, 0 to 1.
+        Of the whole gap beyond noise, each joint's energy divided by that of its torque, 0 to 1.
     noise_floor : float or None
         N m (N).
     floor_origin : str
@@ -47,6 +48,14 @@ class JointGap:
     share: Number
     noise_floor: float | None
     floor_origin: str
+
+    @property
+    def beyond_noise_percent(self) -> float | None:
+        """The part of `relative_percent` beyond the noise floor, all of it where none is known."""
+        if self.relative_percent is None or self.noise_floor is None or self.rms == 0.0:
+            return self.relative_percent
+        beyond = max(1.0 - (self.noise_floor / self.rms) ** 2, 0.0)
+        return self.relative_percent * math.sqrt(beyond)
 
 
 @dataclass(frozen=True)
