@@ -15,7 +15,19 @@ from idim_iv_ros.simulators.effects_file import read_effects
 from tests.gap_files import gap_content
 
 _SIZES = [
-    *(0.0, 5e-324, sys.float_info.min, 1e-300, 1.1e-16, 1e-9, 0.00123, 0.05, 0.0999, 0.5, 1 - 2**-53),
+    *(
+        0.0,
+        5e-324,
+        sys.float_info.min,
+        1e-300,
+        1.1e-16,
+        1e-9,
+        0.00123,
+        0.05,
+        0.0999,
+        0.5,
+        1 - 2**-53,
+    ),
     *(1.0, 9.995, 99.95, 123.456, 999.5, 12345.6789, 1e7, 2.0**53 + 2, 1e22, 1e300),
     *(sys.float_info.max, math.inf, math.nan),
 ]
