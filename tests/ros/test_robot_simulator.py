@@ -61,7 +61,7 @@ def reach_the_goal(demo, observer, bags: Path) -> list[float]:
     def keep(message) -> None:
         feedback.append((clock.now().nanoseconds * 1e-9, message.feedback))
 
-    goal = Collect.Goal(duration=3.0, identify=True)
+    goal = Collect.Goal(duration=5.0, identify=True)
     answer = client.wait(client.wait(collect.send_goal_async(goal, keep)).get_result_async()).result
     assert answer.success, answer.message
     assert answer.usable
