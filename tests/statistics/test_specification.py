@@ -63,8 +63,8 @@ def test_a_right_model_is_rarely_accused_whatever_the_autocorrelation(coefficien
 def test_size_at_the_nominal_five_percent(coefficients, count, draws, limit):
     """With few rows the test is liberal, 6 to 13 %: hence the caution in its level.
 
-    With 2,000 rows 6.7 % of 1,500 draws with [-0.8] were rejected, 5.4 % with white noise. Four
-    hundred draws are too few: the first of [-0.8] happen to give 8.0 %, the first thousand 7.5 %.
+    With 2,000 rows and [-0.8] 7.5 % of these draws are rejected and 6.7 % of 1,500 others, together
+    7.1 ± 0.5 %; with white noise 5.4 %. The first 400 draws give 8.0 %: too few for the limit.
     """
     rejected = []
     for seed in range(draws):
