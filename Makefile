@@ -8,18 +8,18 @@ INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 # commands that a user gives afterwards look beside the sources.
 KERNELS := $(CURDIR)/$(VENV)/numba
 SOURCES := $(wildcard $(addprefix idim_iv_ros/,compilation.py simulation/*.py effects/*.py model/*.py))
-tests check slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
+collected tests check slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_DIR := $(KERNELS)
 
-.PHONY: demo test check slow load lint types docs tests package bench clean
+.PHONY: demo test check slow load lint types docs collected tests package bench clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
 
-# Two cores: the messages compile while pip installs, the kernels while mypy and mkdocs run.
+# Two cores: the messages compile while pip installs, kernels and tests while mypy and mkdocs run.
 test:
 	@$(MAKE) --no-print-directory -j2 $(VENV)/interfaces/built $(VENV)/ready-tools
 	@$(MAKE) --no-print-directory lint
-	@$(MAKE) --no-print-directory -j2 types docs $(VENV)/ready-kernels
+	@$(MAKE) --no-print-directory -j2 collected types docs
 	@$(MAKE) --no-print-directory tests
 
 # Before a commit: tests that changed, and those that import a module that changed.
@@ -41,6 +41,10 @@ types: $(VENV)/ready-test
 # A broken link or a docstring that cannot be read fails; nothing is imported.
 docs: $(VENV)/ready-docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# A fresh clone's tests are compiled once, with their assertions explained, not by every worker at once.
+collected: $(VENV)/ready-kernels
+	@$(BIN)/pytest --collect-only -q > $(VENV)/collected || { cat $(VENV)/collected; exit 1; }
 
 # Each worker has whole files; in the order of the folders, because the longest come first. One worker
 # more than cores: half of what tests of nodes take is waiting.

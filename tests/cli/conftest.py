@@ -38,10 +38,12 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd) -> Callable[..., Outcome]:
     The first argument may be a whole command with its words separated by blanks.
     """
 
-    def call(command: str, *arguments: object, status: int | None = None) -> Outcome:
+    def call(
+        command: str, *arguments: object, status: int | None = None, columns: int = 200
+    ) -> Outcome:
         words = [*command.split(), *map(str, arguments)]
         monkeypatch.setattr(sys, "argv", ["idim-iv", *words])
-        monkeypatch.setenv("COLUMNS", "200")
+        monkeypatch.setenv("COLUMNS", str(columns))
         with pytest.raises(SystemExit) as stopped:
             main()
             raise SystemExit(0)

@@ -9,7 +9,7 @@ import pytest
 import idim_iv_ros
 from bags import simulated_arms
 from idim_iv_ros.cli import output
-from tests.cli.conftest import in_process, refused, write_arm
+from tests.cli.conftest import refused, write_arm
 
 
 @pytest.fixture
@@ -78,8 +78,8 @@ def test_progress_is_lines_where_stderr_is_no_terminal(capsys, monkeypatch) -> N
 
 
 @pytest.mark.parametrize("width", [60, 80])
-def test_tables_of_a_check_fit_the_terminal(config, bag, width: int) -> None:
-    done = in_process("check", bag, "--config", config(), COLUMNS=str(width))
+def test_tables_of_a_check_fit_the_terminal(run, config, bag, width: int) -> None:
+    done = run("check", bag, "--config", config(), columns=width)
     lines = [line.rstrip() for line in done.out.splitlines()]
     assert max(map(len, lines[:-1])) <= width
     assert lines[-1].startswith("Next: idim-iv identify ")  # to be pasted: not broken

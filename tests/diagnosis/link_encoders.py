@@ -109,9 +109,10 @@ def link_motion(
         (time[0], time[-1]),
         [start, speed],
         t_eval=time,
+        method="LSODA",
         max_step=5e-3,
-        rtol=1e-7,
-        atol=1e-9,
+        rtol=1e-8,
+        atol=1e-10,
     )
     motor, motor_speed, _ = motor_motion(time)
     twist = motor - solved.y[0]

@@ -16,7 +16,7 @@ from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.report import gap_report_html
 
-SECONDS = 6.0
+SECONDS = 3.0
 JOINTS = ["joint_1", "joint_2"]
 # What depends on the time of the session stays in; the others would only take longer.
 WITHOUT = tuple(name for name in EFFECTS if name not in ("friction_drift", "spring"))
@@ -96,10 +96,10 @@ def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(bag
 def test_any_order_of_bags_gives_the_same_identification(bags, arm, starts) -> None:
     paths = bags(starts)
     documents = []
-    for order in (paths, [paths[1], paths[2], paths[0]], paths[::-1]):
+    for order in (paths, [paths[1], paths[2], paths[0]]):
         result = identify(order, arm.configuration)
         assert np.all(np.diff(result.series[0].time) > 0.0)
         documents.append(result.to_document())
-    for document in documents[1:]:
-        assert without_timing(document) == without_timing(documents[0])
-        require_same_physical(document, documents[0])
+    first, second = documents
+    assert without_timing(first) == without_timing(second)
+    require_same_physical(first, second)

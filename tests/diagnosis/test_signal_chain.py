@@ -112,7 +112,8 @@ def test_a_delay_of_all_joints_is_a_cause_and_the_loop_tells_where_it_is(place: 
     assert cause.torque_gap.after < 0.9 * cause.torque_gap.before
     in_loop = refit.data.prepared.configuration.controller.delay
     assert in_loop == pytest.approx(delay if place == "loop" else 0.0, abs=1e-3)
-    assert refitted([recording], arm.configuration, ("time_delay",)).delays == ()
+    if place == "stamps":
+        assert refitted([recording], arm.configuration, ("time_delay",)).delays == ()
 
 
 @pytest.mark.parametrize(("delay", "configured"), [(0.0, 0.0), (1.5e-3, 0.0), (0.0, 4e-3)])

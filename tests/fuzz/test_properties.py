@@ -2,12 +2,11 @@
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.excitation.fourier import FourierBasis
@@ -15,19 +14,33 @@ from idim_iv_ros.report import numerals
 from idim_iv_ros.simulators.effects_file import read_effects
 from tests.gap_files import gap_content
 
-_ANY = st.one_of(st.none(), st.floats())
-# The same examples in every run: a failure is of the change that is tested, not of the day.
-_SAME = settings(
-    derandomize=True,
-    deadline=None,
-    max_examples=60,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+_SIZES = [
+    *(
+        0.0,
+        5e-324,
+        sys.float_info.min,
+        1e-300,
+        1.1e-16,
+        1e-9,
+        0.00123,
+        0.05,
+        0.0999,
+        0.5,
+        1 - 2**-53,
+    ),
+    *(1 - 2**-53, 1.0, 9.995, 99.95, 123.456, 999.5, 12345.6789, 1e7, 2.0**53 + 2, 1e22, 1e300),
+    *(sys.float_info.max, math.inf, math.nan),
+]
+_NUMBERS = [None, *_SIZES, *(-size for size in _SIZES)]
 
 
-@_SAME
-@given(_ANY, _ANY)
-def test_every_number_can_be_written_beside_any_uncertainty(value, std) -> None:
+@pytest.mark.parametrize("value", _NUMBERS)
+def test_every_number_can_be_written_beside_any_uncertainty(value: float | None) -> None:
+    for std in _NUMBERS:
+        require_written(value, std)
+
+
+def require_written(value: float | None, std: float | None) -> None:
     texts = [
         *numerals.measured(value, std),
         numerals.with_digits_of(value, std),
@@ -50,19 +63,26 @@ def _refused_or_read(read, path: Path) -> None:
         assert "\n" not in str(error)
 
 
-_JSON = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5)),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)
-    ),
-    max_leaves=8,
-)
+_PLAIN = [None, True, 0, -1, 2**70, 10**400, 1.5, 1e300, math.nan, -math.inf, "", "é\0\n", "YY1"]
+_JSON = [
+    *_PLAIN,
+    *([], [[[]]], [None, 1], [{}], ["joint_1", math.nan], {}, {"": None}, {"YY1": {}}),
+    *({"YY1": value} for value in _PLAIN),
+    *({"YY1": {"value": value, "std": value, "unit": value}} for value in _PLAIN),
+    *([{"effect": value, "joint": value, "parameters": value}] for value in _PLAIN),
+]
 
 
-@_SAME
-@given(causes=_JSON, parameters=_JSON, value=_JSON)
-def test_any_json_is_a_diagnosis_or_one_line(causes, parameters, value, tmp_path: Path) -> None:
-    path = tmp_path / "gap.json"
+@pytest.mark.parametrize("shift", range(3))
+def test_any_json_is_a_diagnosis_or_one_line(shift: int, tmp_path: Path) -> None:
+    """Three values at once, each of them in every place."""
+    for place in range(len(_JSON)):
+        others = ((place + step * shift) % len(_JSON) for step in (1, -6))
+        _require_read_or_refused(_JSON[place], *(_JSON[other] for other in others), tmp_path)
+
+
+def _require_read_or_refused(causes, parameters, value, folder: Path) -> None:
+    path = folder / "gap.json"
     for document in (
         {"causes": causes, "extended_parameters": parameters},
         gap_content(

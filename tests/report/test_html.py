@@ -69,7 +69,7 @@ def page_of(result: IdentificationResult | GapResult) -> str:
     )
 
 
-@pytest.mark.parametrize("joints", [1, 2, 6, 7])
+@pytest.mark.parametrize("joints", [1, 2, 7])
 @pytest.mark.parametrize("case", EVERY)
 def test_every_result_becomes_a_well_formed_page_that_loads_nothing(joints: int, case: str) -> None:
     result = sample(case, joints)

@@ -12,7 +12,7 @@ from idim_iv_ros.servo.robot_fit import Motion
 
 @pytest.fixture(scope="session")
 def motion() -> Motion:
-    return mujoco_servo(100.0, 20.0, seed=4)
+    return mujoco_servo(100.0, 12.0, seed=4)
 
 
 @pytest.fixture(scope="session")

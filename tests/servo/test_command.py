@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.servos import LIMIT, TRUTH
+from benchmarks.servos import LIMIT, TRUTH, mujoco_servo
 from idim_iv_ros import diagnose, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
@@ -91,7 +91,8 @@ def test_what_no_servo_records_is_refused(servo_folder, tmp_path, motion, change
         identify_servos(tmp_path / "bad.mcap", configuration)
 
 
-def test_servo_that_is_switched_off_is_said(servo_folder, tmp_path, motion):
+def test_servo_that_is_switched_off_is_said(servo_folder, tmp_path):
+    motion = mujoco_servo(100.0, 20.0, seed=4)
     position = motion.position.copy()
     position[1200:] = position[1200]
     write_servo_bag(tmp_path / "off.mcap", replace(motion, position=position))

@@ -71,7 +71,7 @@ def test_gain_or_load_of_a_run_is_told(fitted, gain, kind, expected):
 
 
 def test_without_gravity_only_ratios_are_known():
-    motion = mujoco_servo(100.0, 20.0, seed=5, gravity=0.0)
+    motion = mujoco_servo(100.0, 12.0, seed=5, gravity=0.0)
     upright = URDF.replace('xyz="0 1 0"', 'xyz="0 0 1"')
     ((_, answer),) = fit_servos([motion], load_robot(upright, ["j"]))
     assert not is_absolute(answer)
