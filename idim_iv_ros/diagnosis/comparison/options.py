@@ -23,6 +23,8 @@ class Options:
         Its columns among all of them.
     of_width : dict of int to (m_w,) int
         Options of each width.
+    place : (m,) int
+        Place of each option among those of its width.
     columns : dict of int to (m_w, w) int
         Their columns.
     lines : tuple of (p_j, r_j) float32
@@ -41,6 +43,9 @@ class Options:
         self.first = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(int)
         self.count = int(self.width.sum())
         self.of_width = {int(w): np.flatnonzero(self.width == w) for w in np.unique(self.width)}
+        self.place = np.empty(len(self.width), dtype=int)
+        for which in self.of_width.values():
+            self.place[which] = np.arange(len(which))
         self.columns = {
             w: self.first[which][:, None] + np.arange(w) for w, which in self.of_width.items()
         }
