@@ -34,7 +34,13 @@ class Comparison:
     def __init__(self, catalogue: Catalogue, nominal: NominalErrors, prior: Prior) -> None:
         self.catalogue, self.nominal, self.prior = catalogue, nominal, prior
         self.options = nominal.options
-        self._blocks = _BlockSums(nominal.options.ledger.blocks)
+        blocks = nominal.options.ledger.blocks
+        numbers = np.concatenate(blocks)
+        joints = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
+        new = (np.diff(numbers, prepend=-1) != 0) | (np.diff(joints, prepend=-1) != 0)
+        self._starts = np.flatnonzero(new)  # of the blocks of every joint, in lines of all rows
+        count = nominal.options.ledger.block_count
+        self._in_block = np.equal.outer(np.arange(count), numbers[new]).astype(float)
         self.shares_of_joints = np.zeros(
             (len(self.options.candidates), len(nominal.options.ledger.joints))
         )
@@ -167,27 +173,9 @@ class Comparison:
         for columns, values in zip(lines, coefficients, strict=True):
             scores = columns * (rest - values @ columns)
             inner, by_rows = columns @ columns.T, scores @ scores.T
-            made.append(_over_expected(inner, by_rows, self._blocks.of(scores), values))
+            sums = self._in_block @ np.add.reduceat(scores, self._starts, axis=1).T
+            made.append(_over_expected(inner, by_rows, sums, values))
         return made
-
-
-class _BlockSums:
-    """Sums over blocks of time of lines along the rows of all joints.
-
-    `blocks`: (r_j,) of every joint, increasing.
-    """
-
-    def __init__(self, blocks: Sequence[IntArray]) -> None:
-        numbers = np.concatenate(blocks)
-        joints = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
-        new = (np.diff(numbers, prepend=-1) != 0) | (np.diff(joints, prepend=-1) != 0)
-        self._starts = np.flatnonzero(new)
-        count = int(numbers.max(initial=-1)) + 1
-        self._in_block = np.equal.outer(np.arange(count), numbers[new]).astype(float)
-
-    def of(self, lines: FloatArray) -> FloatArray:
-        """Return (blocks, w) sums of lines (w, r)."""
-        return np.asarray(self._in_block @ np.add.reduceat(lines, self._starts, axis=1).T)
 
 
 class _Ranking:

@@ -147,13 +147,8 @@ class NominalErrors:
         for rows, model, gap in zip(ledger.joints, white.model, white.gap, strict=True):
             right[rows.columns] += model.T @ gap
         self.explained = self.root.T @ right
-        change = self.root @ self.explained
-        self.gap_lines = np.concatenate(
-            [
-                gap - model @ change[rows.columns]
-                for rows, model, gap in zip(ledger.joints, white.model, white.gap, strict=True)
-            ]
-        )
+        gaps = {joint: rows[:, None] for joint, rows in enumerate(white.gap)}
+        self.gap_lines = self.lines_beside_errors(gaps, (self.root @ self.explained)[:, None])[0]
         self.level = 0.5 * float(self.explained @ self.explained) - 0.5 * float(
             np.sum(np.log1p(values))
         )
@@ -214,15 +209,7 @@ class NominalErrors:
     def lines_beside_errors(
         self, columns: Mapping[int, FloatArray], moved: FloatArray
     ) -> FloatArray:
-        """Whitened columns less what the errors take of them: (w, r), joints one after the other.
-
-        Parameters
-        ----------
-        columns
-            (r_j, w) whitened.
-        moved
-            (b, w) nominal errors beside a unit of each.
-        """
+        """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other."""
         lines = []
         for joint, rows in enumerate(self.options.ledger.joints):
             rest = -(moved[rows.columns].T @ self.white.model[joint].T)
@@ -236,8 +223,8 @@ class NominalErrors:
         if option not in self._lines:
             w, place = int(self.options.width[option]), self.options.place[option]
             moved = self.moved[:, self.options.columns[w][place]] @ self.basis[w][place]
-            lines = self.lines_beside_errors(self.whitened(self.columns(option)), moved)
-            self._lines[option] = lines.astype(np.float32)
+            white = self.whitened(self.columns(option))
+            self._lines[option] = self.lines_beside_errors(white, moved)
         return self._lines[option]
 
 
@@ -406,15 +393,7 @@ class ModelWithTerms:
         return np.vstack([none, *(products.lines for products in self._products)])
 
     def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
-        """Whitened columns (w, r) less what the terms take of them.
-
-        Parameters
-        ----------
-        lines
-            (w, r) beside the nominal errors.
-        crossed
-            (w, q) products with the terms beside the nominal errors.
-        """
+        """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
         return lines - self._taken(crossed).T @ self._lines
 
     def option_left(self, option: int) -> FloatArray:

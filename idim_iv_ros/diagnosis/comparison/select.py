@@ -25,6 +25,7 @@ from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.prior import Prior
 from idim_iv_ros.diagnosis.comparison.refine import refined
+from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _MOST_TERMS = 8  # besides errors of signals, which every joint may have
@@ -71,6 +72,7 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
         white = whitened(options, noise)
+        return_freed_memory()
         if errors is None:
             comparison, terms = _with_likely_errors(catalogue, options, white, torques, prior)
             errors = comparison.nominal.errors
