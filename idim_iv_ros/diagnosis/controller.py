@@ -93,7 +93,7 @@ class LawChange:
     @property
     def before(self) -> FloatArray:
         """(r,) what the errors of the recording alone leave, N m (N)."""
-        return ModelWithTerms(self.comparison.nominal, ()).residuals(white=False)[0]
+        return ModelWithTerms(self.comparison.nominal, ()).residuals[0]
 
     def left_of_lag(self, lag: float) -> FloatArray:
         """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
@@ -312,7 +312,7 @@ def _cause(
 ) -> tuple[dict[str, tuple[float, float]], Cause | None]:
     """What differs from the law at one joint, (value, std) by group, and the cause if it does."""
     changes, statistic = change.changes, change.statistic
-    before, after = change.before, change.model.residuals(white=False)[0]
+    before, after = change.before, change.model.residuals[0]
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
     if lag - settings.CLEAR_DEVIATIONS * std > longest:

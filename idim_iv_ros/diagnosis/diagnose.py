@@ -164,7 +164,11 @@ def concluded(
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     sigmas = [floor.sigma for floor in explanation.floors]
     noise = floor_noise_models(explanation.fits[0], sigmas)
-    not_testable = (*not_shown_by_motion(data, regression, structural, noise), *refit.not_testable)
+    made = explanation.selection.comparison.catalogue.made
+    not_testable = (
+        *not_shown_by_motion(data, regression, structural, noise, made),
+        *refit.not_testable,
+    )
 
     outside = unexplained(data, explanation)
     residual = unexplained_residual(data, explanation, stages)

@@ -247,7 +247,7 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     white noise at the second set's rate.
     """
     model = changes.selection.model
-    after = model.residuals(white=False)
+    after = model.residuals
     before = [rest.copy() for rest in after]
     for term in model.terms:
         for joint, moved in _moved(sets, changes, term).items():

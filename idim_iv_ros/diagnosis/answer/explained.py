@@ -233,7 +233,7 @@ def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) 
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
     floors = noise_floors(data, regression, regression.fit(), repeats_of(data))
     ledger = selection.comparison.options.ledger
-    left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals(white=False)
+    left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
     shares = []
     for rest, floor, size in zip(left, floors, ledger.sizes, strict=True):
         square = float(np.mean(rest**2)) - (floor.sigma or 0.0) ** 2

@@ -34,11 +34,16 @@ class Comparison:
     def __init__(self, catalogue: Catalogue, nominal: NominalErrors, prior: Prior) -> None:
         self.catalogue, self.nominal, self.prior = catalogue, nominal, prior
         self.options = nominal.options
-        self._cuts = [
-            np.searchsorted(block, np.arange(nominal.options.ledger.block_count))
-            for block in nominal.options.ledger.blocks
-        ]
-        self.shares_of_joints = np.zeros((len(self.options.candidates), len(self._cuts)))
+        blocks = nominal.options.ledger.blocks
+        numbers = np.concatenate(blocks)
+        joints = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
+        new = (np.diff(numbers, prepend=-1) != 0) | (np.diff(joints, prepend=-1) != 0)
+        self._starts = np.flatnonzero(new)  # of the blocks of every joint, in lines of all rows
+        count = nominal.options.ledger.block_count
+        self._in_block = np.equal.outer(np.arange(count), numbers[new]).astype(float)
+        self.shares_of_joints = np.zeros(
+            (len(self.options.candidates), len(nominal.options.ledger.joints))
+        )
         for candidate, shares in zip(self.options.candidates, self.shares_of_joints, strict=True):
             shares[list(candidate.joints)] = 1.0 / len(candidate.joints)
         self._best: dict[frozenset[tuple[object, ...]], Term | None] = {}
@@ -69,18 +74,16 @@ class Comparison:
         z = (vectors.T @ score) / np.sqrt(values)
         unit = vectors @ (z / np.sqrt(values))
         products = self.nominal.products_of(term)
-        moved = products.moved @ term.basis
-        plain = {joint: table @ term.basis for joint, table in term.columns.items()}
-        white = {joint: table @ term.basis for joint, table in products.white.items()}
-        uncovered = model.uncovered(moved, white, crossed, white=True)
-        ((blocks, by_rows),) = self.dispersions(model.residuals(white=True), uncovered, [unit])
+        lines = model.lines_left(term.basis.T @ products.lines, crossed)
+        ((blocks, by_rows),) = self.dispersions(model.white_residual, [lines], [unit])
         dispersion = max(min(term.dispersion, blocks), by_rows)
         misfit = self.misfit(model.terms)[list(term.candidate.joints)].mean(keepdims=True)
         evidence = float(
             log_bayes_factor(z[None] / np.sqrt(dispersion), values[None] / dispersion, misfit)[0]
         )
         odds = evidence + self.prior.odds_of_presence(term.key)
-        left = model.uncovered(moved, plain, crossed, white=False)
+        plain = {joint: table @ term.basis for joint, table in term.columns.items()}
+        left = model.uncovered(products.moved @ term.basis, plain, crossed)
         return replace(
             term,
             evidence=evidence,
@@ -94,7 +97,7 @@ class Comparison:
         candidate: Candidate,
         others: Sequence[Term],
         plain: dict[int, FloatArray],
-        uncovered: dict[int, FloatArray],
+        uncovered: Sequence[FloatArray],
         unit: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Shares of the torque (n_joints,) that an option has, and that counts beside others.
@@ -148,8 +151,8 @@ class Comparison:
 
     def dispersions(
         self,
-        rest: Sequence[FloatArray],
-        white: dict[int, FloatArray],
+        rest: FloatArray,
+        lines: Sequence[FloatArray],
         coefficients: Sequence[FloatArray],
     ) -> list[tuple[float, float]]:
         """Variance of scores of options over blocks of time, over that of the model, and by rows.
@@ -160,37 +163,19 @@ class Comparison:
         Parameters
         ----------
         rest
-            (r_j,) whitened residual of the model.
-        white
-            (r_j, w) columns of all options side by side, less what the model takes of them,
-            whitened.
+            (r,) whitened residual of the model, all joints one after the other.
+        lines
+            (w_k, r) whitened columns of every option, less what the model takes of them.
         coefficients
             (w_k,) of every option.
         """
-        ends = np.cumsum([len(values) for values in coefficients])
-        parts = [
-            slice(end - len(values), end) for end, values in zip(ends, coefficients, strict=True)
-        ]
-        count, width = len(self._cuts[0]), int(ends[-1])
-        sums = np.zeros((count, width))
-        inner, by_rows = ([np.zeros((len(v), len(v))) for v in coefficients] for _ in range(2))
-        for joint, table in white.items():
-            if not len(table):
-                continue
-            starts = self._cuts[joint]
-            scores = np.empty_like(table)
-            for k, (part, values) in enumerate(zip(parts, coefficients, strict=True)):
-                columns = table[:, part]
-                score = columns * (rest[joint] - columns @ values)[:, None]
-                scores[:, part] = score
-                by_rows[k] += score.T @ score
-                inner[k] += columns.T @ columns
-            totals = np.concatenate([np.zeros((1, width)), np.cumsum(scores, axis=0)])
-            sums += totals[np.append(starts[1:], len(table))] - totals[starts]
-        return [
-            _over_expected(one, other, sums[:, part], values)
-            for one, other, part, values in zip(inner, by_rows, parts, coefficients, strict=True)
-        ]
+        made = []
+        for columns, values in zip(lines, coefficients, strict=True):
+            scores = columns * (rest - values @ columns)
+            inner, by_rows = columns @ columns.T, scores @ scores.T
+            sums = self._in_block @ np.add.reduceat(scores, self._starts, axis=1).T
+            made.append(_over_expected(inner, by_rows, sums, values))
+        return made
 
 
 class _Ranking:
@@ -209,11 +194,6 @@ class _Ranking:
             bound[which] = 0.5 * np.sum(score * solved, axis=1)
         bound[options.is_curve != curves] = -np.inf
         self.bound = bound + prior.log
-        places = np.empty(len(options.candidate), dtype=int)
-        for which in options.of_width.values():
-            places[which] = np.arange(len(which))
-        self.place = places
-        self.white = model.residuals(white=True)
         order = np.argsort(-self.bound)[:_LOOKED_AT]
         self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
         self._directions = self._eigen()
@@ -236,7 +216,7 @@ class _Ranking:
         directions: list[FloatArray] = [np.zeros((0, 0))] * len(widths)
         for w in np.unique(widths):
             rows = np.flatnonzero(widths == w)
-            places = self.place[self.order[rows]]
+            places = options.place[self.order[rows]]
             inner, score = self.products[w][0][places], self.products[w][1][places]
             values, vectors = np.linalg.eigh(inner)
             seen = values > self.comparison.nominal.raw[w][places][:, None]
@@ -278,8 +258,8 @@ class _Ranking:
             return np.ones(len(self.order))
         directions = [self._seen(row) for row in rivals.values()]
         dispersions = self.comparison.dispersions(
-            self.white,
-            self._uncovered(self.order[list(rivals.values())], white=True),
+            self.model.white_residual,
+            [self.model.option_left(int(self.order[row])) for row in rivals.values()],
             [vectors @ (z / np.sqrt(values)) for z, values, vectors in directions],
         )
         least = min(blocks for blocks, _ in dispersions)
@@ -287,37 +267,6 @@ class _Ranking:
             key: max(least, by_rows) for key, (_, by_rows) in zip(rivals, dispersions, strict=True)
         }
         return np.array([local.get(int(options.key[k]), least) for k in self.order])
-
-    def _columns(self, option: int, *, white: bool) -> dict[int, FloatArray]:
-        """(r_j, w) columns of an option, of unit size."""
-        options, nominal = self.comparison.options, self.comparison.nominal
-        w, place = int(options.width[option]), self.place[option]
-        columns = options.columns[w][place]
-        made = {}
-        for joint in options.candidates[options.candidate[option]].joints:
-            table = options.lines[joint][options.at[joint][columns]].T @ nominal.basis[w][place]
-            if white:
-                segments = options.ledger.joints[joint].segments
-                table = nominal.white.noise[joint].standardized(table, segments)
-                table = table * nominal.white.counted[joint][:, None]
-            made[joint] = table
-        return made
-
-    def _uncovered(self, numbers: IntArray, *, white: bool) -> dict[int, FloatArray]:
-        """(r_j, w) columns of options side by side, less what errors and terms take of them."""
-        nominal, options = self.comparison.nominal, self.comparison.options
-        ends = np.cumsum(options.width[numbers])
-        moved, crossed = [], []
-        columns: dict[int, FloatArray] = {}
-        for k, end in zip(numbers, ends, strict=True):
-            w, place = int(options.width[k]), self.place[k]
-            moved.append(nominal.moved[:, options.columns[w][place]] @ nominal.basis[w][place])
-            crossed.append(self.model.crossed(w, place))
-            for joint, table in self._columns(k, white=white).items():
-                columns.setdefault(joint, np.zeros((len(table), ends[-1])))[:, end - w : end] = (
-                    table
-                )
-        return self.model.uncovered(np.hstack(moved), columns, np.vstack(crossed), white=white)
 
     @cached_property
     def _shrunk(self) -> FloatArray:
@@ -361,7 +310,7 @@ class _Ranking:
         z, values, vectors = self._seen(row)
         if not len(z):
             return None
-        w, place = int(options.width[k]), self.place[k]
+        w, place = int(options.width[k]), options.place[k]
         basis = comparison.nominal.basis[w][place]
         spread = basis @ (vectors / np.sqrt(values))
         deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row])
@@ -384,17 +333,14 @@ class _Ranking:
         comparison, options = self.comparison, self.comparison.options
         prior = comparison.prior
         candidate = options.candidates[options.candidate[option]]
-        w, place = int(options.width[option]), self.place[option]
+        w, place = int(options.width[option]), options.place[option]
         basis = comparison.nominal.basis[w][place]
         row = kept[0][1]
-        plain = self._columns(option, white=False)
-        whole, visible = comparison.shares(
-            candidate,
-            self.model.terms,
-            plain,
-            self._uncovered(np.array([option]), white=False),
-            unit,
-        )
+        nominal = comparison.nominal
+        plain = nominal.columns(option)
+        moved = nominal.moved[:, options.columns[w][place]] @ basis
+        left = self.model.uncovered(moved, plain, self.model.crossed(w, place))
+        whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
         score = np.array([self.score[number] for _, number in kept])
         weights = np.exp(score - score.max())
         keys: dict[Key, float] = {}

@@ -5,7 +5,7 @@ errors is aᵀb − (Xᵀa)ᵀ M Mᵀ (Xᵀb). Terms of a model are random effec
 in the same way, so that what they change is of their own low rank.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -147,6 +147,8 @@ class NominalErrors:
         for rows, model, gap in zip(ledger.joints, white.model, white.gap, strict=True):
             right[rows.columns] += model.T @ gap
         self.explained = self.root.T @ right
+        gaps = {joint: rows[:, None] for joint, rows in enumerate(white.gap)}
+        self.gap_lines = self.lines_beside_errors(gaps, (self.root @ self.explained)[:, None])[0]
         self.level = 0.5 * float(self.explained @ self.explained) - 0.5 * float(
             np.sum(np.log1p(values))
         )
@@ -176,12 +178,54 @@ class NominalErrors:
             self.raw[w] = _ROUNDING * np.trace(before, axis1=1, axis2=2)
             self.score[w] = np.matmul(turned, score[columns][:, :, None])[:, :, 0]
         self._made: dict[tuple[object, ...], _TermProducts] = {}
+        self._lines: dict[int, FloatArray] = {}
 
     def products_of(self, term: Term) -> "_TermProducts":
         """Products of a term with everything, made once."""
         if term.identity not in self._made:
             self._made[term.identity] = _TermProducts(self, term)
         return self._made[term.identity]
+
+    def columns(self, option: int) -> dict[int, FloatArray]:
+        """(r_j, w) columns of an option, of unit size."""
+        options = self.options
+        w, place = int(options.width[option]), options.place[option]
+        numbers, basis = options.columns[w][place], self.basis[w][place]
+        return {
+            joint: options.lines[joint][options.at[joint][numbers]].T @ basis
+            for joint in options.candidates[options.candidate[option]].joints
+        }
+
+    def whitened(self, columns: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+        """Columns (r_j, w) with the noise at unit variance, of the rows that count."""
+        joints, white = self.options.ledger.joints, self.white
+        return {
+            joint: white.noise[joint].standardized(table, joints[joint].segments)
+            * white.counted[joint][:, None]
+            for joint, table in columns.items()
+            if not joints[joint].left_out
+        }
+
+    def lines_beside_errors(
+        self, columns: Mapping[int, FloatArray], moved: FloatArray
+    ) -> FloatArray:
+        """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other."""
+        lines = []
+        for joint, rows in enumerate(self.options.ledger.joints):
+            rest = -(moved[rows.columns].T @ self.white.model[joint].T)
+            if joint in columns:
+                rest += columns[joint].T
+            lines.append(rest)
+        return np.hstack(lines)
+
+    def option_lines(self, option: int) -> FloatArray:
+        """Whitened columns (w, r) of an option, of unit size, beside the errors; made once."""
+        if option not in self._lines:
+            w, place = int(self.options.width[option]), self.options.place[option]
+            moved = self.moved[:, self.options.columns[w][place]] @ self.basis[w][place]
+            white = self.whitened(self.columns(option))
+            self._lines[option] = self.lines_beside_errors(white, moved)
+        return self._lines[option]
 
 
 class _TermProducts:
@@ -190,20 +234,16 @@ class _TermProducts:
     def __init__(self, nominal: NominalErrors, term: Term) -> None:
         options, white = nominal.options, nominal.white
         ledger = options.ledger
-        self.white: dict[int, FloatArray] = {}
+        self.white = nominal.whitened(term.columns)
         shared = np.zeros((ledger.parameters, term.width))
         gap = np.zeros(term.width)
-        for joint, rows in enumerate(ledger.joints):
-            if joint not in term.columns or rows.left_out:
-                continue
-            table = white.noise[joint].standardized(term.columns[joint], rows.segments)
-            table = table * white.counted[joint][:, None]
-            self.white[joint] = table
-            shared[rows.columns] += white.model[joint].T @ table
+        for joint, table in self.white.items():
+            shared[ledger.joints[joint].columns] += white.model[joint].T @ table
             gap += table.T @ white.gap[joint]
         self.projected = nominal.root.T @ shared
         self.moved = nominal.root @ self.projected
         self.score = gap - self.projected.T @ nominal.explained
+        self.lines = nominal.lines_beside_errors(self.white, self.moved)
         self._crossed: dict[int, FloatArray] = {}
 
     def crossed(self, nominal: NominalErrors) -> dict[int, FloatArray]:
@@ -292,10 +332,14 @@ class ModelWithTerms:
     @cached_property
     def errors(self) -> FloatArray:
         """(b,) δ: change of the nominal numbers beside the terms."""
-        change = self.nominal.root @ self.nominal.explained
-        for products, start, end in zip(self._products, self.starts, self.starts[1:], strict=False):
-            change = change - products.moved @ self.coefficients[start:end]
-        return np.asarray(change)
+        alone = self.nominal.root @ self.nominal.explained
+        return np.asarray(alone + self._moved @ self.coefficients)
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """(b, q) what the nominal numbers change by beside a unit of each term."""
+        none = np.zeros((self.nominal.options.ledger.parameters, 0))
+        return -np.hstack([none, *(products.moved for products in self._products)])
 
     def left_of(self, term: Term) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Products (w, w), score (w,) and products (w, q) with the terms of one term more.
@@ -304,13 +348,12 @@ class ModelWithTerms:
         """
         products, basis = self.nominal.products_of(term), term.basis
         inner, score = products.between(products), products.score
-        crossed = np.zeros((term.width, 0))
-        if self.terms:
-            crossed = np.hstack([products.between(other) for other in self._products])
-            root, scores, _ = self._solved
-            taken = crossed @ root
-            inner = inner - taken @ taken.T
-            score = score - taken @ (root.T @ scores)
+        others = [products.between(other) for other in self._products]
+        crossed = np.hstack([np.zeros((term.width, 0)), *others])
+        root, scores, _ = self._solved
+        taken = crossed @ root
+        inner = inner - taken @ taken.T
+        score = score - taken @ (root.T @ scores)
         return basis.T @ inner @ basis, basis.T @ score, basis.T @ crossed
 
     def options_left(self) -> dict[int, tuple[FloatArray, FloatArray]]:
@@ -332,25 +375,42 @@ class ModelWithTerms:
             made[w] = inner, nominal.score[w] - crossed @ taken
         return made
 
-    def residuals(self, *, white: bool) -> list[FloatArray]:
-        """(r_j,) what the model leaves at each joint, whitened or in N m."""
-        ledger = self.nominal.options.ledger
-        left = []
-        for joint, rows in enumerate(ledger.joints):
-            model = self.nominal.white.model[joint] if white else rows.matrix
-            rest = self.nominal.white.gap[joint] if white else ledger.gap[joint]
-            rest = rest - model @ self.errors[rows.columns]
-            for products, term, start in zip(self._products, self.terms, self.starts, strict=False):
-                table = products.white if white else term.columns
-                if joint in table:
-                    rest = rest - table[joint] @ self.coefficients[start : start + term.width]
-            left.append(rest)
-        return left
+    @cached_property
+    def residuals(self) -> list[FloatArray]:
+        """(r_j,) what the model leaves at each joint, N m (N)."""
+        gap = dict(enumerate(self.nominal.options.ledger.gap))
+        return self._left(gap, self.errors, self.coefficients)
+
+    @cached_property
+    def white_residual(self) -> FloatArray:
+        """(r,) what the model leaves, whitened, all joints one after the other."""
+        return np.asarray(self.nominal.gap_lines - self.coefficients @ self._lines)
+
+    @cached_property
+    def _lines(self) -> FloatArray:
+        """(q, r) whitened columns of all terms, beside the nominal errors."""
+        none = np.zeros((0, len(self.nominal.gap_lines)))
+        return np.vstack([none, *(products.lines for products in self._products)])
+
+    def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
+        """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
+        return lines - self._taken(crossed).T @ self._lines
+
+    def option_left(self, option: int) -> FloatArray:
+        """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""
+        options = self.nominal.options
+        crossed = self.crossed(int(options.width[option]), int(options.place[option]))
+        return self.lines_left(self.nominal.option_lines(option), crossed)
+
+    def _taken(self, crossed: FloatArray) -> FloatArray:
+        """(q, w) coefficients of the terms beside columns with products `crossed` (w, q)."""
+        root = self._solved[0]
+        return np.asarray(root @ (root.T @ crossed.T))
 
     def uncovered(
-        self, moved: FloatArray, columns: dict[int, FloatArray], crossed: FloatArray, *, white: bool
-    ) -> dict[int, FloatArray]:
-        """Columns (r_j, w) of an option less what errors and terms take of them, by joint.
+        self, moved: FloatArray, columns: Mapping[int, FloatArray], crossed: FloatArray
+    ) -> list[FloatArray]:
+        """Columns (r_j, w) of an option less what errors and terms take of them, N m (N).
 
         Parameters
         ----------
@@ -361,27 +421,23 @@ class ModelWithTerms:
         crossed
             (w, q) products with the terms beside the nominal errors.
         """
-        root = self._solved[0] if self.terms else np.zeros((0, 0))
-        taken = root @ (root.T @ crossed.T) if self.terms else np.zeros((0, moved.shape[1]))
-        errors = moved
-        for products, start, end in zip(self._products, self.starts, self.starts[1:], strict=False):
-            errors = errors - products.moved @ taken[start:end]
-        made = {}
+        taken = self._taken(crossed)
+        return self._left(columns, moved + self._moved @ taken, taken)
+
+    def _left(
+        self, columns: Mapping[int, FloatArray], errors: FloatArray, taken: FloatArray
+    ) -> list[FloatArray]:
+        """Columns (r_j, …) by joint less errors (b, …) of the numbers and terms (q, …)."""
+        made = []
         for joint, rows in enumerate(self.nominal.options.ledger.joints):
-            model = self.nominal.white.model[joint] if white else rows.matrix
-            rest = -model @ errors[rows.columns]
-            if joint in columns:
-                rest = rest + columns[joint]
-            for products, term, start in zip(self._products, self.terms, self.starts, strict=False):
-                table = products.white if white else term.columns
-                if joint in table:
-                    rest = rest - table[joint] @ taken[start : start + term.width]
-            made[joint] = rest
+            rest = columns.get(joint, 0.0) - rows.matrix @ errors[rows.columns]
+            for term, start in zip(self.terms, self.starts, strict=False):
+                if joint in term.columns:
+                    rest = rest - term.columns[joint] @ taken[start : start + term.width]
+            made.append(rest)
         return made
 
     def crossed(self, width: int, place: int) -> FloatArray:
         """Products (w, q) of one option, in coefficients of unit size, with the terms."""
-        if not self.terms:
-            return np.zeros((width, 0))
         crossed = [products.crossed(self.nominal)[width][place] for products in self._products]
-        return np.concatenate(crossed, axis=1)
+        return np.concatenate([np.zeros((width, 0)), *crossed], axis=1)

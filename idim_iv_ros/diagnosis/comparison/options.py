@@ -7,9 +7,10 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
+from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-_AT_ONCE = 256
+_AT_ONCE = 128  # columns that are whitened together
 
 
 class Options:
@@ -23,6 +24,8 @@ class Options:
         Its columns among all of them.
     of_width : dict of int to (m_w,) int
         Options of each width.
+    place : (m,) int
+        Place of each option among those of its width.
     columns : dict of int to (m_w, w) int
         Their columns.
     lines : tuple of (p_j, r_j) float32
@@ -41,6 +44,9 @@ class Options:
         self.first = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(int)
         self.count = int(self.width.sum())
         self.of_width = {int(w): np.flatnonzero(self.width == w) for w in np.unique(self.width)}
+        self.place = np.empty(len(self.width), dtype=int)
+        for which in self.of_width.values():
+            self.place[which] = np.arange(len(which))
         self.columns = {
             w: self.first[which][:, None] + np.arange(w) for w, which in self.of_width.items()
         }
@@ -57,6 +63,7 @@ class Options:
                 for k, end in zip(there, ends, strict=True):  # nothing is held twice
                     lines_of = candidates[k].lines
                     lines_of[joint] = table[end - len(lines_of[joint]) : end]
+                return_freed_memory()
             else:
                 table = np.zeros((0, len(rows)), dtype=np.float32)
             lines.append(np.zeros_like(table) if rows.left_out else table)
@@ -89,8 +96,9 @@ class Options:
             segments = self.ledger.joints[joint].segments
             for w, columns in self.columns.items():
                 there = np.flatnonzero(place[columns[:, 0]] >= 0)
-                for start in range(0, len(there), _AT_ONCE):
-                    some = there[start : start + _AT_ONCE]
+                count_at_once = max(_AT_ONCE // w, 1)
+                for start in range(0, len(there), count_at_once):
+                    some = there[start : start + count_at_once]
                     plain = table[place[columns[some]].ravel()].astype(float)
                     white = noise[joint].standardized(plain.T, segments).T
                     rows = white.astype(np.float32).reshape(len(some), w, -1)
