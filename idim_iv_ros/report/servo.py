@@ -61,6 +61,7 @@ _SUMMARY = {
     "torque limit": ("torque limit, N m", 1.0),
     "delay": ("delay, ms", 1e3),
 }
+_NO_BOUND = 1e9  # of any number in its unit: the recording says nothing of it
 SUMMARY_COLUMNS = ("joint", *(heading for heading, _ in _SUMMARY.values()))
 
 
@@ -71,7 +72,9 @@ def summary_rows(result: ServoResult) -> list[tuple[str, ...]]:
         cells = [joint.joint]
         for name, (_, scale) in _SUMMARY.items():
             number = joint.number(name)
-            if number is None or not np.isfinite(number.value) or number.high == 0.0:
+            if number is None or not np.isfinite(number.value):
+                cells.append("–")
+            elif number.high == 0.0 or number.high >= _NO_BOUND:
                 cells.append("–")
             elif number.shown:
                 half = _short(0.5 * scale * (number.high - number.low))
@@ -161,6 +164,8 @@ def number_rows(numbers: tuple[ServoNumber, ...]) -> list[tuple[str, str, str]]:
             interval = f"{number.low:.4g} to {number.high:.4g}"
         elif number.low == number.high == 0.0:
             value, interval = "no evidence", "–"
+        elif number.high >= _NO_BOUND:
+            value, interval = "not shown", "no bound"
         elif np.isfinite(number.value):
             value, interval = "not shown", f"{number.low:.2g} to {number.high:.2g} {unit}".strip()
         else:

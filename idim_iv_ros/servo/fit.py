@@ -225,7 +225,7 @@ def block_covariance(
         covariance += np.outer(change, change)
     covariance *= (count - 1) / count
     values, directions = np.linalg.eigh(whole)
-    for direction in directions.T[values < _UNSEEN * values[-1]]:
+    for direction in directions.T[values <= _UNSEEN * values[-1]]:  # all, where nothing changes
         covariance += _LARGE * np.outer(direction, direction)
     return covariance / np.outer(size, size), count
 

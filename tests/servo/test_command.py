@@ -91,10 +91,12 @@ def test_what_no_servo_records_is_refused(servo_folder, tmp_path, motion, change
         identify_servos(tmp_path / "bad.mcap", configuration)
 
 
-def test_servo_that_is_switched_off_is_said(servo_folder, tmp_path):
-    motion = mujoco_servo(100.0, 20.0, seed=4)
-    position = motion.position.copy()
-    position[1200:] = position[1200]
+@pytest.mark.parametrize(("seconds", "off"), [(20.0, 12.0), (12.0, 7.0)])
+def test_servo_that_is_switched_off_is_said(servo_folder, tmp_path, seconds, off):
+    """In the shorter recording no parameter changes anything where the search ends."""
+    motion = mujoco_servo(100.0, seconds, seed=4)
+    position, stop = motion.position.copy(), round(off * motion.rate)
+    position[stop:] = position[stop]
     write_servo_bag(tmp_path / "off.mcap", replace(motion, position=position))
     configuration = load_configuration(servo_folder / "servo_arm.yaml")
     result = identify_servos(tmp_path / "off.mcap", configuration)
