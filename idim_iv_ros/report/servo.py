@@ -72,9 +72,12 @@ def summary_rows(result: ServoResult) -> list[tuple[str, ...]]:
         cells = [joint.joint]
         for name, (_, scale) in _SUMMARY.items():
             number = joint.number(name)
-            if number is None or not np.isfinite(number.value):
-                cells.append("–")
-            elif number.high == 0.0 or number.high >= _NO_BOUND:
+            if (
+                number is None
+                or not np.isfinite(number.value)
+                or number.high == 0.0
+                or number.high >= _NO_BOUND
+            ):
                 cells.append("–")
             elif number.shown:
                 half = _short(0.5 * scale * (number.high - number.low))
