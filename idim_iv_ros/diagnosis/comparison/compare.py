@@ -74,7 +74,7 @@ class Comparison:
         z = (vectors.T @ score) / np.sqrt(values)
         unit = vectors @ (z / np.sqrt(values))
         products = self.nominal.products_of(term)
-        lines = model.lines_left(term.basis.T @ products.lines, crossed)
+        lines = model.lines_left(term.basis.T @ products.lines(self.nominal), crossed)
         ((blocks, by_rows),) = self.dispersions(model.white_residual, [lines], [unit])
         dispersion = max(min(term.dispersion, blocks), by_rows)
         misfit = self.misfit(model.terms)[list(term.candidate.joints)].mean(keepdims=True)

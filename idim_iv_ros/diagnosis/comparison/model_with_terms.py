@@ -19,6 +19,7 @@ from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
+_LINES_KEPT = 64  # options; a search asks for some forty, again and again
 _ROUNDING = 1e-5  # of a direction's energy before the errors are taken out: single precision
 _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as good as free
 
@@ -219,8 +220,10 @@ class NominalErrors:
         return np.hstack(lines)
 
     def option_lines(self, option: int) -> FloatArray:
-        """Whitened columns (w, r) of an option, of unit size, beside the errors; made once."""
+        """Whitened columns (w, r) of an option beside the errors; the latest ones are kept."""
         if option not in self._lines:
+            if len(self._lines) >= _LINES_KEPT:
+                del self._lines[next(iter(self._lines))]
             w, place = int(self.options.width[option]), self.options.place[option]
             moved = self.moved[:, self.options.columns[w][place]] @ self.basis[w][place]
             white = self.whitened(self.columns(option))
@@ -243,8 +246,14 @@ class _TermProducts:
         self.projected = nominal.root.T @ shared
         self.moved = nominal.root @ self.projected
         self.score = gap - self.projected.T @ nominal.explained
-        self.lines = nominal.lines_beside_errors(self.white, self.moved)
         self._crossed: dict[int, FloatArray] = {}
+        self._lines: FloatArray | None = None
+
+    def lines(self, nominal: NominalErrors) -> FloatArray:
+        """Whitened columns (w, r) beside the errors, joints one after the other."""
+        if self._lines is None:
+            self._lines = nominal.lines_beside_errors(self.white, self.moved)
+        return self._lines
 
     def crossed(self, nominal: NominalErrors) -> dict[int, FloatArray]:
         """Products (m_w, w, w') of all options, in coefficients of unit size, with the term."""
@@ -390,7 +399,7 @@ class ModelWithTerms:
     def _lines(self) -> FloatArray:
         """(q, r) whitened columns of all terms, beside the nominal errors."""
         none = np.zeros((0, len(self.nominal.gap_lines)))
-        return np.vstack([none, *(products.lines for products in self._products)])
+        return np.vstack([none, *(products.lines(self.nominal) for products in self._products)])
 
     def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
         """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
