@@ -435,7 +435,7 @@ def table(outcomes: dict[str, Outcome]) -> list[str]:
     )
     head = ("case", "what is known", "found", "false", "unconfirmed", "verdict", "s")
     return [
-        f"{hits} of {wanted} known causes were found, {false} names are false. Unconfirmed: "
+        f"{hits} of {wanted} known causes were found; false names: {false}. Unconfirmed: "
         "effects that are also named where nothing is withheld, or of which no other source says "
         "anything. The recordings are not in the project: README says where they are published.",
         "",
