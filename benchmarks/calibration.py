@@ -166,9 +166,9 @@ def fit(files: list[Path], anew: list[str], *, write: bool) -> None:
     print(f"{len(cells)} recordings, {len(y)} terms, {int(y.sum())} of them true\n")
     print("\n".join(reliability(p, y)))
     shipped = before[: 1 + len(features)], [old.effects.get(name, 0.0) for name in names]
-    tables = {"anew": p, "before": said(np.concatenate(shipped), x, effects)}
-    if any(unlearnt):
-        del tables["before"]
+    tables = {"anew": p}
+    if not any(unlearnt):
+        tables["before"] = said(np.concatenate(shipped), x, effects)
     for name, values in tables.items():
         loss = -np.mean(y * np.log(values) + (1.0 - y) * np.log(1.0 - values))
         print(f"loss of the table {name}: {loss:.4f}")

@@ -331,6 +331,6 @@ def _cause(
         sentence="",
         parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
         evidence=Evidence(statistic),
-        torque_gap=Gap.without_floor(one, two),
+        torque_gap=Gap.between(one, two),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))

@@ -10,6 +10,7 @@ from idim_iv_ros.diagnosis.result import (
     Cause,
     ContrastCause,
     ContrastResult,
+    Gap,
     GapResult,
     JointGap,
     RecordingAgreement,
@@ -173,10 +174,10 @@ def _corrected(result: GapResult, gap: JointGap) -> str:
     first, last = (result.stages[k].torque_rms.get(gap.joint) for k in (0, -1))
     if first is None or last is None or not (is_number(first) and is_number(last)):
         return ""
-    room = first - (gap.noise_floor or 0.0)
-    if room <= 0.0 or last >= first:
+    shrinkage = Gap.between(first, last, gap.noise_floor).shrinkage
+    if shrinkage is None or shrinkage <= 0.0:
         return ""
-    return f" ({percent(100.0 * min((first - last) / room, 1.0))} of it corrected)"
+    return f" ({percent(100.0 * min(shrinkage, 1.0))} of it corrected)"
 
 
 def _acts_at(cause: Cause, joint: str) -> bool:

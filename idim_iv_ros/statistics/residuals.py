@@ -1,5 +1,6 @@
 """What the residual of a joint says: autocorrelation, distribution, scatter of its RMS in time."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -21,6 +22,11 @@ _HARMLESS_SHARE = 0.05
 _HARMLESS_UNDERSTATEMENT = 1.1
 _LEAST_ROWS = 30
 _LEAST_SECONDS = 10  # with rows, below which their scatter is not known
+
+
+def beyond_noise(share: float, size: float, noise: float) -> float:
+    """Part of a share that lies beyond the energy of the noise; `size`, `noise`: in one unit."""
+    return share * math.sqrt(1.0 - min(noise / size, 1.0) ** 2) if size > 0.0 else share
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.residuals import ResidualDiagnosis
+from idim_iv_ros.statistics.residuals import ResidualDiagnosis, beyond_noise
 
 Verdict = Literal["valid", "autocorrelated", "misspecified", "inconclusive"]
 
@@ -72,9 +70,8 @@ def judge_joint(
         deviation counts as small.
     """
     beyond = None
-    if noise is not None and residual.relative_percent is not None and residual.rms > 0.0:
-        share = 1.0 - min(noise / residual.rms, 1.0) ** 2
-        beyond = float(residual.relative_percent * np.sqrt(share))
+    if noise is not None and residual.relative_percent is not None:
+        beyond = beyond_noise(residual.relative_percent, residual.rms, noise)
     rejecting = [test for test in specification if test.accepted is False]
     sizes = [_percent(test) for test in (instruments, *specification) if test.accepted is False]
     verdict, sentence, note = _judged(instruments, residual, rejecting, beyond)

@@ -14,7 +14,6 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import gap_over
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
 from idim_iv_ros.diagnosis.result import (
     Cause,
@@ -196,7 +195,7 @@ def _parametric_cause(
         probability=judgement.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
-        torque_gap=gap_over(floor, one, two),
+        torque_gap=Gap.between(one, two, floor),
         joint_gaps=tuple(changed),
     )
     return replace(cause, sentence=sentences.parametric_cause(data, cause, effect))

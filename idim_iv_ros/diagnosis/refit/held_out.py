@@ -15,12 +15,12 @@ from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
 from idim_iv_ros.diagnosis.result import Gap, Stage
+from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
 
 # Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
-_LEAST_ROOM = 1e-3  # of a gap, above the noise floor, for a shrinkage to be said
 _FOLD_LEAK = 1e-3
 _FEWEST_BLOCKS = 8  # in a short session: they are shorter then
 _RESAMPLES = 1000  # of the bootstrap
@@ -149,7 +149,7 @@ class HeldOut:
     def gap(self, before: int, after: int, joint: int) -> Gap:
         """Gap of two stages at a joint."""
         floor = self.floors[joint].sigma
-        gap = gap_over(floor, self.rms(before, joint), self.rms(after, joint))
+        gap = Gap.between(self.rms(before, joint), self.rms(after, joint), floor)
         if gap.shrinkage is None:
             return gap
         first, second = (
@@ -180,13 +180,7 @@ def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> Flo
     """(before − after) / (before − floor); NaN where there was nothing above the floor."""
     room = before - (floor or 0.0)
     share = (before - after) / np.where(room > 0.0, room, 1.0)
-    return np.asarray(np.where(room > _LEAST_ROOM * before, share, np.nan))
-
-
-def gap_over(floor: float | None, before: float, after: float) -> Gap:
-    """Gap with its shrinkage above a noise floor, where there is anything above it."""
-    share = float(shrinkage(np.array(before), np.array(after), floor))
-    return Gap(before, after, floor, share if np.isfinite(share) else None)
+    return np.asarray(np.where(room > LEAST_ROOM * before, share, np.nan))
 
 
 def held_out(

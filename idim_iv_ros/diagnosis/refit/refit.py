@@ -73,7 +73,7 @@ class MissingGravity:
                 for axis, value, std in zip("xyz", self.acceleration, self.deviation, strict=True)
             },
             evidence=Evidence(self.statistic),
-            torque_gap=Gap.without_floor(before, after),
+            torque_gap=Gap.between(before, after),
             sentence=(
                 f"the nominal model has no gravity, but the recordings show it: ({shown}) m/s² "
                 "with the masses of the nominal model. Everything else was diagnosed with gravity "

@@ -145,7 +145,7 @@ def delay_of_all(
 ) -> Cause:
     """Name a delay that all joints share, with the gap of each joint before and after it."""
     assert delay.std is not None
-    gap = Gap.without_floor(float(np.linalg.norm(before)), float(np.linalg.norm(after)))
+    gap = Gap.between(float(np.linalg.norm(before)), float(np.linalg.norm(after)))
     return Cause(
         effect=name_of("delay"),
         kind="structural",

@@ -9,6 +9,8 @@ from pydantic import Field
 from idim_iv_ros.documents import Number
 from idim_iv_ros.effects.cause import EffectParameter, Family, Kind
 
+LEAST_ROOM = 1e-3  # of a gap, above the noise floor, for a shrinkage to be said
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -71,9 +73,11 @@ class Gap:
     ci95: tuple[Number, Number] | None = None
 
     @classmethod
-    def without_floor(cls, before: float, after: float) -> "Gap":
-        """Return one whose noise and interval are not known."""
-        return cls(before, after, shrinkage=1.0 - after / before if before > 0.0 else None)
+    def between(cls, before: float, after: float, floor: float | None = None) -> "Gap":
+        """Return one with its shrinkage, where anything is above the noise floor."""
+        room = before - (floor or 0.0)
+        shrinkage = (before - after) / room if room > LEAST_ROOM * before else None
+        return cls(before, after, floor, shrinkage)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The document gap.json: where the gap lies, the stages, and the series that its report draws."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
@@ -19,6 +18,7 @@ from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.statistics.residuals import beyond_noise
 from idim_iv_ros.types import FloatArray
 
 Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
@@ -52,10 +52,9 @@ class JointGap:
     @property
     def beyond_noise_percent(self) -> float | None:
         """The part of `relative_percent` beyond the noise floor, all of it where none is known."""
-        if self.relative_percent is None or self.noise_floor is None or self.rms == 0.0:
+        if self.relative_percent is None or self.noise_floor is None:
             return self.relative_percent
-        beyond = max(1.0 - (self.noise_floor / self.rms) ** 2, 0.0)
-        return self.relative_percent * math.sqrt(beyond)
+        return beyond_noise(self.relative_percent, self.rms, self.noise_floor)
 
 
 @dataclass(frozen=True)

@@ -301,6 +301,6 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         sentence=sentences.measured_gear(result, name_of(part)),
         parameters=parameters,
         evidence=fit.evidence(SIDE if part == "play" else LOAD),
-        torque_gap=Gap.without_floor(one, two),
+        torque_gap=Gap.between(one, two),
         joint_gaps=(data.joint_change(joint, one, two),),
     )
