@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 
 from idim_iv_ros import identify, load_configuration, write_report
-from idim_iv_ros.cli.identify import print_parameters, print_remarks, print_verdict
-from idim_iv_ros.cli.output import shown_progress
+from idim_iv_ros.cli.identify import print_verdict
+from idim_iv_ros.cli.output import print_table, shown_progress
 from idim_iv_ros.errors import IdimError
 
 FOLDER = Path(__file__).parent
@@ -31,8 +31,20 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the report.")]) -> N
         bag, config = (Path(os.path.relpath(path)) for path in (FOLDER / "arm6.mcap", CONFIG))
         result = identify([bag], load_configuration(config), progress=progress)
         _, html = write_report(result, out, config=config)
-    print_parameters(console, result, truth)
-    print_remarks(console, result)
+    rows = [
+        (
+            parameter.name,
+            f"{parameter.value:.4g}",
+            f"{parameter.std:.2g}",
+            f"{truth[parameter.name]:.4g}",
+            f"{(parameter.value - truth[parameter.name]) / parameter.std:+.1f} σ",
+            parameter.unit,
+        )
+        for parameter in result.parameters
+        if parameter.essential
+    ]
+    columns = ("parameter", ">value", ">σ", ">truth", ">off by", "unit")
+    print_table(console, f"{result.robot}: essential parameters", columns, rows)
     print_verdict(console, result)
     within = [
         abs(parameter.value - truth[parameter.name]) < 3.0 * parameter.std
