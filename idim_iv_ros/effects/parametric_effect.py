@@ -69,6 +69,8 @@ class ParameterSpace:
     bare_drives : frozenset of int
         Joints whose drives have no inertia in the nominal model because none was given, and that
         move enough to show it.
+    frictionless : frozenset of int
+        Joints that move, and to which the nominal model gives no dry friction.
     difference : bool
         Whether changes are differences between recordings, which may have either sign: what
         physics allows of the nominal model's numbers bounds no difference.
@@ -78,6 +80,7 @@ class ParameterSpace:
     given: FloatArray
     axes: FloatArray
     bare_drives: frozenset[int] = frozenset()
+    frictionless: frozenset[int] = frozenset()
     difference: bool = False
 
     @property
@@ -144,6 +147,10 @@ class ParametricEffect(Cause):
 
     def known_to_be_left_out(self, space: ParameterSpace) -> bool:
         """Whether the configuration itself says that the nominal model lacks these numbers."""
+        return False
+
+    def is_not_given(self, space: ParameterSpace, joint: int) -> bool:
+        """Whether the nominal model says nothing of it at a joint that has it without question."""
         return False
 
     def inseparable_from(self, space: ParameterSpace) -> tuple[tuple[str, str], ...]:

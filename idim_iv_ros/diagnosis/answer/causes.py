@@ -111,16 +111,15 @@ def parametric_causes(
     causes; errors are empty without a nominal model.
     """
     ledger = explanation.selection.comparison.options.ledger
-    signals = [term for term in explanation.selection.terms if term.candidate.kind is Kind.SIGNAL]
     gap = list(ledger.gap)
     for term in (
         *(effect.term for effect in explanation.effects),
-        *signals,
+        *explanation.selection.signals,
         *explanation.selection.curves,
     ):
         gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
-    left, before, causes = list(explanation.numbers), first, []
+    left, before, causes = [*explanation.numbers, *explanation.not_given], first, []
     while left:
         judgement = _largest_error(explanation, left, gap)
         left = [other for other in left if other is not judgement]

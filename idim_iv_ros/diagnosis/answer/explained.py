@@ -9,10 +9,10 @@ from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
-from idim_iv_ros.diagnosis.comparison.probability import features, of_set, probability
+from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
@@ -67,6 +67,8 @@ class Explained:
     selection : Selection
     effects, numbers : tuple of JudgedTerm
         Causes: of structure, in the order of the stages, and of the nominal numbers.
+    not_given : tuple of JudgedTerm
+        Numbers of which the nominal model says nothing, and that the recording shows.
     doubtful : tuple of JudgedTerm
         Selected and no causes.
     outside : tuple of Term
@@ -87,6 +89,7 @@ class Explained:
     selection: Selection
     effects: tuple[JudgedTerm, ...]
     numbers: tuple[JudgedTerm, ...]
+    not_given: tuple[JudgedTerm, ...]
     doubtful: tuple[JudgedTerm, ...]
     outside: tuple[Term, ...]
     regression: Regression
@@ -171,6 +174,7 @@ def _tested(
         selection=selection,
         effects=effects,
         numbers=numbers,
+        not_given=_not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1]),
         doubtful=doubtful,
         outside=outside,
         regression=regression,
@@ -191,8 +195,8 @@ def _beside_base_parameters(term: Term) -> bool:
 
 def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:
     """Give causes the numbers that they have where what is doubtful is left out."""
-    signals = [term for term in selection.terms if term.candidate.kind is Kind.SIGNAL]
-    terms = together(selection.comparison, [*(cause.term for cause in causes), *signals])
+    alone = [*(cause.term for cause in causes), *selection.signals]
+    terms = together(selection.comparison, alone)
     catalogue = selection.comparison.catalogue
     made = []
     for cause, term in zip(causes, terms, strict=False):
@@ -201,6 +205,51 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
         )
         made.append(replace(cause, term=term, reason=reason, outside=bool(reason)))
     return made
+
+
+def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[JudgedTerm, ...]:
+    """Numbers of which the nominal model says nothing, where the recording shows them.
+
+    Parameters
+    ----------
+    causes
+        Of structure and of the nominal numbers, beside which they are taken.
+    fit
+        Of the refit with the effects: says how precise they are.
+    """
+    comparison, count = selection.comparison, len(fit.values)
+    errors = ModelWithTerms(comparison.nominal, (*causes, *selection.signals)).errors
+    made = []
+    for candidate in comparison.catalogue.not_given:
+        directions = np.column_stack([change.direction[:count] for change in candidate.changes])
+        inverse = np.linalg.pinv(directions)
+        values, spread = inverse @ errors, inverse @ fit.covariance[:count, :count] @ inverse.T
+        whole = np.zeros(len(comparison.options.ledger.sizes))
+        columns = {joint: lines.T.astype(float) for joint, lines in candidate.lines.items()}
+        for joint, table in columns.items():
+            whole[joint] = rms(table @ values) / comparison.options.ledger.sizes[joint]
+        evidence = 0.5 * float(values @ np.linalg.pinv(spread) @ values)
+        if whole.max() < settings.LEAST_SHARE or evidence < settings.LEAST_SUPPORT:
+            continue
+        term = Term(
+            candidate=candidate,
+            option=0,
+            shape=None,
+            columns=columns,
+            coefficients=values,
+            deviations=np.sqrt(np.diag(spread)),
+            basis=np.eye(len(values)),
+            size=float(whole.max()),
+            log_prior=0.0,
+            evidence=evidence,
+            presence=1.0,
+            whole=whole,
+            visible=whole,
+            rivals=((candidate.key, 1.0),),
+            dispersion=1.0,
+        )
+        made.append(JudgedTerm(term, np.zeros(0), LIMITS[1], "", ""))
+    return tuple(made)
 
 
 def _judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:

@@ -7,6 +7,7 @@ from enum import Enum
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
+from idim_iv_ros.diagnosis.comparison.nominal_errors import joints_without_friction
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
@@ -80,6 +81,13 @@ class Candidate:
         rows = zip(self.changes, values.tolist(), deviations.tolist(), strict=True)
         return [Estimated(*row) for row in rows]
 
+    def is_not_given(self, space: ParameterSpace) -> bool:
+        """Whether it is a number of which the nominal model says nothing."""
+        effect, place = self.effect, self.place
+        if place is None or not isinstance(effect, ParametricEffect):
+            return False
+        return effect.is_not_given(space, place.joint)
+
     @property
     def options(self) -> int:
         """How many shapes there are."""
@@ -93,6 +101,9 @@ class Candidate:
 
 class Catalogue:
     """Candidates of one session, and what physics allows of them.
+
+    Numbers of which the nominal model says nothing are free in every comparison: they are
+    `not_given`, and no candidates.
 
     Parameters
     ----------
@@ -124,13 +135,19 @@ class Catalogue:
         still = frozenset(joint for joint in joints if too_little(joint, self.covered))
         moving = frozenset(joints) - still
         bare = moving if data.prepared.armature_missing and not number_scopes else frozenset()
-        self.space = ParameterSpace(model, model.given, axes, bare)
+        rough = joints_without_friction(model) & moving
+        self.space = ParameterSpace(
+            model, model.given, axes, bare, frozenset() if number_scopes else rough
+        )
         self._hidden = frozenset(hidden)
         effects = [
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
         ]
         numbers = [] if data.prepared.why_no_given else self._numbers(regression, without, still)
+        missing = [number for number in numbers if number.is_not_given(self.space)]
+        self.not_given = tuple(missing)
+        numbers = [number for number in numbers if number not in missing]
         common = [
             number
             for number in numbers

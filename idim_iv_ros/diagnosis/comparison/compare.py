@@ -109,11 +109,12 @@ class Comparison:
         unit
             (w,) coefficients.
         """
-        sizes = self.options.ledger.sizes
+        ledger = self.options.ledger
+        sizes = ledger.sizes
         whole, visible = np.zeros((2, len(sizes)))
         for joint, size in enumerate(sizes):
             if joint in plain:
-                whole[joint] = rms(plain[joint] @ unit) / size
+                whole[joint] = ledger.share(joint, plain[joint] @ unit)
             visible[joint] = rms(uncovered[joint] @ unit) / size
         if candidate.kind is not Kind.EFFECT:
             visible = np.where(_taken(others, len(sizes)), visible, whole)

@@ -2,13 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
-from idim_iv_ros.diagnosis.likelihood import Regression, noise_model
+from idim_iv_ros.diagnosis.comparison.nominal_errors import (
+    errors_of_drives,
+    errors_of_links,
+    numbers_not_given,
+)
+from idim_iv_ros.diagnosis.likelihood import Regression, noise_model, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
+from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -32,6 +38,8 @@ class Ledger:
         RMS of the recorded torque, N m (N).
     link_errors, drive_errors : (b, k)
         Changes of the b base parameters that are relative errors of one of links, of drives.
+    free_errors : (b, k)
+        Changes of any size, of numbers of which the nominal model says nothing.
     blocks : tuple of (r_j,) int
         Stretch of time that each row belongs to, numbered over all recordings.
     nominal : bool
@@ -45,6 +53,7 @@ class Ledger:
     sizes: FloatArray
     link_errors: FloatArray
     drive_errors: FloatArray
+    free_errors: FloatArray
     blocks: tuple[IntArray, ...]
     nominal: bool
     unsampled: tuple[FloatArray, ...] | None = None
@@ -53,6 +62,22 @@ class Ledger:
     def parameters(self) -> int:
         """How many base parameters there are, b."""
         return len(self.link_errors)
+
+    def errors(self, sizes: tuple[float, float]) -> FloatArray:
+        """Changes (b, k) that are usual where errors of links and of drives have these sizes."""
+        usual = sizes[0] * self.link_errors, sizes[1] * self.drive_errors
+        return np.hstack([*usual, self.free_errors])
+
+    def share(self, joint: int, torque: FloatArray) -> float:
+        """RMS of a torque (r_j,) over that of the joint, without what free numbers take of it."""
+        return rms(self._of_free_numbers[joint].remove(torque)) / float(self.sizes[joint])
+
+    @cached_property
+    def _of_free_numbers(self) -> list[Basis]:
+        """Torques of the free numbers at each joint."""
+        return [
+            independent_basis(rows.matrix @ self.free_errors[rows.columns]) for rows in self.joints
+        ]
 
     @property
     def block_count(self) -> int:
@@ -74,16 +99,17 @@ def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False)
     model = data.prepared.model
     if given is None:
         values = regression.fit().values
-        links = np.diag(_free_sizes(joints, sizes, regression.parameters))
-        drives = np.zeros((regression.parameters, 0))
+        links = _of_free_size(joints, sizes, np.eye(regression.parameters))
+        drives = missing = np.zeros((regression.parameters, 0))
     else:
         values = given
         grouping = np.asarray(model.base.grouping)
         refit = model.dynamic_parameters(data.estimate.linear.values)
         links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model, refit)
+        missing = _of_free_size(joints, sizes, grouping @ numbers_not_given(model))
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
     blocks, nominal = row_blocks(data, BLOCK), given is not None
-    return Ledger(joints, gap, sizes, links, drives, blocks, nominal, _unsampled(data))
+    return Ledger(joints, gap, sizes, links, drives, missing, blocks, nominal, _unsampled(data))
 
 
 def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:
@@ -100,13 +126,15 @@ def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:
     return tuple(data.counting(joint, [table[:, joint] for table in rows]) for joint in joints)
 
 
-def _free_sizes(joints: tuple[JointRows, ...], sizes: FloatArray, parameters: int) -> FloatArray:
-    """Size (b,) of each number whose torque is far larger than the recorded one."""
-    share = np.zeros(parameters)
+def _of_free_size(
+    joints: tuple[JointRows, ...], sizes: FloatArray, changes: FloatArray
+) -> FloatArray:
+    """Changes (b, k) whose torque is far larger than the recorded one."""
+    share = np.zeros(changes.shape[1])
     for rows, size in zip(joints, sizes, strict=True):
-        torque = np.sqrt(np.mean(rows.matrix**2, axis=0)) / size
-        share[rows.columns] = np.maximum(share[rows.columns], torque)
-    return np.asarray(_FREE / np.maximum(share, 1e-12))
+        torque = np.sqrt(np.mean((rows.matrix @ changes[rows.columns]) ** 2, axis=0)) / size
+        share = np.maximum(share, torque)
+    return np.asarray(changes * _FREE / np.maximum(share, 1e-12))
 
 
 @dataclass(frozen=True, eq=False)

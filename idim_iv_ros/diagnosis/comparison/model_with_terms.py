@@ -140,7 +140,7 @@ class NominalErrors:
     ) -> None:
         self.options, self.white, self.torques, self.errors = options, white, torques, errors
         ledger: Ledger = options.ledger
-        sizes = np.hstack([errors[0] * ledger.link_errors, errors[1] * ledger.drive_errors])
+        sizes = ledger.errors(errors)
         values, vectors = np.linalg.eigh(sizes.T @ white.normal @ sizes)
         values = np.maximum(values, 0.0)
         self.root = (sizes @ vectors) / np.sqrt(1.0 + values)  # M, (b, k)

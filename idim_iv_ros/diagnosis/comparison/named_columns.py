@@ -100,6 +100,7 @@ def ledger_of_rows(
         sizes=np.array([size]),
         link_errors=np.diag(sizes),
         drive_errors=np.zeros((matrix.shape[1], 0)),
+        free_errors=np.zeros((matrix.shape[1], 0)),
         blocks=(np.arange(len(rest)) * _BLOCKS // len(rest),),
         nominal=False,
     )

@@ -75,6 +75,21 @@ def errors_of_drives(model: InverseModel, refit: DynamicParameters | None = None
     return np.diag(model.regressor.layout.vector(sizes))
 
 
+def joints_without_friction(model: InverseModel) -> frozenset[int]:
+    """Joints to which the nominal model gives no dry friction.
+
+    Every drive has some: such a model says nothing of the friction of the joint.
+    """
+    return frozenset(np.flatnonzero(model.robot.given.coulomb == 0.0).tolist())
+
+
+def numbers_not_given(model: InverseModel) -> FloatArray:
+    """Unit changes (n_standard, k) of friction of which the nominal model says nothing."""
+    bare, parameters = joints_without_friction(model), model.regressor.layout.parameters
+    missing = [p.kind in ("Fv", "Fc") and p.joint in bare for p in parameters]
+    return np.eye(len(parameters))[:, missing]
+
+
 def _nothing(given: DynamicParameters) -> DynamicParameters:
     plain = given.of_links
     return replace(plain, inertial=np.zeros_like(plain.inertial))

@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
-from idim_iv_ros.diagnosis.likelihood import Columns, rms
+from idim_iv_ros.diagnosis.likelihood import Columns
 from idim_iv_ros.effects.effect import Shape, StructuralEffect
 from idim_iv_ros.types import FloatArray
 
@@ -126,14 +126,14 @@ def _level(comparison: Comparison, terms: Sequence[Term], number: int, term: Ter
 def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the coefficients, deviations and shares that they have beside one another."""
     model = ModelWithTerms(comparison.nominal, tuple(terms))
-    sizes = comparison.options.ledger.sizes
+    ledger = comparison.options.ledger
     made = []
     for term, start in zip(terms, model.starts, strict=False):
         part = slice(start, start + term.width)
         values = model.coefficients[part]
         spread = np.sqrt(np.diag(model.covariance)[part] * term.dispersion)
-        whole = np.zeros(len(sizes))
+        whole = np.zeros(len(ledger.sizes))
         for joint, table in term.columns.items():
-            whole[joint] = rms(table @ values) / sizes[joint]
+            whole[joint] = ledger.share(joint, table @ values)
         made.append(replace(term, coefficients=values, deviations=spread, whole=whole))
     return tuple(made)

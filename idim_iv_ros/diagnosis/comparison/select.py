@@ -58,6 +58,11 @@ class Selection:
     comparison: Comparison
 
     @property
+    def signals(self) -> tuple[Term, ...]:
+        """Terms that are errors of signals."""
+        return tuple(term for term in self.terms if term.candidate.kind is Kind.SIGNAL)
+
+    @property
     def model(self) -> ModelWithTerms:
         """The nominal errors with the terms and the curves."""
         return ModelWithTerms(self.comparison.nominal, (*self.terms, *self.curves))
@@ -228,7 +233,7 @@ def likeliest_errors(
     best, highest = (RELATIVE_ERRORS[0], RELATIVE_ERRORS[0]), -np.inf
     for link in RELATIVE_ERRORS:
         for drive in RELATIVE_ERRORS:
-            sizes = np.hstack([link * ledger.link_errors, drive * ledger.drive_errors])
+            sizes = ledger.errors((link, drive))
             sizes = np.hstack([np.vstack([sizes, np.zeros((q, sizes.shape[1]))]), free])
             inner = sizes.T @ normal @ sizes + np.eye(sizes.shape[1])
             root = np.linalg.cholesky(inner)
