@@ -215,6 +215,7 @@ def concluded(
         if seconds < settings.SHORT_RECORDING
         else "",
         *law.beyond,
+        sentences.friction_not_given(data, explanation.selection.comparison.catalogue.space),
         *(
             f"{data.joints[finding.joint]} is left out: {finding.sentence}"
             for finding in prepared.joint_findings

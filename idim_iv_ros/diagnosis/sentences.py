@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.result import (
     Unexplained,
 )
 from idim_iv_ros.effects.cause import surest
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 
 MOST_EVENTS = 5  # that are listed
@@ -104,6 +104,15 @@ def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> 
         text += f"; correcting it reduces the torque gap {_change(data, most_changed)}"
         text += _and_more(smaller, "joint", " at")
     return text + or_else(cause.indistinguishable_from)
+
+
+def friction_not_given(data: Baseline, space: ParameterSpace) -> str:
+    """Joints of whose friction the nominal model says nothing; empty where there is none."""
+    joints = ", ".join(data.joints[joint] for joint in sorted(space.frictionless))
+    return joints and (
+        f"the nominal model has no dry friction at {joints}, and every drive has some: friction "
+        "there is taken from the recording, whatever else is compared"
+    )
 
 
 def controller_cause(data: Baseline, cause: Cause) -> str:

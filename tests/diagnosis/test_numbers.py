@@ -1,10 +1,14 @@
 """Which numbers of a nominal model are named, in worlds whose torque is written here."""
 
+import re
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from bags.simulated_arms import arm2, arm6
+from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.answer.causes import parametric_causes
 from idim_iv_ros.diagnosis.answer.explained import Explained, explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
@@ -166,6 +170,28 @@ def covered(span: float, fastest: float, lever: float = 1.0) -> OperatingRange:
 )
 def test_too_little_motion(span: float, fastest: float, lever: float, little: bool) -> None:
     assert too_little(0, covered(span, fastest, lever)) == little
+
+
+@pytest.mark.parametrize("make", [arm2, arm6])
+def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
+    make: Callable[..., SimulatedArm], tmp_path: Path
+) -> None:
+    """With its true size, and nothing else: neither Stribeck friction nor a link."""
+    arm = make(seconds=15.0)
+    urdf = arm.configuration.robot.urdf
+    assert urdf is not None
+    bare = tmp_path / "bare.urdf"
+    bare.write_text(re.sub("<dynamics [^>]*/>", "", urdf.read_text()))
+    data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))
+    assert not np.any(data.prepared.model.robot.given.coulomb)
+    regression = smooth_regression(data)
+    causes = causes_of(data, regression)
+    assert explanation_of(data, regression).effects == ()
+    assert sorted(names(causes)) == [("friction_level", joint) for joint in data.joints]
+    for cause in causes:
+        place = data.joints.index(str(cause.joint))
+        assert covers(cause, "change_of_viscous", arm.truth.viscous[place], 4.0)
+        assert covers(cause, "change_of_coulomb", arm.truth.coulomb[place], 4.0)
 
 
 DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²
