@@ -1,6 +1,6 @@
 """What a user would have of a cell: bags as drivers write them, a configuration, a URDF."""
 
-import shutil
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,10 @@ MOST_JITTER = 0.4  # of an interval
 def write_files(folder: Path, made: HostileSession, seed: int) -> None:
     """Write configuration, URDF and bags; their names do not follow the order of time."""
     rng = np.random.default_rng([seed, 1])
-    shutil.copyfile(made.given.urdf, folder / made.given.urdf.name)
+    urdf = made.given.urdf.read_text(encoding="utf-8")
+    if not made.nuisances.knows_friction:
+        urdf = re.sub("<dynamics [^>]*/>", "", urdf)
+    (folder / made.given.urdf.name).write_text(urdf, encoding="utf-8")
     with (folder / "robot.yaml").open("w", encoding="utf-8") as file:
         YAML(typ="safe").dump(configuration(made), file)
     # Logs often start at zero each; then their order in time is not known.

@@ -60,6 +60,8 @@ class Nuisances:
     knows_armature : bool
     part : float
         Share of the last link's mass that the nominal model lacks (> 0) or has too much (< 0).
+    knows_friction : bool
+        Whether the URDF gives friction, as most do not.
     """
 
     period: float
@@ -89,6 +91,7 @@ class Nuisances:
     nominal_error: float
     knows_armature: bool
     part: float
+    knows_friction: bool
 
     def document(self) -> dict[str, Any]:
         """For the label."""
@@ -163,6 +166,7 @@ def drawn(
         nominal_error=0.002 if identified else float(rng.uniform(0.05, 0.3)),
         knows_armature=bool(identified or rng.random() < 0.8),
         part=_part(rng) if not identified else 0.0,
+        knows_friction=bool(identified or rng.random() < 0.7),
     )
 
 

@@ -108,7 +108,8 @@ def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> 
 
 def friction_not_given(data: Baseline, space: ParameterSpace) -> str:
     """Joints of whose friction the nominal model says nothing; empty where there is none."""
-    joints = ", ".join(data.joints[joint] for joint in sorted(space.frictionless))
+    bare = sorted(joint for kind, joint in space.not_given if kind == "Fc")
+    joints = ", ".join(data.joints[joint] for joint in bare)
     return joints and (
         f"the nominal model has no dry friction at {joints}, and every drive has some: friction "
         "there is taken from the recording, whatever else is compared"

@@ -7,10 +7,7 @@ from idim_iv_ros.effects.parametric_effect import Estimated, ParameterSpace, Par
 
 
 class FrictionLevel(ParametricEffect):
-    """Changes of both friction parameters of one joint.
-
-    Where the nominal model has no dry friction it has nothing to compare with: every drive has some.
-    """
+    """Changes of both friction parameters of one joint."""
 
     name = "friction_level"
     order = 40
@@ -24,10 +21,6 @@ class FrictionLevel(ParametricEffect):
         ),
         ParameterSpec("change_of_coulomb", "N m", "change of Coulomb friction", standard="Fc"),
     )
-
-    def is_not_given(self, space: ParameterSpace, joint: int) -> bool:
-        """Where no dry friction is given."""
-        return joint in space.frictionless
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]

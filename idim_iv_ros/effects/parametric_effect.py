@@ -66,11 +66,8 @@ class ParameterSpace:
         Base parameters of the nominal model.
     axes : (2, 3)
         Unit vectors of the base frame about which gravity may be tilted.
-    bare_drives : frozenset of int
-        Joints whose drives have no inertia in the nominal model because none was given, and that
-        move enough to show it.
-    frictionless : frozenset of int
-        Joints that move, and to which the nominal model gives no dry friction.
+    not_given : frozenset of (str, int)
+        Kind and joint of numbers of which the nominal model says nothing.
     difference : bool
         Whether changes are differences between recordings, which may have either sign: what
         physics allows of the nominal model's numbers bounds no difference.
@@ -79,8 +76,7 @@ class ParameterSpace:
     model: InverseModel
     given: FloatArray
     axes: FloatArray
-    bare_drives: frozenset[int] = frozenset()
-    frictionless: frozenset[int] = frozenset()
+    not_given: frozenset[tuple[str, int]] = frozenset()
     difference: bool = False
 
     @property
@@ -145,16 +141,12 @@ class ParametricEffect(Cause):
         ]
         return [changes] if changes else []
 
-    def known_to_be_left_out(self, space: ParameterSpace) -> bool:
-        """Whether the configuration itself says that the nominal model lacks these numbers."""
-        return False
-
     def is_not_given(self, space: ParameterSpace, joint: int) -> bool:
-        """Whether the nominal model says nothing of it at a joint that has it without question."""
-        return False
+        """Whether the nominal model says nothing of it at a joint."""
+        return any((spec.standard, joint) in space.not_given for spec in self.specs)
 
-    def inseparable_from(self, space: ParameterSpace) -> tuple[tuple[str, str], ...]:
-        """Effects and joints that share its base parameters, where it was known to be left out."""
+    def inseparable_from(self, space: ParameterSpace, joint: int) -> tuple[str, ...]:
+        """Effects at the joint that share its base parameters."""
         return ()
 
     def subject(self, place: str) -> str:

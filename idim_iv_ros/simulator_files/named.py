@@ -259,8 +259,6 @@ def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
             changes[link[1]] = parameter
         elif number and (kind := BY_NAME[cause.effect].standard_kind(name)):
             changes[f"{kind}{number}"] = parameter
-        elif name in joints:  # of all drives at once
-            changes[f"Ia{joints.index(name) + 1}"] = parameter
     return changes
 
 

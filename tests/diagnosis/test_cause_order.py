@@ -47,11 +47,6 @@ def law(evidence: float) -> Cause:
     return replace(LAW, evidence=replace(LAW.evidence, statistic=evidence))
 
 
-def drives(joint: str | None) -> Cause:
-    """Drive inertia that the configuration leaves out."""
-    return replace(closing("drive_inertia", "parametric", "", 0.1, 0.09, 1e2), joint=joint)
-
-
 def delay(joint: str | None) -> Cause:
     return replace(closing("time_delay", "structural", "", 0.1, 0.09, 1e2), joint=joint)
 
@@ -67,8 +62,6 @@ def delay(joint: str | None) -> Cause:
         ([SMALL, FIRST, LARGE], ["payload", "stribeck", "friction_level"]),
         ([FIRST, WIDE], ["friction_level", "stribeck"]),
         # What was put in before anything else comes first, if it is of all joints.
-        ([FIRST, LARGE, drives(None)], ["drive_inertia", "payload", "stribeck"]),
-        ([FIRST, LARGE, drives("joint_2")], ["payload", "stribeck", "drive_inertia"]),
         ([FIRST, LARGE, delay(None)], ["time_delay", "payload", "stribeck"]),
         ([FIRST, LARGE, delay("joint_2")], ["payload", "stribeck", "time_delay"]),
     ],

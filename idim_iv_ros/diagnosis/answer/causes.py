@@ -142,16 +142,13 @@ def parametric_causes(
 def _largest_error(
     explanation: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]
 ) -> JudgedTerm:
-    """Choose what the configuration leaves out, then the number that takes most of a gap."""
-    comparison = explanation.selection.comparison
+    """Choose the number that takes most of a gap."""
+    sizes = explanation.selection.comparison.options.ledger.sizes
 
-    def rank(judgement: JudgedTerm) -> tuple[bool, float]:
-        effect = judgement.term.candidate.effect
-        assert isinstance(effect, ParametricEffect)
-        rest = _rms(judgement.term.taken_from(gap)) / comparison.options.ledger.sizes
-        return effect.known_to_be_left_out(comparison.catalogue.space), -float(rest @ rest)
+    def remaining(judgement: JudgedTerm) -> float:
+        return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / sizes))
 
-    return max(left, key=rank)
+    return min(left, key=remaining)
 
 
 def _rms(gap: Sequence[FloatArray]) -> FloatArray:
@@ -172,9 +169,9 @@ def _parametric_cause(
     joint = None if term.candidate.place is None else term.candidate.place.joint
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
-    if effect.known_to_be_left_out(space):
-        inseparable = effect.inseparable_from(space)
-        others = tuple(Indistinguishable(other, where, 1.0) for other, where in inseparable)
+    if joint is not None and term.candidate.is_not_given(space):
+        inseparable = effect.inseparable_from(space, joint)
+        others = tuple(Indistinguishable(other, name, 1.0) for other in inseparable)
     stages = enumerate(zip(before, after, strict=True))
     changed = [
         change
@@ -245,8 +242,7 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
 
     Of causes that move several joints the shares of all count. Another control law has no gap of
     the torque: its evidence decides whether it comes before the structural causes or after them.
-    What was put in before anything else was looked for comes first: drive inertia that the
-    configuration leaves out, and a delay of all joints.
+    A delay of all joints, which was put in before anything else was looked for, comes first.
     """
     laws = [cause for cause in causes if BY_NAME[cause.effect].part == "gains"]
     others = [cause for cause in causes if BY_NAME[cause.effect].part != "gains"]

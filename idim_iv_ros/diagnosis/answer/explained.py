@@ -229,7 +229,9 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
         for joint, table in columns.items():
             whole[joint] = rms(table @ values) / comparison.options.ledger.sizes[joint]
         evidence = 0.5 * float(values @ np.linalg.pinv(spread) @ values)
-        if whole.max() < settings.LEAST_SHARE or evidence < settings.LEAST_SUPPORT:
+        deviations = np.sqrt(np.diag(spread))
+        small = whole.max() < settings.LEAST_SHARE or evidence < settings.LEAST_SUPPORT
+        if small or comparison.catalogue.why_impossible(candidate, None, values, deviations):
             continue
         term = Term(
             candidate=candidate,
@@ -237,7 +239,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
             shape=None,
             columns=columns,
             coefficients=values,
-            deviations=np.sqrt(np.diag(spread)),
+            deviations=deviations,
             basis=np.eye(len(values)),
             size=float(whole.max()),
             log_prior=0.0,

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
-from idim_iv_ros.diagnosis.comparison.nominal_errors import joints_without_friction
+from idim_iv_ros.diagnosis.comparison.nominal_errors import numbers_not_given
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression
@@ -133,21 +133,17 @@ class Catalogue:
         axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
         joints = range(len(data.joints))
         still = frozenset(joint for joint in joints if too_little(joint, self.covered))
-        moving = frozenset(joints) - still
-        bare = moving if data.prepared.armature_missing and not number_scopes else frozenset()
-        rough = joints_without_friction(model) & moving
-        self.space = ParameterSpace(
-            model, model.given, axes, bare, frozenset() if number_scopes else rough
-        )
+        missing = [] if number_scopes else numbers_not_given(data.prepared)
+        not_given = frozenset((kind, joint) for kind, joint in missing if joint not in still)
+        self.space = ParameterSpace(model, model.given, axes, not_given)
         self._hidden = frozenset(hidden)
         effects = [
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
         ]
         numbers = [] if data.prepared.why_no_given else self._numbers(regression, without, still)
-        missing = [number for number in numbers if number.is_not_given(self.space)]
-        self.not_given = tuple(missing)
-        numbers = [number for number in numbers if number not in missing]
+        self.not_given = tuple(number for number in numbers if number.is_not_given(self.space))
+        numbers = [number for number in numbers if number not in self.not_given]
         common = [
             number
             for number in numbers

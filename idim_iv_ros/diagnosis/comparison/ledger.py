@@ -100,16 +100,19 @@ def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False)
     if given is None:
         values = regression.fit().values
         links = _of_free_size(joints, sizes, np.eye(regression.parameters))
-        drives = missing = np.zeros((regression.parameters, 0))
+        drives = free_errors = np.zeros((regression.parameters, 0))
     else:
         values = given
         grouping = np.asarray(model.base.grouping)
         refit = model.dynamic_parameters(data.estimate.linear.values)
         links, drives = grouping @ errors_of_links(model), grouping @ errors_of_drives(model, refit)
-        missing = _of_free_size(joints, sizes, grouping @ numbers_not_given(model))
+        missing = numbers_not_given(data.prepared)
+        numbers = model.regressor.layout.parameters
+        chosen = [(number.kind, number.joint) in missing for number in numbers]
+        free_errors = _of_free_size(joints, sizes, grouping[:, chosen])
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
     blocks, nominal = row_blocks(data, BLOCK), given is not None
-    return Ledger(joints, gap, sizes, links, drives, missing, blocks, nominal, _unsampled(data))
+    return Ledger(joints, gap, sizes, links, drives, free_errors, blocks, nominal, _unsampled(data))
 
 
 def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:

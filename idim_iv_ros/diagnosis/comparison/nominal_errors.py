@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters, InverseModel
 from idim_iv_ros.types import FloatArray
 
@@ -75,19 +76,17 @@ def errors_of_drives(model: InverseModel, refit: DynamicParameters | None = None
     return np.diag(model.regressor.layout.vector(sizes))
 
 
-def joints_without_friction(model: InverseModel) -> frozenset[int]:
-    """Joints to which the nominal model gives no dry friction.
+def numbers_not_given(prepared: PreparedRegression) -> frozenset[tuple[str, int]]:
+    """Kind and joint of numbers of which the nominal model says nothing.
 
-    Every drive has some: such a model says nothing of the friction of the joint.
+    Friction of joints without dry friction, since every drive has some; and inertia of all drives
+    where the configuration gives none.
     """
-    return frozenset(np.flatnonzero(model.robot.given.coulomb == 0.0).tolist())
-
-
-def numbers_not_given(model: InverseModel) -> FloatArray:
-    """Unit changes (n_standard, k) of friction of which the nominal model says nothing."""
-    bare, parameters = joints_without_friction(model), model.regressor.layout.parameters
-    missing = [p.kind in ("Fv", "Fc") and p.joint in bare for p in parameters]
-    return np.eye(len(parameters))[:, missing]
+    given = prepared.model.robot.given
+    joints = range(len(given.coulomb))
+    friction = {(kind, j) for kind in ("Fv", "Fc") for j in joints if given.coulomb[j] == 0.0}
+    drives = {("Ia", j) for j in joints if prepared.armature_missing}
+    return frozenset(friction | drives)
 
 
 def _nothing(given: DynamicParameters) -> DynamicParameters:
