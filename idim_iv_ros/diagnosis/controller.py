@@ -27,8 +27,8 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     CommandRows,
     LawSpeed,
     away_from_events,
-    command_rows,
     events_in,
+    rows_of_late_command,
 )
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all
@@ -74,7 +74,7 @@ class LawChange:
         if self.terms:
             moved = np.concatenate([part @ nominal.products_of(term).moved for term in self.terms])
             spread += float(moved @ model.covariance @ moved)
-        return float(part @ model.errors), spread**0.5
+        return self.rows.lag + float(part @ model.errors), spread**0.5
 
     @property
     def changes(self) -> dict[str, tuple[float, float]]:
@@ -97,7 +97,7 @@ class LawChange:
 
     def left_of_lag(self, lag: float) -> FloatArray:
         """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
-        rest = self.rows.rest - lag * self.rows.errors[:, 0]
+        rest = self.rows.rest - (lag - self.rows.lag) * self.rows.errors[:, 0]
         return independent_basis(self.rows.constants).remove(rest)
 
     @property
@@ -271,7 +271,7 @@ def shown_law(data: Baseline) -> ShownLaw:
     findings = data.prepared.joint_findings
     wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
-        rows = command_rows(motions, law, joint, speed, period)
+        rows = rows_of_late_command(motions, law, joint, speed, period)
         if rows is not None:
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))

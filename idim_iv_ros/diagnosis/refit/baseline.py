@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
+from idim_iv_ros.diagnosis.refit.command_rows import SHIFT_SPLINE
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
@@ -28,7 +29,6 @@ from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
 from idim_iv_ros.types import FloatArray, IntArray
 
-SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 _AT_ONCE = 32  # shapes: their columns together stay small
 

@@ -12,17 +12,20 @@ from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.effects.contribution import CommandParts
 from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.observation import segments_of
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.signals import JointSignals, Motion
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
+SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
 TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
 _LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
 _LIMITED = 0.98  # of the torque limit, from which on a command is limited
 _EDGE = 0.5  # of the peak of an event, where it begins and ends
 _LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
+_LAG_STEPS, _SMALL_LAG = 5, 0.02  # of the search for a lag; control periods
 _ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
 
 
@@ -104,6 +107,8 @@ class CommandRows:
         From the start of the recording.
     second : (r,) bool
         Rows of a second set of recordings.
+    lag : float
+        By which what the law gives is already taken later, s; the lag of `errors` is beside it.
     """
 
     rest: FloatArray
@@ -115,6 +120,7 @@ class CommandRows:
     recording: IntArray
     time: FloatArray
     second: BoolArray
+    lag: float = 0.0
 
     @property
     def constants(self) -> FloatArray:
@@ -150,7 +156,12 @@ class CommandRows:
 
 
 def command_rows(
-    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed, period: float
+    motions: Sequence[Motion],
+    law: ControlLaw,
+    joint: int,
+    speed: LawSpeed,
+    period: float,
+    lag: float = 0.0,
 ) -> CommandRows | None:
     """Evaluate the law on the measured motion; None where too few rows are left.
 
@@ -158,6 +169,8 @@ def command_rows(
     ----------
     period
         Of the control, s: what the law sees, and is recorded, is about as late.
+    lag
+        By which what the law gives is taken later, s.
     """
     every = [comparable(motion, law, joint) for motion in motions]
     counts = [int(kept.sum()) for kept in every]
@@ -168,9 +181,12 @@ def command_rows(
         parts, _ = evaluated(motion, law, joint, speed)
         recorded = motion.signals.torque[:, joint]
         groups = [parts.groups[name] for name in CONTROL_LAW.groups]
-        table = np.column_stack(
-            [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
-        )
+        given = np.column_stack([parts.command, -parts.rate, parts.late, *groups])
+        if lag != 0.0:
+            given = scipy.ndimage.shift(
+                given, (lag * motion.signals.rate, 0.0), order=SHIFT_SPLINE, mode="nearest"
+            )
+        table = np.column_stack([recorded, recorded - given[:, 0], given[:, 1:]])
         decimated = motion.decimation.whole(table[motion.span])
         tables.append(np.column_stack([motion.time, decimated])[kept])
     table = np.concatenate(tables)
@@ -186,7 +202,33 @@ def command_rows(
         recording=np.repeat(np.arange(len(counts)), counts),
         time=table[:, 0],
         second=np.zeros(len(table), dtype=bool),
+        lag=lag,
     )
+
+
+def rows_of_late_command(
+    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed, period: float
+) -> CommandRows | None:
+    """`command_rows` with the law as late as the commands are.
+
+    A lag is no small error where commands swing fast: of what it does to them, the part that grows
+    with its square would pass for a change of a gain. It is approached in steps, as long as what
+    the law leaves gets less.
+    """
+    rows = command_rows(motions, law, joint, speed, period)
+    for _ in range(_LAG_STEPS):
+        if rows is None:
+            return None
+        basis = independent_basis(rows.constants)
+        rest, rate = basis.remove(rows.rest), basis.remove(rows.errors[:, 0])
+        step = float(rate @ rest) / max(float(rate @ rate), 1e-300)
+        if abs(step) < _SMALL_LAG * period:
+            break
+        later = command_rows(motions, law, joint, speed, period, rows.lag + step)
+        if later is None or rms(basis.remove(later.rest)) >= rms(rest):
+            break
+        rows = later
+    return rows
 
 
 def evaluated(
