@@ -25,7 +25,7 @@ _LATE = 0.5  # control periods that what the law sees, and what is recorded, are
 _LIMITED = 0.98  # of the torque limit, from which on a command is limited
 _EDGE = 0.5  # of the peak of an event, where it begins and ends
 _LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
-_LAG_STEPS, _SMALL_LAG = 5, 0.02  # of the search for a lag; control periods
+_LAG_STEPS = 4  # at most, of the search for a lag
 _ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
 
 
@@ -212,23 +212,31 @@ def rows_of_late_command(
     """`command_rows` with the law as late as the commands are.
 
     A lag is no small error where commands swing fast: of what it does to them, the part that grows
-    with its square would pass for a change of a gain. It is approached in steps, as long as what
-    the law leaves gets less.
+    with its square would pass for a change of a gain. It is approached in steps, as long as they
+    leave less beside all that the law may have otherwise.
     """
     rows = command_rows(motions, law, joint, speed, period)
+    if rows is None:
+        return None
+    step, rest = _lag_alone(rows)
     for _ in range(_LAG_STEPS):
-        if rows is None:
-            return None
-        basis = independent_basis(rows.constants)
-        rest, rate = basis.remove(rows.rest), basis.remove(rows.errors[:, 0])
-        step = float(rate @ rest) / max(float(rate @ rate), 1e-300)
-        if abs(step) < _SMALL_LAG * period:
-            break
         later = command_rows(motions, law, joint, speed, period, rows.lag + step)
-        if later is None or rms(basis.remove(later.rest)) >= rms(rest):
+        if later is None:
             break
-        rows = later
+        step, left = _lag_alone(later)
+        if left >= rest:
+            break
+        rows, rest = later, left
     return rows
+
+
+def _lag_alone(rows: CommandRows) -> tuple[float, float]:
+    """Lag, s, that would explain the most alone; RMS of what all changes leave, N m (N)."""
+    constants = independent_basis(rows.constants)
+    rest, rate = constants.remove(rows.rest), constants.remove(rows.errors[:, 0])
+    whole = independent_basis(np.column_stack([rows.constants, rows.errors, *rows.groups.values()]))
+    step = float(rate @ rest) / max(float(rate @ rate), 1e-300)
+    return step, rms(whole.remove(rows.rest))
 
 
 def evaluated(
