@@ -1,8 +1,8 @@
 """What every structural effect declares about itself: physics that the nominal model lacks."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
@@ -25,12 +25,8 @@ class Shape:
     @property
     def numbers(self) -> tuple[float, ...]:
         """All of them, choices as 0 and 1."""
-        values = (getattr(self, field.name) for field in fields(self))
-        return tuple(
-            float(number)
-            for value in values
-            for number in (value if isinstance(value, tuple) else (value,))
-        )
+        values = (v if isinstance(v, tuple) else (v,) for v in vars(self).values())
+        return tuple(float(number) for value in values for number in value)
 
 
 S = TypeVar("S", bound=Shape)
@@ -150,6 +146,14 @@ class StructuralEffect(Cause, Generic[S]):
 
     kind = "structural"
     family: ClassVar[Family]
+    # Names of the coefficients, in their order; those that end in _k are of each of several terms.
+    # Numbers of the shape are called like its fields.
+    linear: ClassVar[tuple[str, ...]] = ()
+    # Whether physics allows coefficients of either sign.
+    signed: ClassVar[bool] = False
+    # Ends of numbers of the shape in the search, and numbers that it does not move.
+    ends: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    fixed: ClassVar[tuple[str, ...]] = ()
     # Whether the shape may vary beside the coefficients; not where one is its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
@@ -184,23 +188,49 @@ class StructuralEffect(Cause, Generic[S]):
         """`columns` of several shapes; for effects that make many at once for less."""
         return [self.columns(motion, place, shape) for shape in shapes]
 
-    @abstractmethod
+    def names(self, shape: S) -> tuple[str, ...]:
+        """Names of the coefficients of a shape: `linear`, once for each of several terms."""
+        terms = next((len(v) for v in vars(shape).values() if isinstance(v, tuple)), 0)
+        numbered = [name.replace("_k", f"_{k + 1}") for k in range(terms) for name in self.linear]
+        return tuple(numbered) or self.linear
+
     def parameters(
         self, shape: S, coefficients: FloatArray, deviations: FloatArray
     ) -> dict[str, EffectParameter]:
-        """Numbers that mean something to an engineer; deviations are those of the coefficients."""
+        """Numbers that mean something to an engineer; deviations are those of the coefficients.
+
+        By default the coefficients by their `names` and the fields of the shape, as far as `specs`
+        has them and in its order; a field in the plural (spans) is one number a term (span_1).
+        """
+        pairs = zip(coefficients, deviations, strict=True)
+        given: dict[str, tuple[float, float | None]] = {}
+        given |= zip(self.names(shape), pairs, strict=False)
+        for field, value in vars(shape).items():
+            if isinstance(value, tuple):
+                singular = field.removesuffix("s")
+                given |= {f"{singular}_{k}": (v, None) for k, v in enumerate(value, start=1)}
+            else:
+                given[field] = value, None
+        counted = {
+            (name.rpartition("_")[2] * (spec.name != name), self.specs.index(spec)): name
+            for name in given
+            if (spec := self.spec(name)) is not None
+        }  # terms one after the other
+        return self.numbers(**{name: given[name] for _, name in sorted(counted.items())})
 
     def admissible(self, shape: S, coefficients: FloatArray) -> bool:
-        """Whether physics allows these coefficients: by default the first is not negative."""
-        return bool(coefficients[0] >= 0.0)
+        """Whether physics allows these coefficients: none is negative, unless they are `signed`."""
+        return self.signed or bool(np.all(coefficients >= 0.0))
 
     def neighbours(self, shape: S, step: float, place: Place, covered: OperatingRange) -> list[S]:
-        """Shapes near one: each number larger and smaller by the factor 1 + step."""
-        return [
-            replace(shape, **{name: value})
-            for name, given in vars(shape).items()
-            for value in _varied(given, 1.0 + step)
-        ]
+        """Shapes near one: each number larger and smaller by the factor 1 + step, up to its end."""
+        near = []
+        for name, given in vars(shape).items():
+            low, high = self.ends.get(name, (-np.inf, np.inf))
+            for value in [] if name in self.fixed else _varied(given, 1.0 + step):
+                bounded = value if isinstance(value, tuple) else min(max(value, low), high)
+                near.append(replace(shape, **{name: bounded}))
+        return near
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """Why a joint's motion cannot show it whatever its size; empty where it may.
@@ -251,26 +281,19 @@ class StructuralEffect(Cause, Generic[S]):
         return []
 
 
-def _varied(given: bool | float | tuple[float, ...], factor: float) -> list[Any]:
+def _varied(given: object, factor: float) -> list[Any]:
     """Values of a field near a given one: larger and smaller, of a tuple each number."""
-    if isinstance(given, bool):
-        return []
     if isinstance(given, tuple):
         return [
             (*given[:k], value, *given[k + 1 :])
             for k, number in enumerate(given)
             for value in (number * factor, number / factor)
         ]
-    return [given * factor, given / factor]
+    return [given * factor, given / factor] if isinstance(given, float) else []
 
 
 # One of any shape, for those who hand its shapes back to it.
 Effect = StructuralEffect[Any]
-
-
-def column(joint: int, values: FloatArray) -> dict[int, FloatArray]:
-    """Return one column at one joint."""
-    return {joint: values[:, None]}
 
 
 def logarithmic(low: float, high: float, count: int) -> FloatArray:

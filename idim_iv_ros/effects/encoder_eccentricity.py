@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import EncoderError, EncoderLaw
 from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion
@@ -44,6 +44,7 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     name = "encoder_eccentricity"
     order = 140
     family = "position"
+    linear = _NAMES
     confounders = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
     segments = ("range_sweep",)
@@ -97,17 +98,6 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     ) -> bool:
         """Amplitudes up to the middle of what encoders have."""
         return bool(np.max(np.abs(coefficients)) <= _TYPICAL)
-
-    def parameters(
-        self, shape: DiscShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Amplitudes."""
-        return self.numbers(
-            **{
-                name: (value, std)
-                for name, value, std in zip(_NAMES, coefficients, deviations, strict=False)
-            }
-        )
 
     def contributions(self, given: GivenNumbers) -> list[EncoderError]:
         """What the encoder shows beyond the position."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
     OperatingRange,
@@ -54,6 +54,8 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     order = 60
     part = "friction"
     family = "time"
+    linear = ("coulomb", "viscous")
+    signed = True  # friction may fall or rise
     confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
     segments = ("repeat",)
@@ -93,24 +95,9 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         fading = np.exp(-time / shape.time_constant)
         return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
 
-    def admissible(self, shape: DriftShape, coefficients: FloatArray) -> bool:
-        """Friction may fall or rise."""
-        return True
-
     def meaning(self, shape: DriftShape) -> str:
         """Whose clock it goes by."""
         return "anew in each recording" if shape.restarts else "through the session"
-
-    def parameters(
-        self, shape: DriftShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """What fades, and how fast."""
-        return self.numbers(
-            time_constant=(shape.time_constant, None),
-            coulomb=(coefficients[0], deviations[0]),
-            viscous=(coefficients[1], deviations[1]),
-            restarts=(shape.restarts, None),
-        )
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction, its Coulomb part dry."""

@@ -1,7 +1,8 @@
 """Dry friction that grows with the load of the transmission."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -60,6 +61,8 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     order = 40
     part = "friction"
     family = "load"
+    ends: ClassVar = {"exponent": (0.6, 1.6)}
+    fixed = ("scale",)
     confounders = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"
     segments = ("range_sweep", "plateau")
@@ -91,13 +94,6 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             for load in Load
         ]
 
-    def neighbours(
-        self, shape: LoadShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[LoadShape]:
-        """Exponents between 0.6 and 1.6."""
-        near = (shape.exponent * (1.0 + step), shape.exponent / (1.0 + step))
-        return [replace(shape, exponent=min(max(e, 0.6), 1.6)) for e in near]
-
     def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> dict[int, FloatArray]:
         """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]
@@ -114,10 +110,6 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             return {place.joint: whole[:, None]}
         driving = load * v > 0.0
         return {place.joint: np.column_stack([whole * driving, whole * ~driving])}
-
-    def admissible(self, shape: LoadShape, coefficients: FloatArray) -> bool:
-        """Friction: both grow with the load."""
-        return bool(np.all(coefficients >= 0.0))
 
     def plausible(
         self, shape: LoadShape, coefficients: FloatArray, torque: float, scale: JointScale

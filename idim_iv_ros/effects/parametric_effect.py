@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -127,6 +128,8 @@ class ParametricEffect(Cause):
 
     kind = "parametric"
     in_base_parameters = True
+    # Change from which on a number is of something else: a wrong sign or unit, a large angle.
+    largest: ClassVar[float] = np.inf
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Where it may sit: at each joint; None: at no joint in particular."""
@@ -162,8 +165,8 @@ class ParametricEffect(Cause):
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
-        """Whether physics allows the estimate: by default anything."""
-        return True
+        """Whether physics allows the estimate: by default all changes up to `largest`."""
+        return all(abs(estimate.value) <= self.largest for estimate in estimates)
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]

@@ -1,6 +1,7 @@
 """A torque that acts later than its command."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
     put_in_first = True
     part = "delay"
     family = "frequency"
+    ends: ClassVar = {"delay": (1e-4, np.inf)}
     confounders = ("elasticity", "nonlinear_viscous")
     excitation = "energy above 2 Hz and sharp reversals"
     segments = ("multisine",)
@@ -44,13 +46,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
     def grid(self, place: Place, covered: OperatingRange) -> list[DelayShape]:
         """From 0.3 to 12 ms."""
         return [DelayShape(delay) for delay in _DELAYS]
-
-    def neighbours(
-        self, shape: DelayShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[DelayShape]:
-        """Delays down to a tenth of a millisecond."""
-        near = super().neighbours(shape, step, place, covered)
-        return [DelayShape(max(neighbour.delay, 1e-4)) for neighbour in near]
 
     def columns(
         self, motion: RobotMotion, place: Place, shape: DelayShape

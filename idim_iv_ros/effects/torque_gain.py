@@ -13,8 +13,6 @@ from idim_iv_ros.effects.parametric_effect import (
 )
 from idim_iv_ros.types import FloatArray
 
-_LARGEST = 0.6  # of the recorded torque that is needed, more or less
-
 
 @kernel
 def _curve(p: FloatArray, command: float) -> float:
@@ -32,6 +30,7 @@ class TorqueGain(ParametricEffect):
     name = "torque_gain"
     order = 30
     part = "torque scale"
+    largest = 0.6  # of the recorded torque that is needed, more or less
     confounders = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the nominal model is right about"
     beyond_motion = "needs a known load: repeat the motion with a payload of known mass"
@@ -44,12 +43,6 @@ class TorqueGain(ParametricEffect):
         """One number."""
         assert joint is not None
         return [[Change("recorded_more", "", space.gain(joint))]]
-
-    def admissible(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> bool:
-        """No change that would be a wrong sign or unit."""
-        return all(abs(estimate.value) <= _LARGEST for estimate in estimates)
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]

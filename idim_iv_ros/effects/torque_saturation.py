@@ -8,14 +8,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
-from idim_iv_ros.effects.effect import (
-    OperatingRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    column,
-)
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.types import FloatArray
 
@@ -75,7 +68,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
         """Torque beyond the knee."""
         torque = motion.torque[:, place.joint]
         beyond = np.maximum(np.abs(torque) - shape.knee, 0.0)
-        return column(place.joint, np.sign(torque) * beyond)
+        return {place.joint: (np.sign(torque) * beyond)[:, None]}
 
     def parameters(
         self, shape: KneeShape, coefficients: FloatArray, deviations: FloatArray
