@@ -45,13 +45,8 @@ _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing els
 class LawChange:
     """What differs from the configured law at one joint.
 
-    Attributes
-    ----------
-    every, rows : CommandRows
-        All rows, and those that are not near an event.
-    comparison : Comparison
-    terms : tuple of Term
-        Groups that differ; of two sets, those of the second one have a scope.
+    `every`, `rows`: all rows, and those that are not near an event; `terms`: groups that differ; of
+    two sets, those of the second one have a scope.
     """
 
     every: CommandRows
@@ -145,21 +140,12 @@ def why_not_checked(data: Baseline) -> str:
 
 @dataclass(frozen=True)
 class LawCheck:
-    """Recorded commands against the configured law.
+    """Recorded commands against the configured law, one cause for each joint with another law.
 
-    Attributes
-    ----------
-    causes : tuple of Cause
-        One for each joint with another law.
-    gains : dict of str to float
-        By which the whole command is larger, at joints where nothing else is another.
-    speed : LawSpeed or None
-        The speed that explains the commands best; None where nothing can be compared.
-    beyond : tuple of str
-        What the commands hold beyond the law and its changes, one sentence for each joint where
-        it is much.
-    delay : tuple of Cause
-        One where most joints follow the law later than a control of this period makes them.
+    `gains`: by which the whole command is larger, at joints where nothing else is another; `speed`:
+    that explains the commands best, None where nothing can be compared; `beyond`: what the commands
+    hold beyond the law and its changes, one sentence for each joint where it is much; `delay`: one
+    cause where most joints follow the law later than a control of this period makes them.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -171,18 +157,11 @@ class LawCheck:
     def not_shown_by_torque(
         self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
     ) -> "LawCheck":
-        """Leave out other laws that what the torque shows explains.
+        """Leave out other laws that causes (`numbers`) or `effects` of the torque explain.
 
-        A gain of the drive alone changes no command. One of what is recorded changes all of them
-        by the inverse of the gain: then both are one cause. Where an encoder is eccentric the
-        commands follow another position.
-
-        Parameters
-        ----------
-        numbers
-            Parametric causes.
-        effects
-            Structural ones.
+        A gain of the drive alone changes no command. One of what is recorded changes all of them by
+        the inverse of the gain: then both are one cause. Where an encoder is eccentric the commands
+        follow another position.
         """
         same = {
             data.joints[term.place.joint]
@@ -209,11 +188,8 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     control until the effort acts is a delay of all joints. Empty where nothing can be compared or
     nothing differs; `why_not_checked` says why.
 
-    Parameters
-    ----------
-    shift
-        Common time from the recorded effort to the torque on the joints, s (`signal_chain`);
-        negative where the effort is measured after it acts: it is late by that, and not the law.
+    `shift`: from the recorded effort to the torque on the joints, s (`signal_chain`); negative
+    where the effort is measured after it acts: it is late by that, and not the law.
     """
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
@@ -240,18 +216,9 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
 class ShownLaw:
     """What the commands say of the configured law.
 
-    Attributes
-    ----------
-    law : ControlLaw
-        As configured.
-    speed : LawSpeed
-    period : float
-        Of the control, s.
-    resolution : float
-        Difference of two lags that a recording of this rate can show, s: half of its interval, at
-        which the law is evaluated, and the period of the control.
-    joints : dict of int to LawChange
-        The smallest change that explains the commands, of joints that have rows enough.
+    `period`: of the control, s; `resolution`: difference of two lags that a recording of this rate
+    can show, s: half of its interval, at which the law is evaluated, and the period; `joints`: the
+    smallest change that explains the commands, of joints that have rows enough.
     """
 
     law: ControlLaw
@@ -282,10 +249,7 @@ def shown_law(data: Baseline) -> ShownLaw:
 def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:
     """Lag up to which a joint's is no mismatch, s; and that of most joints where it is a cause.
 
-    Parameters
-    ----------
-    usual
-        Lag up to which one is that of a control of this period, s.
+    `usual`: lag up to which one is that of a control of this period, s.
     """
     if len(shown.joints) < 2:
         return usual, None

@@ -26,21 +26,12 @@ Columns = Mapping[int, FloatArray]
 
 @dataclass(frozen=True)
 class Fit:
-    """Outcome of one fit.
+    """Outcome of one fit: b parameters of the model and k coefficients of the added columns.
 
-    Attributes
-    ----------
-    values : (b,)
-        Of the model's parameters.
-    coefficients : (k,)
-        Of the added columns; zero for a column that depends on those before it.
-    covariance : (b + k, b + k)
-        Zero for such columns.
-    noise_models : tuple of AutoregressiveModel
-    residuals : one (r_j,) array for each joint, N m, not whitened
-    log_likelihoods : (n_joints,)
-        Concentrated, less one for each coefficient of a noise model (Akaike); zero of a joint that
-        is left out.
+    A column that depends on those before it has zero coefficient and `covariance` (b + k, b + k);
+    `residuals` (r_j,) of each joint, N m (N), are not whitened; `log_likelihoods` (n_joints,) are
+    concentrated, less one for each coefficient of a noise model (Akaike), zero of a joint that is
+    left out.
     """
 
     values: FloatArray

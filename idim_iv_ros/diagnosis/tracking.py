@@ -22,17 +22,10 @@ from idim_iv_ros.types import FloatArray
 class Tracking:
     """Simulated motion of one stage.
 
-    Attributes
-    ----------
-    errors : one (n_samples, n_joints) array for each recording
-        Simulated less measured position on its span, rad (m), through the filter of the
-        measurement; empty where it failed.
-    rates : tuple of float
-        Of the recordings, Hz: an error counts for the time that its sample lasts.
-    note : str
-        Why there is none; empty otherwise.
-    caveat : str
-        What is missing in it; empty otherwise.
+    `errors`: (n_samples, n_joints) of each recording: simulated less measured position on its span,
+    rad (m), through the filter of the measurement; empty where it failed. `rates`: of the
+    recordings, Hz: an error counts for the time that its sample lasts. `note`, `caveat`: why there
+    is none, and what is missing in it; else empty.
     """
 
     joints: tuple[str, ...]

@@ -74,13 +74,7 @@ class ParameterSpec:
     standard: str = ""
 
     def check(self, value: float, name: str) -> None:
-        """Refuse a value out of the bounds.
-
-        Raises
-        ------
-        UsageError
-            With `name`, which says whose parameter it is.
-        """
+        """Refuse a value out of the bounds with a UsageError; `name` says whose it is."""
         if math.isnan(value) or (math.isinf(value) and self.bound != "unbounded"):
             raise UsageError(f"{name} is not a finite number")
         allowed = {
@@ -100,14 +94,8 @@ class ParameterSpec:
 class GivenNumbers:
     """Checked parameters of one effect for the simulator, each of them present.
 
-    Attributes
-    ----------
-    value : mapping of str to float
-        By name, those without a number at the end.
-    terms : sequence of mapping
-        Those that end in a number, one mapping for each number, by names that end in _k.
-    coulomb : float
-        Coulomb friction of the joint, N m (N).
+    `value`: by name, of those without a number at the end; `terms`: those that end in a number, one
+    mapping for each number, by names that end in _k; `coulomb`: friction of the joint, N m (N).
     """
 
     value: Mapping[str, float]

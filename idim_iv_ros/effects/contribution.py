@@ -128,17 +128,9 @@ Law = TorqueLaw | DriveLaw | EncoderLaw
 class TorqueTerm:
     """A torque at the joint.
 
-    Attributes
-    ----------
-    law : TorqueLaw
-    values : tuple of float
-    friction : bool
-        Whether it is friction, which only together with that of the model is kept from driving.
-    dry : bool
-        Whether it lets the joint stick.
-    replaced : float
-        N m (N) of the model's Coulomb friction that it takes the place of.
-    load : Load
+    `friction`: whether only together with the model's friction it is kept from driving; `dry`:
+    whether it lets the joint stick; `replaced`: model's Coulomb friction that it takes the place
+    of, N m (N).
     """
 
     law: TorqueLaw

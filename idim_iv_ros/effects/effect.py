@@ -104,16 +104,7 @@ class OperatingRange:
 
 @dataclass(frozen=True)
 class JointScale:
-    """What is small and large at one joint.
-
-    Attributes
-    ----------
-    covered : OperatingRange
-        By the recordings, of all joints.
-    joint : int
-    dry_friction : float
-        N m (N).
-    """
+    """What is small and large at a joint: what recordings cover, and its dry friction, N m (N)."""
 
     covered: OperatingRange
     joint: int
@@ -244,12 +235,8 @@ class StructuralEffect(Cause, Generic[S]):
     ) -> bool:
         """Whether arms may well have it in this size: any, unless `typical` bounds the torque.
 
-        An effect of which only larger sizes would be seen may be there without a trace.
-
-        Parameters
-        ----------
-        torque
-            The largest that it adds, N m (N).
+        An effect of which only larger sizes would be seen may be there without a trace. `torque`:
+        the largest that it adds, N m (N).
         """
         return self.typical is None or torque <= self.typical.torque(scale)
 

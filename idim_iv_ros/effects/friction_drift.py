@@ -22,15 +22,9 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class DriftShape(Shape):
-    """How friction fades.
+    """How friction fades: time constant, s, and whether the clock restarts with each recording.
 
-    Attributes
-    ----------
-    time_constant : float
-        s.
-    restarts : bool
-        Whether the clock starts anew with each recording, as where a robot rests in between;
-        else it runs through the session.
+    It does where a robot rests in between; else it runs through the session.
     """
 
     time_constant: float

@@ -24,18 +24,10 @@ _LOADS = {
 
 @dataclass(frozen=True)
 class LoadShape(Shape):
-    """How friction follows the load.
+    """How friction follows the `load`, as a power of its share of the largest one (`scale`, N m).
 
-    Attributes
-    ----------
-    exponent : float
-    scale : float
-        The largest load, N m.
-    two_directions : bool
-        Whether both directions of the power flow have a coefficient of their own: a gear that is
-        driven loses less or more than one that drives.
-    load : Load
-        Torque that is taken as the load.
+    `two_directions`: whether both directions of the power flow have a coefficient of their own: a
+    gear that is driven loses less or more than one that drives.
     """
 
     exponent: float

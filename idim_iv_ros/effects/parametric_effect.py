@@ -18,12 +18,7 @@ CLEARLY = 3.0
 class Change:
     """One number that a hypothesis may change.
 
-    Attributes
-    ----------
-    name : str
-    unit : str
-    direction : (d,)
-        How the torque answers, in the coordinates of a `ParameterSpace`.
+    `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`.
     """
 
     name: str
@@ -60,26 +55,15 @@ class Estimated:
 class ParameterSpace:
     """Coordinates of all changes: b base parameters, two tilts of gravity, a gain for each joint.
 
-    Attributes
-    ----------
-    model : InverseModel
-    given : (b,)
-        Base parameters of the nominal model.
-    axes : (2, 3)
-        Unit vectors of the base frame about which gravity may be tilted.
-    bare_drives : frozenset of int
-        Joints whose drives have no inertia in the nominal model because none was given, and that
-        move enough to show it.
-    difference : bool
-        Whether changes are differences between recordings, which may have either sign: what
-        physics allows of the nominal model's numbers bounds no difference.
+    `given` (b,): base parameters of the nominal model; `axes` (2, 3): unit vectors of the base
+    frame about which gravity may be tilted; `bare_drives`: joints whose drives have no inertia in
+    the nominal model because none was given, and that move enough to show it.
     """
 
     model: InverseModel
     given: FloatArray
     axes: FloatArray
     bare_drives: frozenset[int] = frozenset()
-    difference: bool = False
 
     @property
     def joints(self) -> int:

@@ -20,12 +20,7 @@ def transmitted(
 ) -> dict[int, FloatArray]:
     """Change of all torques (s, 1) by joint, against a rigid transmission.
 
-    Parameters
-    ----------
-    stiffness, damping
-        N m/rad, N m s/rad, of the shaft or of the flanks.
-    gap
-        Play, rad.
+    `stiffness`, `damping`: of the shaft or of the flanks, N m/rad, N m s/rad; `gap`: play, rad.
     """
     inertia = motion.inertia[:, :, joint]
     most = float(np.max(np.abs(inertia[:, joint]))) + 1e-12

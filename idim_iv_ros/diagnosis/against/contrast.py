@@ -42,18 +42,13 @@ def contrasted(
     without: Collection[str] = (),
     disagreeing: Sequence[str] = (),
 ) -> ContrastResult:
-    """Say what changed from the reference recordings to the others.
+    """Say what changed from the reference recordings to the others; errors as `identify`.
 
     Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel. What one set has is looked for in its recordings alone.
 
     `without`: effects that are left out of the catalogue; `disagreeing`: recordings of the
     reference that differ from its others, as its diagnosis says.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`, for each set.
     """
     sets = two_sets(reference, against, configuration)
     numbers = [sets.second]

@@ -66,14 +66,9 @@ class TwoSets:
 def two_sets(
     reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
 ) -> TwoSets:
-    """Refit each set by itself and put their rows under one another.
+    """Refit each set by itself and put their rows under one another; errors as `identify`.
 
     The noisier set limits the band, and all rows come at one rate.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`, for each set: each must excite every parameter.
     """
     parts = reference, against
     for section in proposals(parts, with_offsets(configuration)):

@@ -42,17 +42,8 @@ class Baseline:
     The model has torque offsets, whatever the configuration says: what is constant is a number of
     the nominal model (zero there), and no physics that it lacks.
 
-    Attributes
-    ----------
-    prepared : PreparedRegression
-    rows : tuple of JointRows
-    estimate : IdimIvEstimate
-    sources : InstrumentSources
-    motions : tuple of SmoothMotion
-    sticking : bool
-        Whether it is known where joints stick: the closed loop of every recording is simulated.
-    shift : float
-        s by which the effort of the rows is later than recorded.
+    `sticking`: whether it is known where joints stick: the closed loop of every recording is
+    simulated; `shift`: s by which the effort of the rows is later than recorded.
     """
 
     prepared: PreparedRegression
@@ -140,15 +131,10 @@ class Baseline:
 
 
 def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
-    """Refit the model by IDIM-IV, with torque offsets.
+    """Refit the model by IDIM-IV, with torque offsets; errors as `identify`.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
     closed loop could be simulated: see `refit.processing`.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`.
     """
     for section in proposals([recordings], with_offsets(configuration)):
         refit = refit_of(prepare(recordings, section))

@@ -30,13 +30,9 @@ _ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value
 class LawSpeed:
     """One way to obtain the speed of a joint.
 
-    Attributes
-    ----------
-    kind : str
-        ``central`` differences of the position (no lateness), the ``recorded`` velocity, or
-        backward differences through a first-order filter (``filtered``).
-    factor : float
-        Of the filter: v[k] = v[k-1] + factor (Δq[k] / Δt − v[k-1]); 1 is no filter.
+    ``central`` differences of the position (no lateness), the ``recorded`` velocity, or backward
+    differences through a first-order filter (``filtered``), v[k] = v[k-1] + factor (Δq[k] / Δt −
+    v[k-1]): a factor of 1 is no filter.
     """
 
     kind: Literal["central", "recorded", "filtered"] = "central"
@@ -83,27 +79,12 @@ class LawSpeed:
 class CommandRows:
     """Decimated rows of one joint, without those at the torque limit; (r,) each.
 
-    Attributes
-    ----------
-    rest : N m (N)
-        Recorded less computed command.
-    size : float
-        RMS of the recorded command, N m (N).
-    groups : dict
-        Torque of a unit of each group that may change.
-    errors : (r, e)
-        Torque of a unit of what a recording does to commands that are those of the law: a lag of
-        the effort; position, speed and the references of both late, s.
-    likely : (e,)
-        How large each of them is.
-    runs : tuple of slice
-        Rows without a gap in time.
-    recording : (r,) int
-        Which recording each row belongs to.
-    time : s
-        From the start of the recording.
-    second : (r,) bool
-        Rows of a second set of recordings.
+    `rest`: recorded less computed command, N m (N); `size`: RMS of the recorded one; `groups`:
+    torque of a unit of each group that may change. `errors` (r, e): torque of a unit of what a
+    recording does to commands that are those of the law: a lag of the effort; position, speed and
+    the references of both late, s; `likely` (e,): how large each of them is. `runs`: rows without a
+    gap in time; `time`: from the start of the recording, s; `second`: rows of a second set of
+    recordings.
     """
 
     rest: FloatArray
@@ -154,10 +135,7 @@ def command_rows(
 ) -> CommandRows | None:
     """Evaluate the law on the measured motion; None where too few rows are left.
 
-    Parameters
-    ----------
-    period
-        Of the control, s: what the law sees, and is recorded, is about as late.
+    `period`: of the control, s: what the law sees, and is recorded, is about as late.
     """
     every = [comparable(motion, law, joint) for motion in motions]
     counts = [int(kept.sum()) for kept in every]
@@ -225,15 +203,7 @@ def comparable(motion: Motion, law: ControlLaw, joint: int) -> BoolArray:
 class LawEvent:
     """A stretch of time in which commands hold something that their law does not.
 
-    Attributes
-    ----------
-    begin, end : float
-        s, of the recording.
-    recording : int
-    size : float
-        Its median, N m (N).
-    energy : float
-        Sum of squares over its rows.
+    `begin`, `end`: s of the `recording`; `size`: its median, N m (N); `energy`: sum of squares.
     """
 
     begin: float
@@ -254,13 +224,10 @@ def _in_events(rest: FloatArray) -> BoolArray:
 def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[LawEvent]:
     """Find the events in what a model leaves, the largest first; none where it acts all the time.
 
-    An event begins and ends where it falls below a share of its own peak: filters smear it, and
-    the loop swings after it.
+    An event begins and ends where it falls below a share of its own peak: filters smear it, and the
+    loop swings after it.
 
-    Parameters
-    ----------
-    rest, recording, time
-        (r,) N m (N); which recording a row belongs to; s.
+    `rest`, `recording`, `time`: (r,) N m (N); which recording a row belongs to; s.
     """
     large = np.flatnonzero(_in_events(rest))
     if len(large) == 0:

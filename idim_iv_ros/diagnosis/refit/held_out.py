@@ -28,20 +28,11 @@ _SEED = 20240
 
 
 def time_blocks(samples: Sequence[int], rate: float, length: float | None = None) -> list[IntArray]:
-    """Number the blocks of time of all samples of each recording, (n,) each.
+    """Number the blocks of time of all `samples` of each recording at a `rate` (Hz), (n,) each.
 
     Blocks of one recording are equally long: a short last one would count as much as the others
-    when blocks are drawn. They last 5 s where the session has eight of them, and in a shorter one
-    an eighth of it, at least a second.
-
-    Parameters
-    ----------
-    samples
-        Of each recording.
-    rate
-        Of the samples, Hz.
-    length
-        s, instead.
+    when blocks are drawn. They last 5 s (or `length`) where the session has eight of them, and in a
+    shorter one an eighth of it, at least a second.
     """
     seconds = min(settings.TIME_BLOCK, sum(samples) / rate / _FEWEST_BLOCKS)
     usual = length or max(settings.LEAST_TIME_BLOCK, seconds)
@@ -96,20 +87,12 @@ def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> St
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Residuals of every stage at rows that its fit did not see; N m (N).
+    """Residuals of every stage at rows that its fit did not see, (r_j,) for each joint, N m (N).
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the stages: ``given`` where there is one, ``refit``, then one for each effect.
-    folds, blocks : one (r_j,) int array for each joint
-        Blocks are those of time for the bootstrap.
-    residuals : for each stage one (r_j,) array for each joint
-    whitened : the same, whitened to unit variance
-        The stages without ``given``.
-    moved_joints : for each effect the joints whose torque it moves
-    note : str
-        How the data were divided.
+    `names`: of the stages: ``given`` where there is one, ``refit``, then one for each effect;
+    `blocks`: of time, for the bootstrap; `whitened`: residuals of unit variance, of the stages
+    without ``given``; `moved_joints`: for each effect those whose torque it moves; `note`: how the
+    data were divided.
     """
 
     joints: tuple[str, ...]
@@ -197,21 +180,14 @@ def held_out(
     """Predict every fold from the others, for every stage.
 
     All coefficients are refitted and the shapes of effects stay as found: for the torque gap with
-    the weights that make it least, for the whitened residual with the noise models of the full
-    fit. The predicted fold counts a thousandth in the fit that predicts it, so that what only
-    this fold shows cannot blow up.
+    the weights that make it least, for the whitened residual with the noise models of the full fit.
+    The predicted fold counts a thousandth in the fit that predicts it, so that what only this fold
+    shows cannot blow up.
 
-    Parameters
-    ----------
-    extended
-        With one added block for each effect, in the order in which they were accepted.
-    labels
-        Names of the effects' stages, such as ``+stribeck[joint_1]``.
-    given
-        (b,) of the nominal model; None where there is none.
-    interleaved
-        Whether folds take turns over the whole session: what changes with time cannot be
-        predicted from another part of it.
+    `extended`: with one added block for each effect, in the order in which they were accepted;
+    `labels`: of their stages, such as ``+stribeck[joint_1]``; `given`: (b,) of the nominal model;
+    `interleaved`: whether folds take turns over the whole session: what changes with time cannot be
+    predicted from another part of it.
     """
     folds, note = folds_of(data, repeats, interleaved=interleaved)
     ends = extended.parameters + np.cumsum([0, *extended.widths])

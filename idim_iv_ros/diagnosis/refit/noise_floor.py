@@ -36,16 +36,9 @@ class Repeat:
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Noise of one joint in the band of the rows.
+    """Noise of one joint in the band of the rows, `sigma` in N m (N), and what it is made of.
 
-    Attributes
-    ----------
-    sigma : float or None
-        N m (N).
-    origin : str
-        ``repeats`` or ``lower bound``.
-    note : str
-        What the number is made of, in words.
+    `origin`: ``repeats`` or ``lower bound``.
     """
 
     sigma: float | None
@@ -56,19 +49,14 @@ class NoiseFloor:
 def noise_floors(
     data: Baseline, regression: Regression, fit: Fit, repeats: Sequence[Repeat]
 ) -> tuple[NoiseFloor, ...]:
-    """Noise of every joint, from repeats where there are any.
+    """Noise of every joint, from repeats where there are any (`repeats_of`).
 
-    Between repeats, residuals differ by √2 times the noise. What the model's own columns explain
-    of the difference is taken out first: friction or an offset that changed in between is drift,
-    and not noise. Rows that do not fall on the same instant are matched to half a row.
+    Between repeats, residuals differ by √2 times the noise. What the model's own columns explain of
+    the difference is taken out first: friction or an offset that changed in between is drift, and
+    not noise. Rows that do not fall on the same instant are matched to half a row.
 
-    Parameters
-    ----------
-    fit
-        The best one there is: without repeats its innovations are the lower bound, as far as
-        no effect is left in them.
-    repeats
-        See `repeats_of`.
+    `fit`: the best one there is: without repeats its innovations are the lower bound, as far as no
+    effect is left in them.
     """
     floors = []
     for joint, rows in enumerate(regression.joints):
@@ -130,14 +118,9 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
 def find_repeats(
     references: Sequence[FloatArray], rate: float, coarse_rate: float
 ) -> tuple[Repeat, ...]:
-    """Pairs of recordings, and periods inside one, with the same references.
+    """Pairs of recordings, and periods inside one, with the same references (n_samples, n_joints).
 
-    Parameters
-    ----------
-    references
-        (n_samples, n_joints) of each recording, rad (m).
-    rate, coarse_rate
-        Hz, of the samples, and at which the shift is looked for first.
+    `rate`, `coarse_rate`: Hz, of the samples, and at which the shift is looked for first.
     """
     stride = max(1, round(rate / coarse_rate))
     pairs = combinations_with_replacement(range(len(references)), 2)

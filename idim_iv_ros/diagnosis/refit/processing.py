@@ -34,10 +34,7 @@ def proposals(
 ) -> Iterator[Configuration]:
     """Processing in the order in which it is tried: of a loop that is simulated, and of none.
 
-    Parameters
-    ----------
-    sets
-        Recordings that are refitted apart from one another in one band.
+    `sets`: recordings that are refitted apart from one another in one band.
     """
     options = [widened(part, configuration).processing for part in sets]
     narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
@@ -127,14 +124,8 @@ def reason_for_margin(
 ) -> str:
     """Say whether rows beside a reversal count, and why.
 
-    Parameters
-    ----------
-    configuration
-        As the user gave it.
-    margin
-        Decimated samples on either side of a slow one that were dropped.
-    sticking
-        Whether it is known where joints stick.
+    `configuration`: as the user gave it; `margin`: decimated samples on either side of a slow one
+    that were dropped; `sticking`: whether it is known where joints stick.
     """
     given, counting = configuration.processing.reversal_margin, margin < REVERSAL_MARGIN
     if given is not None and (sticking or not counting):

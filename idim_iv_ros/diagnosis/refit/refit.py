@@ -33,17 +33,11 @@ _LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
 
 @dataclass(frozen=True)
 class MissingGravity:
-    """Gravity as the recordings show it, where the configuration has none.
+    """Gravity as the recordings show it, where the configuration has none: (3,) m/s², base frame.
 
-    Attributes
-    ----------
-    acceleration, deviation : (3,) m/s²
-        In the base frame, with the masses of the nominal model.
-    statistic : float
-        Wald, with the noise of the model that has gravity: without it a joint's residual is so
-        smooth that its noise model takes it for noise, and the likelihood hardly separates them.
-    weightless : Stage
-        The nominal model without it.
+    With the masses of the nominal model. The statistic is that of Wald, with the noise of the model
+    that has gravity: without it a joint's residual is so smooth that its noise model takes it for
+    noise, and the likelihood hardly separates them. `weightless`: the nominal model without it.
     """
 
     acceleration: FloatArray
@@ -84,21 +78,11 @@ class MissingGravity:
 
 @dataclass(frozen=True)
 class Refit:
-    """The model that every candidate is added to.
+    """The model that every candidate is added to, on the smooth motion.
 
-    Attributes
-    ----------
-    data : Baseline
-    regression : Regression
-        On the smooth motion.
-    shift : EffortShift
-        Taken out of the effort of both.
-    softened : SoftFriction or None
-        Of a simulator's solver, in the place of dry friction that sticks.
-    gravity : MissingGravity or None
-        Which the nominal model lacks; `data` has it.
-    delays : tuple of Cause
-        A shift that is longer than the control makes it.
+    `shift`: taken out of the effort; `softened`: friction of a simulator's solver, in the place of
+    dry friction that sticks; `gravity`: which the nominal model lacks; `data` has it; `delays`: one
+    cause where the shift is longer than the control makes it.
     """
 
     data: Baseline
@@ -137,18 +121,10 @@ def refitted(
     configuration: Configuration,
     without: Collection[str],
 ) -> Refit:
-    """Refit the nominal model and align the effort.
+    """Refit the nominal model and align the effort; errors as `identify`.
 
-    Parameters
-    ----------
-    without
-        Effects that are left out of the catalogue: gravity is looked for where the configuration
-        has none, unless its direction is among them.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`.
+    `without`: effects that are left out of the catalogue: gravity is looked for where the
+    configuration has none, unless its direction is among them.
     """
     data = baseline(recordings, configuration)
     regression = smooth_regression(data)

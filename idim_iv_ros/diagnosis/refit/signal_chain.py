@@ -33,19 +33,11 @@ _SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first orde
 
 @dataclass(frozen=True)
 class EffortShift:
-    """Time from the recorded effort to the torque on the joints.
+    """Time from the recorded effort to the torque on the joints, s.
 
-    Attributes
-    ----------
-    shift, std : float
-        Common to the joints that agree, s; positive where the effort is recorded before it acts.
-        Zero, with `std` None, where no common shift can be said.
-    period, configured : float
-        Of the control, and the delay that the configured law has, s.
-    joint_shifts, joint_stds : (n_joints,) s
-        Each joint's own.
-    agreeing : (n_joints,) bool
-        Joints that share the common shift.
+    `shift`, `std`: common to the `agreeing` joints; positive where the effort is recorded before it
+    acts; zero, with `std` None, where no common shift can be said. `period`, `configured`: of the
+    control, and the delay that the configured law has. `joint_shifts`, `joint_stds`: (n_joints,).
     """
 
     shift: float
@@ -73,15 +65,10 @@ class EffortShift:
     def cause(
         self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
     ) -> Cause:
-        """Build the cause.
+        """Build the cause from torque gaps of the joints without and with the shift, N m (N).
 
-        Parameters
-        ----------
-        before, after
-            Torque gaps of the joints without and with the shift, N m (N).
-        support
-            By how much the logarithm of the likelihood is higher with the delay in the loop; 0
-            where no loop is simulated.
+        `support`: by how much the logarithm of the likelihood is higher with the delay in the loop;
+        0 where no loop is simulated.
         """
         assert self.std is not None
         pairs = enumerate(zip(before, after, strict=True))
@@ -164,17 +151,8 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
     Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
     motion, fitted together with the base parameters and the noise model.
 
-    Parameters
-    ----------
-    data
-    regression
-        Of the refit on the smooth motion; see `smooth_regression`.
-
-    Returns
-    -------
-    Baseline, Regression
-        With the torque of their rows at the instants at which it acts.
-    EffortShift
+    `regression`: of the refit on the smooth motion. Both are returned with the torque of their rows
+    at the instants at which it acts.
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])

@@ -66,16 +66,8 @@ def corrected_motions(
     recordings, of what lies above the frequency where the motions join. All joints k count where
     there are rows enough, else joint j alone.
 
-    Parameters
-    ----------
-    measured, simulated
-        q, dq, ddq (s, n_joints) of each recording.
-    decimations
-        To the rows.
-    rates
-        Samples per second.
-    cutoff
-        Of the decimation, Hz.
+    `measured`, `simulated`: q, dq, ddq (s, n_joints) of each recording, at their `rates`;
+    `decimations`: to the rows; `cutoff`: of these, Hz.
     """
     derived = []
     for states, rate in zip(simulated, rates, strict=True):
@@ -146,26 +138,12 @@ def simulated_slips(
 class SmoothMotion:
     """One recording's motion on a grid between that of the samples and that of the rows.
 
-    Attributes
-    ----------
-    robot : RobotModel
-    links, whole : DynamicParameters
-        Of the refit: the rigid bodies alone, and with drives and friction.
-    rate : float
-        Hz, of this grid.
-    start : float
-        Of the recording, s of the session (`recording.session`).
-    time : (s,) s
-        Of the session.
-    position, velocity, acceleration : (s, n_joints)
-        rad, rad/s, rad/s² (m …).
-    slip : (s, n_joints)
-        Dry friction as a share of its level, −1 to 1: the sign of the speed, and between while
-        the simulated joint sticks.
-    decimation : ParallelDecimation
-        From this grid to the rows of the regression.
-    kept : (m, n_joints) bool
-        Rows that count.
+    `links`, `whole`: dynamics of the refit: the rigid bodies alone, and with drives and friction;
+    `rate`: of this grid, Hz; `start`, `time` (s,): in the session, s (`recording.session`);
+    `position`, `velocity`, `acceleration`: (s, n_joints) rad, rad/s, rad/s² (m …); `slip` (s,
+    n_joints): dry friction as a share of its level, −1 to 1: the sign of the speed, and between
+    while the simulated joint sticks; `decimation`: from this grid to the rows of the regression, of
+    which those `kept` (m, n_joints) count.
     """
 
     robot: RobotModel
@@ -257,10 +235,7 @@ def smooth_motions(
 ) -> tuple[tuple[SmoothMotion, ...], bool]:
     """Join measured and simulated motion, one for each recording; whether all are simulated.
 
-    Parameters
-    ----------
-    links, whole
-        Of the refit: the rigid bodies alone, and with drives and friction.
+    `links`, `whole`: of the refit: the rigid bodies alone, and with drives and friction.
     """
     slips = simulated_slips(prepared, estimate)
     made = []

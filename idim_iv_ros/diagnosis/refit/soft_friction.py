@@ -39,14 +39,10 @@ Crossing = tuple[float, float]  # lead, s, and softness of the dry friction of a
 
 @dataclass(frozen=True)
 class SoftFriction:
-    """How early dry friction turns.
+    """How early dry friction turns: `leads` (n_joints,), s before the joint; NaN where it sticks.
 
-    Attributes
-    ----------
-    leads : (n_joints,) s
-        Time from the change of the friction to that of the joint; NaN where it sticks.
-    widths : (n_joints,) rad/s (m/s)
-        Of v + lead · dv/dt, within which the friction crosses from one level to the other.
+    `widths`: (n_joints,) rad/s (m/s) of v + lead · dv/dt, within which the friction crosses from
+    one level to the other.
     """
 
     leads: FloatArray
@@ -79,11 +75,8 @@ class SoftFriction:
 def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None:
     """Look for dry friction that turns early at most joints; None where it sticks.
 
-    Parameters
-    ----------
-    data, regression
-        On the smooth motion, with the effort aligned: an effort that is recorded before it acts
-        would turn early, too.
+    `data`, `regression`: on the smooth motion, with the effort aligned: an effort that is recorded
+    before it acts would turn early, too.
     """
     whole = data.motions[0].whole
     level = np.maximum(whole.coulomb, 0.0)

@@ -220,11 +220,8 @@ def with_transmissions(
     """Put measured shafts and play in place of those that the torque alone suggests.
 
     Where both name one, it is one cause, with the measured numbers and the torque gap of the other.
-    What the encoder behind a gear excludes at 95 % is taken out, with a note.
-
-    Returns
-    -------
-    All causes, those of them that were measured, and notes on what is excluded.
+    What the encoder behind a gear excludes at 95 % is taken out, with a note. Returns all causes,
+    those of them that were measured, and the notes.
     """
     kept, shafts, notes = list(causes), [], []
     for transmission in measured:

@@ -62,25 +62,12 @@ LOAD, SIDE, DIRECTION, POSITION, RATE = "load", "side", "direction", "position",
 class TwistRows:
     """Rows of one joint over all recordings; (r,) each.
 
-    Attributes
-    ----------
-    channels : tuple of (Motion, (m,) bool)
-        Recordings with positions before and behind the gear, and their decimated samples that
-        count.
-    load, load_rate : N m, N m/s
-        Torque of the links, from the refit.
-    side, direction : −1 to 1
-        Sign of the load and of the speed; between while the joint sticks.
-    recording : int
-        Which recording each row belongs to.
-    segments : tuple of slice
-        Rows that are contiguous in time.
-    load_columns, load_covariance : (r, b), (b, b)
-        Change of the load with each base parameter of the links, and their covariance.
-    resolution : float
-        Step of the coarser encoder, rad; zero where none shows.
-    chosen : (n,) bool or None
-        Which rows of the channels these are; None: all.
+    `channels`: recordings with positions before and behind the gear, and their decimated samples
+    (m,) that count; `chosen`: which of these the rows are; None: all. `load`, `load_rate`: torque
+    of the links, N m, from the refit; `side`, `direction`: sign of the load and of the speed,
+    between −1 and 1 while the joint sticks. `load_columns` (r, b), `load_covariance` (b, b): change
+    of the load with each base parameter of the links, and their covariance; `resolution`: step of
+    the coarser encoder, rad; zero where none shows.
     """
 
     joint: int
@@ -220,22 +207,11 @@ def _resolution(data: Baseline, joint: int) -> float:
 class TwistFit:
     """What one joint's twist follows.
 
-    Attributes
-    ----------
-    rows : TwistRows
-    offset, offset_std : float
-        Time by which the link's channel is late, s.
-    columns : dict of term to (r, k)
-        Of every term that was tried.
-    selection : Selection
-        Among them.
-    chosen : dict of str to Term
-        Accepted beside the time offset and the constants, in the order of the columns.
-    numbers : dict of term to (float, float)
-        Coefficient and its deviation, rad per unit of the column, beside the accepted terms.
-        Position has none.
-    regression, fit
-        Of the accepted terms.
+    `offset`, `offset_std`: time by which the link's channel is late, s; `columns` (r, k): of every
+    term that was tried; `chosen`: those that are accepted beside the time offset and the constants,
+    in the order of the columns; `numbers`: coefficient and deviation of a term, rad per unit of the
+    column, beside the accepted ones (position has none); `regression`, `fit`: of the accepted
+    terms.
     """
 
     rows: TwistRows
