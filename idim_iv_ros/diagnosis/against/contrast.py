@@ -26,11 +26,10 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.likelihood import Columns, rms
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
 from idim_iv_ros.diagnosis.sentences import capitalised, spaced, torque
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import FloatArray
 
@@ -69,10 +68,8 @@ def contrast_of(
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)
     law, why_no_law = law_causes(sets, without)
-    shifts = {
-        name: refit.shift.common
-        for name, refit in zip(("reference", "against"), sets.refits, strict=True)
-    }
+    names = ("reference", "against")
+    shifts = {name: refit.shift.common for name, refit in zip(names, sets.refits, strict=True)}
     delay = delay_causes(sets, shifts)
     causes = [
         *structural_causes(sets, changes),
@@ -92,11 +89,7 @@ def contrast_of(
     differs = bool(causes or unattributed or unexplained)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
-        closest = [
-            f"{_in_words(data, term)} (in {times})"
-            for term, times in changes.doubtful.items()
-            if times
-        ]
+        closest = [f"{_in_words(data, t)} (in {n})" for t, n in changes.doubtful.items() if n]
         sentence = _changes(data, against, said, unexplained, closest)
     else:
         noisier = {
@@ -105,13 +98,12 @@ def contrast_of(
             if joint.after**2 - level**2 >= size**2
         }
         sentence = _no_difference(data, against, joints, noisier)
-    softened = zip(("the reference", "the second set"), sets.refits, strict=True)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
     notes = [
         "" if delay else _shift(shifts),
         *(
             f"{name}: {refit.softened.sentence(data.joints)}"
-            for name, refit in softened
+            for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
             if refit.softened is not None
         ),
         "the recordings of the second set do not agree and were compared apart: "
@@ -124,6 +116,7 @@ def contrast_of(
         else "",
         why_no_law,
     ]
+    named = (Kind.EFFECT, Kind.CURVE)
     return ContrastResult(
         reference=sets.bags(sets.first),
         against=against,
@@ -132,11 +125,7 @@ def contrast_of(
         joints=tuple(joints),
         causes=tuple(causes),
         unattributed=unattributed,
-        common=tuple(
-            _in_words(data, term)
-            for term in changes.common
-            if term.candidate.kind in (Kind.EFFECT, Kind.CURVE)
-        ),
+        common=tuple(_in_words(data, t) for t in changes.common if t.candidate.kind in named),
         effort_shift=shifts,
         notes=tuple(note for note in notes if note),
     )
@@ -276,21 +265,21 @@ def _with_numbers_of_second(
         out = [part[blocks] == number for blocks in ledger.blocks]
         fitted = [rows & ~gone for rows, gone in zip(sets.inside, out, strict=True)]
         left = refit_residuals(ledger, residuals, fitted)
-        for joint, gone in enumerate(out):
-            made[joint][gone] = left[joint][gone]
+        for rest, predicted, gone in zip(made, left, out, strict=True):
+            rest[gone] = predicted[gone]
     return made
 
 
 def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    candidate, shape, sign = term.candidate, term.shape, 1.0
-    columns: Columns = term.columns
+    candidate, shape, columns, sign = term.candidate, term.shape, term.columns, 1.0
     if candidate.scope is None:
         return {}
     if side_of(sets, term) == "reference":
-        if shape is None or isinstance(candidate.effect, ParametricEffect):
-            return {}
-        columns, sign = changes.selection.comparison.catalogue.everywhere(candidate, shape), -1.0
+        if shape is None:
+            return {}  # a number
+        columns = dict(changes.selection.comparison.catalogue.everywhere(candidate, shape))
+        sign = -1.0
     return {
         joint: sign * (rows @ term.coefficients) * sets.inside[joint]
         for joint, rows in columns.items()
