@@ -149,11 +149,10 @@ class HeldOut:
         """
         joints = self.moved_joints[effect]
         count = 1 + max(int(self.folds[j].max()) for j in joints)
-        energies = [
-            [np.bincount(self.folds[j], self.whitened[stage][j] ** 2, count) for j in joints]
-            for stage in (effect, effect + 1)
-        ]
-        before, after = np.sum(energies, axis=1)
+        before, after = (
+            np.sum([np.bincount(self.folds[j], stage[j] ** 2, count) for j in joints], axis=0)
+            for stage in self.whitened[effect : effect + 2]
+        )
         present = before > 0.0
         helped = int(np.sum(after[present] < before[present]))
         return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
@@ -195,9 +194,9 @@ def held_out(
     plain, whitened = (
         predicted(extended, noise_models, folds, ends) for noise_models in (white, fit.noise_models)
     )
-    scales = [noise.sigma for noise in white]
     stages = [
-        tuple(rest * scale for rest, scale in zip(stage, scales, strict=True)) for stage in plain
+        tuple(rest * noise.sigma for rest, noise in zip(stage, white, strict=True))
+        for stage in plain
     ]
     if given is not None:
         stages.insert(0, tuple(rows.residual(given) for rows in extended.joints))
@@ -255,51 +254,33 @@ def predicted(
     folds: Sequence[IntArray],
     ends: IntArray,
 ) -> tuple[tuple[FloatArray, ...], ...]:
-    """For each stage, the residual (r_j,) of each joint, whitened, with fits without its fold."""
+    """For each stage, the residual (r_j,) of each joint, whitened, with fits without its fold.
+
+    The R factor of the rows without a fold is that of the other folds' R factors, and its leading
+    columns solve every stage: coefficients of blocks after a stage are zero.
+    """
+    every = extended.extended
     tables = [
         noise.standardized(np.column_stack([rows.matrix, rows.torque]), rows.segments)
-        for rows, noise in zip(extended.extended, noise_models, strict=True)
+        for rows, noise in zip(every, noise_models, strict=True)
     ]
-    solutions = _solutions(extended, tables, folds, ends)
-    stages = []
-    for stage in solutions:
-        residuals = []
-        for rows, table, fold in zip(extended.extended, tables, folds, strict=True):
-            residual = table[:, -1].copy()
-            for number, solution in enumerate(stage):
-                inside = fold == number
-                residual[inside] -= table[inside, :-1] @ solution[rows.columns]
-            residuals.append(residual)
-        stages.append(tuple(residuals))
-    return tuple(stages)
-
-
-def _solutions(
-    extended: Regression,
-    tables: Sequence[FloatArray],
-    folds: Sequence[IntArray],
-    ends: IntArray,
-) -> list[list[FloatArray]]:
-    """For each stage and fold, the coefficients (b + k,) fitted without the fold.
-
-    Those of blocks after the stage are zero. The R factor of the rows without a fold is that of
-    the other folds' R factors, and its leading columns solve every stage.
-    """
-    places = [rows.places for rows in extended.extended]
     factors = []
     for number in range(1 + max(int(fold.max()) for fold in folds)):
         inside = [table[fold == number] for table, fold in zip(tables, folds, strict=True)]
-        reduced = [r_factor(rows) for rows in inside]
-        factors.append(stacked_r_factor(reduced, places, extended.total + 1))
-    solutions: list[list[FloatArray]] = [[] for _ in ends]
+        places = [rows.places for rows in every]
+        factors.append(stacked_r_factor(list(map(r_factor, inside)), places, extended.total + 1))
+    stages = [[table[:, -1].copy() for table in tables] for _ in ends]
     leak = np.sqrt(_FOLD_LEAK)
-    for number, predicted in enumerate(factors):
+    for number, left_out in enumerate(factors):
         others = [factor for other, factor in enumerate(factors) if other != number]
-        factor = r_factor(np.vstack([*others, leak * predicted]))
+        factor = r_factor(np.vstack([*others, leak * left_out]))
         basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
-        for stage, end in zip(solutions, ends, strict=True):
-            stage.append(basis.leading(int(end)).solve(factor[:, -1], extended.total))
-    return solutions
+        for stage, end in zip(stages, ends, strict=True):
+            solution = basis.leading(int(end)).solve(factor[:, -1], extended.total)
+            for rest, rows, table, fold in zip(stage, every, tables, folds, strict=True):
+                inside_fold = fold == number
+                rest[inside_fold] -= table[inside_fold, :-1] @ solution[rows.columns]
+    return tuple(map(tuple, stages))
 
 
 def _roots(energies: FloatArray) -> FloatArray:

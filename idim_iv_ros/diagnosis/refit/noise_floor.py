@@ -24,9 +24,7 @@ REPEATS, LOWER_BOUND = "repeats", "lower bound"
 class Repeat:
     """Sample k of one recording's references is commanded again as sample k + lag of another.
 
-    Samples are those of the fastest recording.
-
-    `first` and `second` are the same where a recording repeats itself.
+    Or of itself. Samples are those of the fastest recording.
     """
 
     first: int
@@ -68,20 +66,18 @@ def noise_floors(
             one, two = _matching(data, joint, repeat)
             if len(one) < settings.LEAST_ROWS + rows.matrix.shape[1]:
                 continue
-            more, count = difference_energy(
-                fit.residuals[joint][one] - fit.residuals[joint][two], rows.matrix[one]
-            )
+            difference = fit.residuals[joint][one] - fit.residuals[joint][two]
+            more, count = difference_energy(difference, rows.matrix[one])
             energy, degrees = energy + more, degrees + count
+        sigma, origin = float(fit.noise_models[joint].sigma), LOWER_BOUND
+        note = (
+            "no recording repeats another or itself: innovations of the last residual, below "
+            "the noise if that residual is all noise, above it if an effect is left in it"
+        )
         if degrees > 0.0:
+            sigma, origin = float(np.sqrt(0.5 * energy / degrees)), REPEATS
             note = "difference of repeats, less what changed parameters of the model explain"
-            floors.append(NoiseFloor(float(np.sqrt(0.5 * energy / degrees)), REPEATS, note))
-        else:
-            sigma = float(fit.noise_models[joint].sigma)
-            note = (
-                "no recording repeats another or itself: innovations of the last residual, below "
-                "the noise if that residual is all noise, above it if an effect is left in it"
-            )
-            floors.append(NoiseFloor(sigma, LOWER_BOUND, note))
+        floors.append(NoiseFloor(sigma, origin, note))
     return tuple(floors)
 
 
@@ -108,9 +104,8 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
             return ()
         if rate < fastest:  # linearly between its samples
             time = np.arange(int((len(reference) - 1) * fastest / rate) + 1) / fastest
-            sampled = np.arange(len(reference)) / rate
-            joints = [np.interp(time, sampled, joint) for joint in reference.T]
-            reference = np.column_stack(joints)
+            own_time = np.arange(len(reference)) / rate
+            reference = np.column_stack([np.interp(time, own_time, q) for q in reference.T])
         references.append(reference)
     return find_repeats(references, fastest, data.row_rate)
 
@@ -123,11 +118,11 @@ def find_repeats(
     `rate`, `coarse_rate`: Hz, of the samples, and at which the shift is looked for first.
     """
     stride = max(1, round(rate / coarse_rate))
-    pairs = combinations_with_replacement(range(len(references)), 2)
-    lags = {
-        (i, j): _lag(references[i], references[j], rate, stride, itself=i == j) for i, j in pairs
-    }
-    return tuple(Repeat(*pair, lag) for pair, lag in lags.items() if lag is not None)
+    return tuple(
+        Repeat(i, j, lag)
+        for i, j in combinations_with_replacement(range(len(references)), 2)
+        if (lag := _lag(references[i], references[j], rate, stride, itself=i == j)) is not None
+    )
 
 
 def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: bool) -> int | None:
@@ -160,17 +155,17 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     a, b = one - centre, two - centre
     lags = np.arange(-(len(a) - 1), len(b))
     cross = sum(fftconvolve(b[:, j], a[::-1, j]) for j in range(a.shape[1]))
-    low = np.maximum(0, -lags)
-    high = np.minimum(len(a), len(b) - lags)
+    low, high = np.maximum(0, -lags), np.minimum(len(a), len(b) - lags)
     overlap = (high - low).astype(float)
-    sums = [np.concatenate([[0.0], np.cumsum(np.sum(values**2, axis=1))]) for values in (a, b)]
-    energy_a = sums[0][high] - sums[0][low]
-    energy_b = sums[1][high + lags] - sums[1][low + lags]
-    plain = np.concatenate([np.zeros((1, a.shape[1])), np.cumsum(a, axis=0)])
+    squares_a, squares_b, plain = (
+        np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+        for values in (np.sum(a**2, axis=1), np.sum(b**2, axis=1), a)
+    )
+    energy_a = squares_a[high] - squares_a[low]
+    energy_b = squares_b[high + lags] - squares_b[low + lags]
     mean = (plain[high] - plain[low]) / overlap[:, None]
     spread = energy_a / overlap - np.sum(mean**2, axis=1)
-    whole = float(np.sum(np.var(one, axis=0)))
-    moving = spread > _LEAST_MOTION * whole
+    moving = spread > _LEAST_MOTION * float(np.sum(np.var(one, axis=0)))
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
     ratio = squares / np.where(moving, spread, 1.0)
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
