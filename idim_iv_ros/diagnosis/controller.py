@@ -65,10 +65,9 @@ class LawChange:
         nominal, model, rate = self.comparison.nominal, self.model, self.rows.errors[:, 0]
         part = np.zeros(len(nominal.root))
         part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
-        spread = float(np.sum((part @ nominal.root) ** 2))
-        if self.terms:
-            moved = np.concatenate([part @ nominal.products_of(term).moved for term in self.terms])
-            spread += float(moved @ model.covariance @ moved)
+        moved = [part @ nominal.products_of(term).moved for term in self.terms]
+        moving = np.concatenate([np.zeros(0), *moved])
+        spread = float(np.sum((part @ nominal.root) ** 2) + moving @ model.covariance @ moving)
         return float(part @ model.errors), spread**0.5
 
     @property
@@ -81,19 +80,14 @@ class LawChange:
         }
 
     @property
-    def statistic(self) -> float:
-        """Twice the evidence of the terms."""
-        return 2.0 * sum(term.evidence for term in self.terms)
+    def before(self) -> float:
+        """RMS of what the errors of the recording alone leave, N m (N)."""
+        return rms(ModelWithTerms(self.comparison.nominal, ()).residuals[0])
 
-    @property
-    def before(self) -> FloatArray:
-        """(r,) what the errors of the recording alone leave, N m (N)."""
-        return ModelWithTerms(self.comparison.nominal, ()).residuals[0]
-
-    def left_of_lag(self, lag: float) -> FloatArray:
-        """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
+    def left_of_lag(self, lag: float) -> float:
+        """RMS of what an effort that is late by `lag`, s, leaves, all else on time, N m (N)."""
         rest = self.rows.rest - lag * self.rows.errors[:, 0]
-        return independent_basis(self.rows.constants).remove(rest)
+        return rms(independent_basis(self.rows.constants).remove(rest))
 
     @property
     def beyond(self) -> FloatArray:
@@ -163,19 +157,17 @@ class LawCheck:
         the inverse of the gain: then both are one cause. Where an encoder is eccentric the commands
         follow another position.
         """
-        same = {
+        same: set[str | None] = {
             data.joints[term.place.joint]
             for term in effects
             if set(ENCODER_LAWS) & set(term.effect.laws)
         }
         for cause in numbers:
-            factor, joint = cause.parameters.get("factor"), cause.joint
-            if BY_NAME[cause.effect].part != "torque scale" or joint not in self.gains:
-                continue
-            if factor is not None and factor.std is not None:
-                apart = abs(1.0 / (1.0 + self.gains[joint]) - factor.value)
-                if apart < settings.NORMAL_95 * factor.std:
-                    same.add(joint)
+            factor, scaled = cause.parameters.get("factor"), cause.joint in self.gains
+            if factor and scaled and BY_NAME[cause.effect].part == "torque scale":
+                apart = abs(1.0 / (1.0 + self.gains[cause.joint or ""]) - factor.value)
+                if apart < settings.NORMAL_95 * (factor.std or 0.0):
+                    same.add(cause.joint)
         return replace(self, causes=tuple(c for c in self.causes if c.joint not in same))
 
 
@@ -208,8 +200,15 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
-    late = () if delay is None else (_delay_of_all(shown, delay, usual),)
-    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), late)
+    late = []
+    if delay is not None:  # longer than a control of this period makes it
+        before, after = zip(
+            *((change.left_of_lag(usual), change.before) for change in shown.joints.values()),
+            strict=True,
+        )
+        said = sentences.commands_late(delay, shown.period)
+        late.append(delay_of_all(delay, before, after, said))
+    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), tuple(late))
 
 
 @dataclass(frozen=True)
@@ -264,19 +263,12 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
     return common + apart, EffectParameter(common, std, "s") if late else None
 
 
-def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Cause:
-    """A delay of all joints that is longer than a control of this period makes it."""
-    before = [rms(change.left_of_lag(usual)) for change in shown.joints.values()]
-    after = [rms(change.before) for change in shown.joints.values()]
-    return delay_of_all(delay, before, after, sentences.commands_late(delay, shown.period))
-
-
 def _cause(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> tuple[dict[str, tuple[float, float]], Cause | None]:
     """What differs from the law at one joint, (value, std) by group, and the cause if it does."""
-    changes, statistic = change.changes, change.statistic
-    before, after = change.before, change.model.residuals[0]
+    changes, statistic = change.changes, 2.0 * sum(term.evidence for term in change.terms)
+    before, after = change.before, rms(change.model.residuals[0])
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
     if lag - settings.CLEAR_DEVIATIONS * std > longest:
@@ -285,8 +277,7 @@ def _cause(
         before = change.left_of_lag(longest)
     if not changes:
         return changes, None
-    one, two = rms(before), rms(after)
-    if two >= one:
+    if after >= before:
         return {}, None  # likelier in the noise of the rows, and further from the commands
     cause = Cause(
         effect=CONTROL_LAW.name,
@@ -295,6 +286,6 @@ def _cause(
         sentence="",
         parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
         evidence=Evidence(statistic),
-        torque_gap=Gap.between(one, two),
+        torque_gap=Gap.between(before, after),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))

@@ -307,9 +307,7 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
 
 def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
     """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
-    rows, names = refit.regression.joints[joint], refit.data.prepared.model.base.names
-    kinds = {f"{kind}{joint + 1}" for kind in ("Fv", "Fc", "off")}
-    chosen = [place for place, column in enumerate(rows.columns) if names[column] in kinds]
+    rows, chosen = refit.regression.joints[joint], refit.data.columns_of(joint, "Fv", "Fc", "off")
     return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
 
 

@@ -94,6 +94,11 @@ class Baseline:
             np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
         )
 
+    def columns_of(self, joint: int, *kinds: str) -> IntArray:
+        """Places of kinds of base parameters (Fc) of a joint among the columns of its rows."""
+        names, wanted = self.prepared.model.base.names, {f"{kind}{joint + 1}" for kind in kinds}
+        return np.flatnonzero([names[column] in wanted for column in self.rows[joint].columns])
+
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
         joint_type = self.prepared.model.robot.joint_types[joint]
@@ -244,9 +249,7 @@ def smooth_regression(data: Baseline) -> Regression:
     for motion in data.motions:
         matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
         for joint, matrix in enumerate(matrices):
-            names = [model.base.names[column] for column in data.rows[joint].columns]
-            if f"Fc{joint + 1}" in names:
-                matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
+            matrix[:, data.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
             parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
     joints = tuple(
         replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)

@@ -69,10 +69,8 @@ class LawSpeed:
             return "central differences of the position"
         if self.factor == 1.0:
             return "backward differences of the position"
-        return (
-            "backward differences of the position through a first-order filter of factor "
-            f"{self.factor:.2g}"
-        )
+        through = f"through a first-order filter of factor {self.factor:.2g}"
+        return f"backward differences of the position {through}"
 
 
 @dataclass(frozen=True)
@@ -114,13 +112,13 @@ class CommandRows:
     def followed_by(self, other: "CommandRows") -> "CommandRows":
         """Rows of two sets, each with errors of its own."""
         first = len(self.rest)
+        groups = [
+            np.concatenate([torque, other.groups[name]]) for name, torque in self.groups.items()
+        ]
         return CommandRows(
             rest=np.concatenate([self.rest, other.rest]),
             size=max(self.size, other.size),
-            groups={
-                name: np.concatenate([torque, other.groups[name]])
-                for name, torque in self.groups.items()
-            },
+            groups=dict(zip(self.groups, groups, strict=True)),
             errors=scipy.linalg.block_diag(self.errors, other.errors),
             likely=np.concatenate([self.likely, other.likely]),
             runs=(*self.runs, *(slice(first + r.start, first + r.stop) for r in other.runs)),
@@ -146,10 +144,8 @@ def command_rows(
         parts, _ = evaluated(motion, law, joint, speed)
         recorded = motion.signals.torque[:, joint]
         groups = [parts.groups[name] for name in CONTROL_LAW.groups]
-        table = np.column_stack(
-            [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
-        )
-        decimated = motion.decimation.whole(table[motion.span])
+        columns = [recorded, recorded - parts.command, -parts.rate, parts.late, *groups]
+        decimated = motion.decimation.whole(np.column_stack(columns)[motion.span])
         tables.append(np.column_stack([motion.time, decimated])[kept])
     table = np.concatenate(tables)
     first = 3 + TIMES
@@ -237,15 +233,9 @@ def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[L
     for part in np.split(large, np.flatnonzero((np.diff(recording[large]) != 0) | apart) + 1):
         size = np.abs(rest[part])
         core = part[size >= _EDGE * size.max()]
-        events.append(
-            LawEvent(
-                begin=float(time[core[0]]),
-                end=float(time[core[-1]]),
-                recording=int(recording[core[0]]),
-                size=float(np.median(rest[core])),
-                energy=float(np.sum(rest[part] ** 2)),
-            )
-        )
+        begin, end = time[core[[0, -1]]].tolist()
+        middle, energy = float(np.median(rest[core])), float(np.sum(rest[part] ** 2))
+        events.append(LawEvent(begin, end, int(recording[core[0]]), middle, energy))
     events.sort(key=lambda event: -event.energy)
     return [event for event in events if event.energy >= _LEAST_EVENT * events[0].energy]
 

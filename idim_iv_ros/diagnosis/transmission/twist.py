@@ -46,11 +46,6 @@ _ON_ONE_SIDE = 0.98  # decimated sign of the load from which a link in play lies
 _SIDE_MARGIN = 2  # rows beside a change of side: the link flies there
 # Base parameters that are none of the links.
 _NOT_OF_LINKS = ("Fv", "Fc", "off", "Ia")
-# Fields of `TwistRows` with a value for each row.
-_ROWS = (
-    *("load", "load_rate", "load_columns", "side"),
-    *("speed", "direction", "position", "recording"),
-)
 _OFFSET_STEPS = 3  # fits of the time offset, which enters to first order only
 _POSITION_TERMS = 4  # cosines of an encoder's error: slower than that of a gear
 _LEAST_SIDE = 0.05  # of the rows on either side of zero load, to look for play
@@ -113,9 +108,13 @@ class TwistRows:
         for segment in self.segments:
             spread = np.convolve(near[segment], np.ones(2 * _SIDE_MARGIN + 1), mode="same")
             chosen[segment] = spread[: segment.stop - segment.start] < 0.5
-        rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ROWS}
+        rows: dict[str, Any] = {
+            name: values[chosen]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray) and name != "load_covariance"
+        }
         segments = segments_of([chosen[segment] for segment in self.segments])
-        return replace(self, **rows, segments=segments, chosen=chosen)
+        return replace(self, **{**rows, "segments": segments, "chosen": chosen})
 
 
 def twist_rows(
@@ -132,8 +131,9 @@ def twist_rows(
     where those of the refit are not: it takes the motor's motion for theirs.
     """
     channels, parts, taken = [], [], []
-    pairs = zip(data.prepared.motions, data.motions, strict=True)
-    for number, (motion, smooth) in enumerate(pairs):
+    for number, (motion, smooth) in enumerate(
+        zip(data.prepared.motions, data.motions, strict=True)
+    ):
         assert motion.signals.link_valid is not None
         valid = motion.signals.link_valid[motion.span, joint : joint + 1]
         measured = all_around(valid, motion.decimation, motion.decimation.factor)[:, 0]
@@ -153,12 +153,14 @@ def twist_rows(
             "direction": smooth.slip[:, joint],
             "position": smooth.position[:, joint],
         }
-        rows = {name: smooth.rows(values)[counting] for name, values in series.items()}
-        parts.append({**rows, "recording": np.full(int(counting.sum()), number)})
+        rows_of = {name: smooth.rows(values)[counting] for name, values in series.items()}
+        parts.append({**rows_of, "recording": np.full(int(counting.sum()), number)})
     joined = {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}
-    columns, places, covariance = _of_links(data, regression, joint)
-    columns = columns[np.concatenate(taken)]
-    fitted = regression.fit().values if values is None else values
+    rows, names, fit = regression.joints[joint], data.prepared.model.base.names, regression.fit()
+    of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
+    places = rows.columns[of_links]
+    columns = rows.matrix[:, of_links][np.concatenate(taken)]
+    fitted = fit.values if values is None else values
     # The motion holds the parameters of another estimator.
     joined["load"] += columns @ (fitted - data.estimate.linear.values)[places]
     return TwistRows(
@@ -167,24 +169,9 @@ def twist_rows(
         **joined,
         segments=segments_of([counting for _, counting in channels]),
         load_columns=columns,
-        load_covariance=covariance,
+        load_covariance=fit.covariance[np.ix_(places, places)],
         resolution=_resolution(data, joint),
     )
-
-
-def _of_links(
-    data: Baseline, regression: Regression, joint: int
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Columns of the links' base parameters at one joint, which, and their covariance."""
-    rows, names = regression.joints[joint], data.prepared.model.base.names
-    of_links = [
-        place
-        for place, column in enumerate(rows.columns)
-        if not names[column].startswith(_NOT_OF_LINKS)
-    ]
-    parameters = rows.columns[of_links]
-    covariance = regression.fit().covariance[np.ix_(parameters, parameters)]
-    return rows.matrix[:, of_links], parameters, covariance
 
 
 def _resolution(data: Baseline, joint: int) -> float:
@@ -195,10 +182,8 @@ def _resolution(data: Baseline, joint: int) -> float:
         assert signals.link_position is not None
         for values in (signals.position[:, joint], signals.link_position[:, joint]):
             apart = np.diff(np.unique(np.round(values, 12)))
-            if len(apart) == 0:
-                continue
-            ratios = apart / apart.min()
-            if float(np.abs(ratios - np.round(ratios)).max()) < _STEP_TOLERANCE:
+            ratios = apart / apart.min(initial=np.inf)
+            if len(apart) and np.abs(ratios - np.round(ratios)).max() < _STEP_TOLERANCE:
                 steps.append(float(apart.min()))
     return max(steps)
 
