@@ -13,7 +13,7 @@ from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, er
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.identifiability import too_little
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
@@ -57,7 +57,7 @@ def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
         assert (explanation.effects, explanation.numbers) == ((), ())
         assert parametric_causes(data, explanation)[0] == []
         assert unexplained(data, explanation) is None
-        assert missing_gravity(data, regression) is None
+        assert missing_gravity(data) is None
 
 
 def test_gravity_that_is_configured_as_zero_is_found_with_its_size() -> None:
@@ -65,7 +65,7 @@ def test_gravity_that_is_configured_as_zero_is_found_with_its_size() -> None:
     arm = arm2(seconds=8.0)
     weightless = changed(arm.configuration, "robot", gravity=[0.0, 0.0, 0.0])
     data = baseline([recorded(arm, 1)], weightless)
-    gravity = missing_gravity(data, smooth_regression(data))
+    gravity = missing_gravity(data)
     assert gravity is not None and gravity.acceleration[1] == 0.0
     assert gravity.acceleration[2] == pytest.approx(-9.81, rel=0.25)  # with the given masses
 

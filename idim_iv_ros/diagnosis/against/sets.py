@@ -77,7 +77,7 @@ def two_sets(
         sets = [refit_of(_part(whole, part)) for part in parts]
         if all(data.sticking for data in sets):
             break
-    one, other = (on_likelier_motion(data, smooth_regression(data)) for data in sets)
+    one, other = map(on_likelier_motion, sets)
     data = _together(one.data, other.data)
     return TwoSets(data, smooth_regression(data), (one, other))
 

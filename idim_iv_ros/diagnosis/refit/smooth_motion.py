@@ -45,12 +45,8 @@ States = Sequence[FloatArray]
 
 def high_passed(signal: FloatArray, rate: float, cutoff: float) -> FloatArray:
     """Return what of a signal (s, n_joints) lies above the frequency where the motions join."""
-    return signal - zero_phase_butterworth(
-        signal,
-        rate=rate,
-        cutoff=settings.MEASURED_BELOW * cutoff,
-        order=_JOINING_ORDER,
-    )
+    below = settings.MEASURED_BELOW * cutoff
+    return signal - zero_phase_butterworth(signal, rate=rate, cutoff=below, order=_JOINING_ORDER)
 
 
 def corrected_motions(
@@ -69,14 +65,12 @@ def corrected_motions(
     `measured`, `simulated`: q, dq, ddq (s, n_joints) of each recording, at their `rates`;
     `decimations`: to the rows; `cutoff`: of these, Hz.
     """
-    derived = []
-    for states, rate in zip(simulated, rates, strict=True):
-        derivatives = list(states)  # position first, up to its fourth derivative
-        for _ in range(_DERIVATIVES - 1):
-            derivatives.append(np.gradient(derivatives[-1], 1.0 / rate, axis=0))
-        derived.append(derivatives)
-    rows, targets = [], []
-    for real, states, decimation, rate in zip(measured, derived, decimations, rates, strict=True):
+    derived, rows, targets = [], [], []
+    pairs = zip(measured, map(list, simulated), decimations, rates, strict=True)
+    for real, states, decimation, rate in pairs:
+        for _ in range(_DERIVATIVES - 1):  # position first, up to its fourth derivative
+            states.append(np.gradient(states[-1], 1.0 / rate, axis=0))
+        derived.append(states)
         columns = [decimation.whole(high_passed(state, rate, cutoff)) for state in states[2:]]
         rows.append(np.stack(columns, axis=2))  # (m, n_joints, derivatives)
         targets.append(decimation.whole(high_passed(real[2] - states[2], rate, cutoff)))
@@ -115,7 +109,7 @@ def simulated_slips(
     """
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
-        return tuple(None for _ in prepared.motions)
+        return (None,) * len(prepared.motions)
     robot = source.model.robot
     parameters = source.model.dynamic_parameters(estimate.linear.values)
     level = np.maximum(parameters.coulomb, 0.0)
@@ -237,14 +231,14 @@ def smooth_motions(
 
     `links`, `whole`: of the refit: the rigid bodies alone, and with drives and friction.
     """
-    slips = simulated_slips(prepared, estimate)
-    made = []
-    joined = _joined(prepared.motions, estimate.instruments, slips, prepared.cutoffs.decimation)
+    slips, made = simulated_slips(prepared, estimate), []
+    joined = _joined(prepared, estimate.instruments, slips)
     parts = zip(prepared.motions, prepared.session.parts, joined, slips, strict=True)
     for motion, part, states, slip in parts:
-        stride, grid = _stride(motion.decimation.factor), _grid(motion)
-        rate, start = motion.signals.rate, part.start
-        time = start + (motion.span.start + np.arange(motion.decimation.samples)[grid]) / rate
+        decimation, stride = motion.decimation, _stride(motion.decimation.factor)
+        rate, grid = motion.signals.rate, _grid(motion)
+        time = part.start + (motion.span.start + np.arange(decimation.samples)[grid]) / rate
+        coarse = ParallelDecimation(decimation.factor // stride, len(time), decimation.edge)
         # The mean over the samples of the coarser grid keeps when a joint turned.
         turning = np.sign(states[1]) if slip is None else slip
         turning = uniform_filter1d(turning, stride, axis=0, mode="nearest")
@@ -254,15 +248,13 @@ def smooth_motions(
                 links=links,
                 whole=whole,
                 rate=rate / stride,
-                start=start,
+                start=part.start,
                 time=time,
                 position=states[0][grid],
                 velocity=states[1][grid],
                 acceleration=states[2][grid],
                 slip=turning[grid],
-                decimation=ParallelDecimation(
-                    motion.decimation.factor // stride, len(time), motion.decimation.edge
-                ),
+                decimation=coarse,
                 kept=motion.kept,
             )
         )
@@ -283,16 +275,14 @@ def _grid(motion: Motion) -> slice:
 
 
 def _joined(
-    motions: Sequence[Motion],
-    instruments: Instruments,
-    slips: Sequence[FloatArray | None],
-    cutoff: float,
+    prepared: PreparedRegression, instruments: Instruments, slips: Sequence[FloatArray | None]
 ) -> list[States]:
     """Measured motion below a share of the cut-off (Hz), simulated motion above it.
 
     What stands in for a simulated motion where there is none lacks the upper part of the band: with
     it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
     """
+    motions, cutoff = prepared.motions, prepared.cutoffs.decimation
     made: list[States] = [motion.derivatives(0, motion.decimation.samples) for motion in motions]
     simulated = [number for number, slip in enumerate(slips) if slip is not None]
     if not simulated:
@@ -315,7 +305,5 @@ def _joined(
 
 def _stride(factor: int) -> int:
     """Largest divisor of the decimation factor that leaves enough samples for each row."""
-    for stride in range(max(factor // settings.SAMPLES_PER_ROW, 1), 0, -1):
-        if factor % stride == 0:
-            return stride
-    return 1
+    most = max(factor // settings.SAMPLES_PER_ROW, 1)
+    return next(stride for stride in range(most, 0, -1) if factor % stride == 0)
