@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
     Unexplained,
 )
-from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.effects.cause import Parameters, surest
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 
@@ -57,9 +57,7 @@ def likely(probability: float | None) -> str:
     return f"{min(round(100.0 * probability), 99)} % probable"
 
 
-def hint(
-    effect: str, joints: Sequence[str], parameters: dict[str, EffectParameter], reason: str
-) -> str:
+def hint(effect: str, joints: Sequence[str], parameters: Parameters, reason: str) -> str:
     """Say what a doubtful effect would be, and why it is no cause."""
     numbers = listed_numbers(effect, parameters)
     more = numbers and f" ({numbers})"

@@ -6,7 +6,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -48,7 +48,7 @@ class AsymmetricFriction(StructuralEffect[Shape]):
         """Return the only one."""
         return [Shape()]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """|dq|."""
         return {place.joint: np.abs(motion.velocity[:, [place.joint]])}
 

@@ -29,7 +29,10 @@ class EffectParameter:
     unit: str
 
 
-def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, EffectParameter]:
+Parameters = dict[str, EffectParameter]  # by the names that the specs of an effect give them
+
+
+def surest(parameters: Mapping[str, EffectParameter], most: int) -> Parameters:
     """Return at most so many numbers, in their order: those that differ from zero most surely.
 
     A mass is first, and always among them: a load is recognised by it. All where no number is
@@ -172,7 +175,7 @@ class Cause(ABC):
             return name.replace("_", " ")
         return f"{spec.words} {name.rsplit('_', 1)[1]}" if spec.name != name else spec.words
 
-    def numbers(self, **numbers: tuple[float, float | None]) -> dict[str, EffectParameter]:
+    def numbers(self, **numbers: tuple[float, float | None]) -> Parameters:
         """Return parameters with their units, from (value, std) by name."""
         return {name: self._number(name, *number) for name, number in numbers.items()}
 

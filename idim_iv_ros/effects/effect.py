@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, EffectParameter, Family
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.cause import Cause, Family, Parameters
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _LEAST_SPEED = 0.25  # rad/s: Stribeck speeds of arms are 0.02 to 0.3 rad/s
@@ -170,12 +170,10 @@ class StructuralEffect(Cause, Generic[S]):
         return [grid]
 
     @abstractmethod
-    def columns(self, motion: RobotMotion, place: Place, shape: S) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: S) -> Torques:
         """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
 
-    def torques(
-        self, motion: RobotMotion, place: Place, shapes: Sequence[S]
-    ) -> list[dict[int, FloatArray]]:
+    def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[S]) -> list[Torques]:
         """`columns` of several shapes; for effects that make many at once for less."""
         return [self.columns(motion, place, shape) for shape in shapes]
 
@@ -185,9 +183,7 @@ class StructuralEffect(Cause, Generic[S]):
         numbered = [name.replace("_k", f"_{k + 1}") for k in range(terms) for name in self.linear]
         return tuple(numbered) or self.linear
 
-    def parameters(
-        self, shape: S, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    def parameters(self, shape: S, coefficients: FloatArray, deviations: FloatArray) -> Parameters:
         """Numbers that mean something to an engineer; deviations are those of the coefficients.
 
         By default the coefficients by their `names` and the fields of the shape, as far as `specs`
@@ -288,7 +284,7 @@ def logarithmic(low: float, high: float, count: int) -> FloatArray:
     return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
 
 
-def in_words(numbers: dict[str, EffectParameter], torque: float) -> str:
+def in_words(numbers: Parameters, torque: float) -> str:
     """First number that has a deviation and is not zero; the torque where there is none."""
     for name, number in numbers.items():
         if number.std is not None and number.value != 0.0:

@@ -9,7 +9,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import EncoderError, EncoderLaw
 from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _NAMES = ("sine", "cosine", "sine_2", "cosine_2")
@@ -65,13 +65,13 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
             return ""
         return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"
 
-    def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> Torques:
         """Change of all torques with each part of the error, 1 rad."""
         return self.torques(motion, place, [shape])[0]
 
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[DiscShape]
-    ) -> list[dict[int, FloatArray]]:
+    ) -> list[Torques]:
         """What turns once a turn is in both shapes."""
         q = motion.position[:, place.joint]
         small = 1e-4

@@ -16,7 +16,7 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -80,9 +80,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
             *(DriftShape(float(time), True) for time in recording if several),
         ]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: DriftShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
         """Dry and viscous friction of one that fade."""
         v = motion.velocity[:, place.joint]
         time = motion.elapsed if shape.restarts else motion.time

@@ -17,7 +17,7 @@ from idim_iv_ros.effects.contribution import (
     TorqueLaw,
 )
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -78,9 +78,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         """Both directions, linear."""
         return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: CouplingShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: CouplingShape) -> Torques:
         """Dry and viscous friction of one, on both joints."""
         a, b = place.joint, place.other
         assert b is not None

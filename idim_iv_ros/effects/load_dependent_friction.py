@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Load, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST = 1.0  # friction as large as the load: a screw that is driven from its nut
@@ -86,7 +86,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             for load in Load
         ]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> Torques:
         """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]
         match shape.load:
@@ -122,7 +122,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
 
     def parameters(
         self, shape: LoadShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Coefficients of friction when driving and when driven."""
         return self.numbers(
             driving=(coefficients[0], deviations[0]),

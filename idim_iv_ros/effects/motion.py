@@ -5,6 +5,8 @@ from typing import Protocol
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.types import FloatArray
 
+Torques = dict[int, FloatArray]  # (s, k) by joint
+
 
 class RobotMotion(Protocol):
     """One recording's motion on a uniform grid of s samples, with the torques of the refit.

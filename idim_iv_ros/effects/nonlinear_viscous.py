@@ -9,7 +9,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _POWERS = (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)
@@ -64,9 +64,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         """It needs speed."""
         return covered.too_slow_to_bend(joint)
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: PowerShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: PowerShape) -> Torques:
         """Friction of a coefficient of one."""
         v = motion.velocity[:, place.joint]
         return {place.joint: (np.abs(v) ** shape.power * motion.slip[:, place.joint])[:, None]}

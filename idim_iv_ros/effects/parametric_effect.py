@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, EffectParameter
+from idim_iv_ros.effects.cause import Cause, EffectParameter, Parameters
 from idim_iv_ros.model import InverseModel, StandardParameter
 from idim_iv_ros.types import FloatArray
 
@@ -154,7 +154,7 @@ class ParametricEffect(Cause):
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Return the numbers that the recording determines."""
         return {
             estimate.change.name: EffectParameter(

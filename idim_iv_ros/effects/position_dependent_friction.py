@@ -10,7 +10,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs, wave_values
 from idim_iv_ros.types import FloatArray
 
@@ -102,7 +102,7 @@ class PositionDependentFriction(WaveEffect):
 
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[Waves | TightSpot]
-    ) -> list[dict[int, FloatArray]]:
+    ) -> list[Torques]:
         """The same of many waves."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = np.ascontiguousarray(motion.slip[:, place.joint])

@@ -17,7 +17,7 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST = 3
@@ -125,9 +125,7 @@ class Presliding(StructuralEffect[BristleShape]):
         terms = self.grid(place, covered)
         return [(BristleShape(shape.spans + term.spans), term) for term in terms]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: BristleShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: BristleShape) -> Torques:
         """Each bristle less the dry friction that it replaces."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = motion.slip[:, place.joint]

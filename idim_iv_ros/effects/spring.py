@@ -10,7 +10,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _CENTRES = 9
@@ -111,9 +111,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             replace(shape, width=max(width / (1.0 + step), 0.05 * span)),
         ]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: CubicShape | BentShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: CubicShape | BentShape) -> Torques:
         """Powers of the position, or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
         if isinstance(shape, CubicShape):

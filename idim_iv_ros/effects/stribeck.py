@@ -17,7 +17,7 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _EXPONENTS = (0.6, 1.0, 2.0)
@@ -74,9 +74,7 @@ class Stribeck(StructuralEffect[StribeckShape]):
         """It needs speed."""
         return covered.too_slow_to_bend(joint)
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: StribeckShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: StribeckShape) -> Torques:
         """Friction of an excess of one."""
         v = np.abs(motion.velocity[:, place.joint])
         falling = np.exp(-((v / shape.speed) ** shape.exponent))

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import CommandDelay
 from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _TERMS = 3  # of the Taylor series: the rows end where 2π f delay is about one
@@ -47,9 +47,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
         """From 0.3 to 12 ms."""
         return [DelayShape(delay) for delay in _DELAYS]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: DelayShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: DelayShape) -> Torques:
         """Taylor series of the change of the torque."""
         torque = motion.torque[:, place.joint]
         change = np.zeros_like(torque)
@@ -80,7 +78,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
 
     def parameters(
         self, shape: DelayShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """The delay, to first order: shape times coefficient."""
         return self.numbers(delay=(shape.delay * coefficients[0], shape.delay * deviations[0]))
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
 from idim_iv_ros.effects.parametric_effect import (
     Change,
@@ -46,9 +46,9 @@ class TorqueGain(ParametricEffect):
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """The factor, from the share that the recorded torque is larger."""
-        named: dict[str, EffectParameter] = {}
+        named: Parameters = {}
         for estimate in estimates:
             if estimate.std is not None:
                 factor = 1.0 / (1.0 + estimate.value)

@@ -10,7 +10,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST_WAVES = 3
@@ -138,13 +138,11 @@ class WaveEffect(StructuralEffect[Any]):
         longer = [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
         return [pair for pair in longer if _apart(pair[0], resolution)]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Any) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Any) -> Torques:
         """Sine and cosine of each wave."""
         return self.torques(motion, place, [shape])[0]
 
-    def torques(
-        self, motion: RobotMotion, place: Place, shapes: Sequence[Any]
-    ) -> list[dict[int, FloatArray]]:
+    def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Any]) -> list[Torques]:
         """Sine and cosine of each wave of many shapes."""
         made = wave_columns(motion.position[:, place.joint], shapes)
         return [{place.joint: columns} for columns in made]

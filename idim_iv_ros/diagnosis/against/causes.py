@@ -16,6 +16,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result import ContrastCause, EffectParameter, Evidence, JointTorque
 from idim_iv_ros.diagnosis.sentences import listed_numbers, or_else, spaced, torque, with_interval
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
 from idim_iv_ros.simulation import ControlLaw
 
@@ -27,7 +28,7 @@ def side_of(sets: TwoSets, term: Term) -> str:
     return "against" if (term.candidate.scope or sets.first) <= sets.second else "reference"
 
 
-def numbers_in(data: Baseline, term: Term | None) -> dict[str, EffectParameter]:
+def numbers_in(data: Baseline, term: Term | None) -> Parameters:
     """Numbers of a structural term, none where there is none."""
     if term is None:
         return {}
@@ -146,7 +147,7 @@ def _of_terms(
 def _cause(
     sets: TwoSets,
     effect: str,
-    numbers: tuple[dict[str, EffectParameter], dict[str, EffectParameter]] = ({}, {}),
+    numbers: tuple[Parameters, Parameters] = ({}, {}),
     **fields: Any,
 ) -> ContrastCause:
     """A cause with its numbers in the reference and in the second set, where they are known."""
@@ -243,7 +244,7 @@ def delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[C
 
 def _difference(
     against: Mapping[str, EffectParameter], reference: Mapping[str, EffectParameter]
-) -> dict[str, EffectParameter]:
+) -> Parameters:
     """Second set less reference, of the numbers that both have; no deviation unless both have."""
     made = {}
     for name, other in against.items():

@@ -18,7 +18,8 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Te
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Difference, EffectParameter, RecordingAgreement
+from idim_iv_ros.diagnosis.result import Difference, RecordingAgreement
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray, IntArray
@@ -124,7 +125,7 @@ class NumberChange:
     effect: ParametricEffect
     joint: int | None
     recordings: Scope
-    parameters: dict[str, EffectParameter]
+    parameters: Parameters
     terms: tuple[Term, ...]
 
 
