@@ -52,21 +52,12 @@ def surest(parameters: Mapping[str, EffectParameter], most: int) -> Parameters:
 class ParameterSpec:
     """One parameter that an effect has.
 
-    Attributes
-    ----------
-    name : str
-        As in gap.json; one that ends in _k means _1, _2, … that belong together.
-    unit : str
-        Of a revolute joint.
-    words : str
-        What it is; empty where its name says it.
-    default : float or None
-        For the simulator: None where it must be given, NaN where something else takes its place
-        (the configured gain, a stiffness from the inertias).
-    bound : Bound
-        Of numbers given to the simulator; all but "unbounded" ones must be finite.
-    standard : str
-        Kind of the standard parameter that it is a change of (Fv); empty of others.
+    `name`: as in gap.json; one that ends in _k means _1, _2, … that belong together; `unit`: of a
+    revolute joint; `words`: what it is; empty where its name says it; `default`: for the simulator:
+    None where it must be given, NaN where something else takes its place (the configured gain, a
+    stiffness from the inertias); `bound`: of numbers given to the simulator; all but "unbounded"
+    ones must be finite; `standard`: kind of the standard parameter that it is a change of (Fv);
+    empty of others.
     """
 
     name: str

@@ -49,26 +49,13 @@ class Place:
 class OperatingRange:
     """What the recordings cover, (n_joints,) each unless said otherwise.
 
-    Attributes
-    ----------
-    low, high : rad (m)
-        Positions.
-    slowest, fastest : rad/s (m/s)
-        Speed below which rows do not count, and the highest.
-    load, torque : N m (N)
-        Largest torque of the links, and of the joint.
-    inertia : kg m² (kg)
-        Mean of the links' about the joint.
-    duration, longest : float
-        s, from the start of the first to the end of the last recording, and of the longest one.
-    row_rate : float
-        Hz.
-    lever : (n_joints,)
-        1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian.
-    sticking : bool
-        Whether the closed loop is simulated, and so is known where joints stick.
-    left_out : frozenset of int
-        Joints whose torque says nothing of the robot.
+    `low`, `high`: positions, rad (m); `slowest`, `fastest`: rad/s (m/s), below which rows do not
+    count, and the highest; `load`, `torque`: largest of the links, and of the joint, N m (N);
+    `inertia`: mean of the links' about the joint, kg m² (kg); `duration`, `longest`: s, from the
+    start of the first to the end of the last recording, and of the longest one; `row_rate`: Hz;
+    `lever`: 1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian;
+    `sticking`: whether the closed loop is simulated, and so is known where joints stick;
+    `left_out`: joints whose torque says nothing of the robot.
     """
 
     low: FloatArray
