@@ -29,7 +29,7 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
-from idim_iv_ros.diagnosis.sentences import capitalised, spaced, torque
+from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import FloatArray
 
@@ -68,24 +68,17 @@ def contrast_of(
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)
     law, why_no_law = law_causes(sets, without)
-    names = ("reference", "against")
-    shifts = {name: refit.shift.common for name, refit in zip(names, sets.refits, strict=True)}
+    shifts = {name: refit.shift.common for name, refit in zip(WHERE, sets.refits, strict=True)}
     delay = delay_causes(sets, shifts)
-    causes = [
-        *structural_causes(sets, changes),
-        *parametric_causes(sets, changes, numbers),
-        *law,
-        *delay,
-    ]
+    causes = structural_causes(sets, changes) + parametric_causes(sets, changes, numbers)
+    causes += law + delay
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = tuple(
         _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE
     )
     joints, of_reference = _joints(sets, changes)
     least = settings.LEAST_NONPARAMETRIC * sets.sizes
-    unexplained = [
-        joint for joint, size in zip(joints, least, strict=True) if joint.unexplained >= size
-    ]
+    unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
     differs = bool(causes or unattributed or unexplained)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
@@ -217,10 +210,10 @@ def _unattributed(sets: TwoSets, term: Term) -> str:
 def _in_words(data: Baseline, term: Term) -> str:
     """An effect and its joint."""
     effect, place = term.candidate.effect, term.candidate.place
-    where = "" if place is None else f" at {data.joints[place.joint]}"
+    joint = None if place is None else data.joints[place.joint]
     if isinstance(effect, Nonparametric):
-        return f"a torque{where} that {effect.words}"
-    return f"{spaced(effect.name)}{where}"
+        return f"{placed('a torque', joint, 'at')} that {effect.words}"
+    return placed(effect.name, joint, "at")
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:
@@ -239,10 +232,10 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
             if term in changes.doubtful:
                 after[joint] += moved
     alone = _with_numbers_of_second(sets, changes, after)
-    rates = [
+    one, other = (
         min(motion.signals.rate for motion in refit.data.prepared.motions) for refit in sets.refits
-    ]
-    noise = float(np.sqrt(max(1.0, rates[0] / rates[1])))  # fewer samples in a row: more noise
+    )
+    noise = float(np.sqrt(max(1.0, one / other)))  # fewer samples in a row: more noise
     made, of_reference = [], []
     for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
         first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
