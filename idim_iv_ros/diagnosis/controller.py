@@ -202,10 +202,8 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
     late = []
     if delay is not None:  # longer than a control of this period makes it
-        before, after = zip(
-            *((change.left_of_lag(usual), change.before) for change in shown.joints.values()),
-            strict=True,
-        )
+        before = [change.left_of_lag(usual) for change in shown.joints.values()]
+        after = [change.before for change in shown.joints.values()]
         said = sentences.commands_late(delay, shown.period)
         late.append(delay_of_all(delay, before, after, said))
     return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), tuple(late))
@@ -233,8 +231,7 @@ def shown_law(data: Baseline) -> ShownLaw:
     law = control_law(section, len(data.joints))
     period = control_period(section, [motion.signals.rate for motion in motions])
     speed = law_speed(motions, law)
-    joints = {}
-    findings = data.prepared.joint_findings
+    findings, joints = data.prepared.joint_findings, {}
     wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = command_rows(motions, law, joint, speed, period)

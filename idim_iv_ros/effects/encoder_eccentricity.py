@@ -79,15 +79,9 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         if any(shape.twice for shape in shapes):
             errors += [np.sin(2 * q), np.cos(2 * q)]
         parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
-        return [
-            {
-                joint: np.column_stack(
-                    [part[:, joint] for part in parts[: 4 if shape.twice else 2]]
-                )
-                for joint in range(motion.position.shape[1])
-            }
-            for shape in shapes
-        ]
+        tables = np.stack(parts, axis=2)  # (s, n_joints, parts)
+        joints = range(tables.shape[1])
+        return [{j: tables[:, j, : 4 if shape.twice else 2] for j in joints} for shape in shapes]
 
     def admissible(self, shape: DiscShape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""

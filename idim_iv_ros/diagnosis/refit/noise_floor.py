@@ -172,15 +172,14 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
 
 
 def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
-    best, least = None, float(settings.REPEAT_TOLERANCE)
-    for shift in range(lag - stride, lag + stride + 1):
+    def distance(shift: int) -> float:
         low, high = max(0, -shift), min(len(one), len(two) - shift)
         part = one[low:high]
-        difference = part - two[low + shift : high + shift]
-        distance = np.sqrt(np.sum(difference**2) / np.sum((part - part.mean(axis=0)) ** 2))
-        if distance < least:
-            best, least = shift, float(distance)
-    return best
+        squares = np.sum((part - two[low + shift : high + shift]) ** 2)
+        return float(np.sqrt(squares / np.sum((part - part.mean(axis=0)) ** 2)))
+
+    best = min(range(lag - stride, lag + stride + 1), key=distance)
+    return best if distance(best) < settings.REPEAT_TOLERANCE else None
 
 
 def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.model import DynamicParameters, RobotModel
+from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.closed_loop import replay
@@ -129,34 +130,17 @@ def simulated_slips(
 
 
 @dataclass(frozen=True)
-class SmoothMotion:
+class SmoothMotion(RobotMotion):
     """One recording's motion on a grid between that of the samples and that of the rows.
 
-    `links`, `whole`: dynamics of the refit: the rigid bodies alone, and with drives and friction;
-    `rate`: of this grid, Hz; `start`, `time` (s,): in the session, s (`recording.session`);
-    `position`, `velocity`, `acceleration`: (s, n_joints) rad, rad/s, rad/s² (m …); `slip` (s,
-    n_joints): dry friction as a share of its level, −1 to 1: the sign of the speed, and between
-    while the simulated joint sticks; `decimation`: from this grid to the rows of the regression, of
-    which those `kept` (m, n_joints) count.
+    `whole`: dynamics of the refit with drives and friction; `slip`: the sign of the speed, and
+    between while the simulated joint sticks; `decimation`: from this grid to the rows of the
+    regression, of which those `kept` (m, n_joints) count.
     """
 
-    robot: RobotModel
-    links: DynamicParameters
     whole: DynamicParameters
-    rate: float
-    start: float
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    slip: FloatArray
     decimation: ParallelDecimation
     kept: NDArray[np.bool_]
-
-    @property
-    def elapsed(self) -> FloatArray:
-        """(s,) s since the start of the recording."""
-        return self.time - self.start
 
     @cached_property
     def load(self) -> FloatArray:
@@ -200,15 +184,12 @@ class SmoothMotion:
 
         `links`: of the links alone (what is behind the shaft), else of everything.
         """
-        position = self.position.copy()
-        velocity = self.velocity.copy()
-        acceleration = self.acceleration.copy()
+        states = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
         rate = np.gradient(shift, 1.0 / self.rate)
-        position[:, joint] += shift
-        velocity[:, joint] += rate
-        acceleration[:, joint] += np.gradient(rate, 1.0 / self.rate)
-        parameters = self.links if links else self.whole
-        moved = inverse_dynamics(self.robot, parameters, position, velocity, acceleration)
+        changes = shift, rate, np.gradient(rate, 1.0 / self.rate)
+        for state, change in zip(states, changes, strict=True):
+            state[:, joint] += change
+        moved = inverse_dynamics(self.robot, self.links if links else self.whole, *states)
         return moved - (self.load if links else self._torque_of_whole)
 
     def rows(self, values: FloatArray) -> FloatArray:
@@ -216,9 +197,8 @@ class SmoothMotion:
         return self.decimation.whole(values)
 
     def _torque(self, parameters: DynamicParameters) -> FloatArray:
-        return inverse_dynamics(
-            self.robot, parameters, self.position, self.velocity, self.acceleration
-        )
+        states = self.position, self.velocity, self.acceleration
+        return inverse_dynamics(self.robot, parameters, *states)
 
 
 def smooth_motions(
