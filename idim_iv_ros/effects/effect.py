@@ -137,8 +137,9 @@ class StructuralEffect(Cause, Generic[S]):
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
     # for factors about one only), or in the shape alone, the coefficient being one.
     size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
-    # Middle (geometric) of the largest torques that are typical of arms; see `plausible`.
-    typical: ClassVar[ShareOf | None] = None
+    # Middle (geometric) of the largest torques that are typical of arms, or (a plain number) of the
+    # numbers that are fitted; see `plausible`.
+    typical: ClassVar[ShareOf | float | None] = None
     # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
     beyond_knee: ClassVar[bool] = False
     # Whether a simulator that softens dry friction leaves nothing to see of it.
@@ -216,12 +217,16 @@ class StructuralEffect(Cause, Generic[S]):
     def plausible(
         self, shape: S, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
-        """Whether arms may well have it in this size: any, unless `typical` bounds the torque.
+        """Whether arms may well have it in this size: any, unless `typical` bounds it.
 
         An effect of which only larger sizes would be seen may be there without a trace. `torque`:
         the largest that it adds, N m (N).
         """
-        return self.typical is None or torque <= self.typical.torque(scale)
+        most = self.typical
+        if most is None or isinstance(most, ShareOf):
+            return most is None or torque <= most.torque(scale)
+        fitted = self.parameters(shape, coefficients, np.zeros(len(coefficients))).values()
+        return all(abs(number.value) <= most for number in fitted if number.std is not None)
 
     def impossible(
         self, shape: S, coefficients: FloatArray, joint: int, covered: OperatingRange
@@ -240,7 +245,13 @@ class StructuralEffect(Cause, Generic[S]):
     def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:
         """First number that is fitted and not zero, with its unit and the largest torque."""
         numbers = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
-        return in_words(numbers, torque)
+        for name, number in numbers.items():
+            if number.std is not None and number.value != 0.0:
+                plain = number.unit == "N m" or torque <= 0.0
+                size = f"{number.value:.2g} {number.unit}".rstrip()
+                more = "" if plain else f" (up to {torque:.2g} N m)"
+                return f"{name.replace('_', ' ')} = {size}{more}"
+        return f"{torque:.2g} N m"
 
     def size_of(self, shape: S) -> float:
         """Size of an effect that has it in its shape (see `size_in`): the first number."""
@@ -269,14 +280,3 @@ Effect = StructuralEffect[Any]
 def logarithmic(low: float, high: float, count: int) -> FloatArray:
     """Count numbers from low to high, evenly spaced in their logarithm."""
     return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
-
-
-def in_words(numbers: Parameters, torque: float) -> str:
-    """First number that has a deviation and is not zero; the torque where there is none."""
-    for name, number in numbers.items():
-        if number.std is not None and number.value != 0.0:
-            unit = f" {number.unit}" if number.unit else ""
-            plain = number.unit == "N m" or torque <= 0.0
-            more = "" if plain else f" (up to {torque:.2g} N m)"
-            return f"{name.replace('_', ' ')} = {number.value:.2g}{unit}{more}"
-    return f"{torque:.2g} N m"

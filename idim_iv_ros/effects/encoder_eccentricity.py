@@ -8,12 +8,11 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import EncoderError, EncoderLaw
-from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _NAMES = ("sine", "cosine", "sine_2", "cosine_2")
-_TYPICAL = 0.002  # rad, of 0.01 to 5 mrad
 _LEAST_TURN = 0.5  # rad
 
 
@@ -44,6 +43,7 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     name = "encoder_eccentricity"
     order = 140
     family = "position"
+    typical = 0.002  # rad, of 0.01 to 5 mrad
     linear = _NAMES
     confounders = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
@@ -86,12 +86,6 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     def admissible(self, shape: DiscShape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""
         return bool(np.max(np.abs(coefficients)) < 0.05)
-
-    def plausible(
-        self, shape: DiscShape, coefficients: FloatArray, torque: float, scale: JointScale
-    ) -> bool:
-        """Amplitudes up to the middle of what encoders have."""
-        return bool(np.max(np.abs(coefficients)) <= _TYPICAL)
 
     def contributions(self, given: GivenNumbers) -> list[EncoderError]:
         """What the encoder shows beyond the position."""

@@ -9,12 +9,11 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Load, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST = 1.0  # friction as large as the load: a screw that is driven from its nut
-_TYPICAL = 0.1  # of the load: 3 to 40 %
 _LOADS = {
     Load.LINKS: "load: torque of the links",
     Load.MOTOR: "load: torque of the motor",
@@ -52,6 +51,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     name = "load_dependent_friction"
     order = 40
     part = "friction"
+    typical = 0.1  # of the load: 3 to 40 %
     family = "load"
     ends: ClassVar = {"exponent": (0.6, 1.6)}
     fixed = ("scale",)
@@ -102,12 +102,6 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             return {place.joint: whole[:, None]}
         driving = load * v > 0.0
         return {place.joint: np.column_stack([whole * driving, whole * ~driving])}
-
-    def plausible(
-        self, shape: LoadShape, coefficients: FloatArray, torque: float, scale: JointScale
-    ) -> bool:
-        """Coefficients up to the middle of what gears have."""
-        return bool(max(coefficients[0], coefficients[-1]) <= _TYPICAL)
 
     def impossible(
         self, shape: LoadShape, coefficients: FloatArray, joint: int, covered: OperatingRange

@@ -7,14 +7,13 @@ import numpy as np
 
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import CommandDelay
-from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _TERMS = 3  # of the Taylor series: the rows end where 2π f delay is about one
 _DELAYS = (0.0003, 0.0006, 0.001, 0.002, 0.004, 0.008, 0.012)
 _LONGEST = 0.02  # s
-_TYPICAL_DELAY = 0.002  # s, of 0.25 to 20 ms
 
 
 @dataclass(frozen=True)
@@ -35,6 +34,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
     put_in_first = True
     part = "delay"
     family = "frequency"
+    typical = 0.002  # s, of 0.25 to 20 ms
     ends: ClassVar = {"delay": (1e-4, np.inf)}
     confounders = ("elasticity", "nonlinear_viscous")
     excitation = "energy above 2 Hz and sharp reversals"
@@ -61,12 +61,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
     def admissible(self, shape: DelayShape, coefficients: FloatArray) -> bool:
         """The whole torque is late, not a part of it; short shapes times much are slow loops."""
         return bool(coefficients[0] > 0.4)
-
-    def plausible(
-        self, shape: DelayShape, coefficients: FloatArray, torque: float, scale: JointScale
-    ) -> bool:
-        """Delays up to the middle of what drives have."""
-        return bool(shape.delay * coefficients[0] <= _TYPICAL_DELAY)
 
     def impossible(
         self, shape: DelayShape, coefficients: FloatArray, joint: int, covered: OperatingRange

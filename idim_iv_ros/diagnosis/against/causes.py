@@ -174,23 +174,21 @@ def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCa
         if reason:
             return [], f"the control laws of the sets were not compared: {reason} ({name})"
     one, other = (shown_law(refit.data) for refit in sets.refits)
-    causes = [
-        _law_cause(
-            sets, one.law, joint, one.joints[joint].every.followed_by(other.joints[joint].every)
-        )
-        for joint in sorted(set(one.joints) & set(other.joints))
-    ]
-    return [cause for cause in causes if cause is not None], ""
+    causes = []
+    for joint in sorted(set(one.joints) & set(other.joints)):
+        rows = one.joints[joint].every.followed_by(other.joints[joint].every)
+        causes += _law_cause(sets, one.law, joint, rows)
+    return causes, ""
 
 
 def _law_cause(
     sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows
-) -> ContrastCause | None:
-    """What one joint is controlled by otherwise in the second set; None where in nothing."""
+) -> list[ContrastCause]:
+    """What one joint is controlled by otherwise in the second set; none where in nothing."""
     change = law_change(rows)
     differing = [term for term in change.terms if term.key[3] is not None]
     if not differing:
-        return None
+        return []
     groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
     command = np.zeros(len(rows.rest))
     for term in differing:
@@ -213,15 +211,9 @@ def _law_cause(
         f"control law of {made.joint} changed: {changed} "
         f"({100.0 * made.share_of_torque:.3g} % of its torque)"
     )
-    return _cause(
-        sets,
-        CONTROL_LAW.name,
-        (reference, against),
-        joint=made.joint,
-        evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
-        sentence=sentence,
-        torques=(made,),
-    )
+    said = {"joint": made.joint, "sentence": sentence, "torques": (made,)}
+    evidence = Evidence(2.0 * sum(term.evidence for term in differing))
+    return [_cause(sets, CONTROL_LAW.name, (reference, against), evidence=evidence, **said)]
 
 
 def delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:

@@ -70,12 +70,10 @@ def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Meas
 def _measured(data: Baseline, regression: Regression, encoder: JointFinding) -> Measured:
     joint, name = encoder.joint, data.joints[encoder.joint]
     rows = twist_rows(data, regression, joint)
-    reason = encoder.sentence if encoder.level == "limited" else ""
-    if len(rows.load) < settings.LEAST_ROWS:
-        reason = (
-            f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
-            "with this joint moving"
-        )
+    reason, count = encoder.sentence if encoder.level == "limited" else "", len(rows.load)
+    if count < settings.LEAST_ROWS:
+        longer = "record for longer, with this joint moving"
+        reason = f"only {count} rows of the encoder behind the gear count: {longer}"
     if reason:
         return Measured(joint, Transmission(joint=name, reason=reason))
     fit = fit_twist(rows)
