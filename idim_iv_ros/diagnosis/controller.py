@@ -45,13 +45,8 @@ _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing els
 class LawChange:
     """What differs from the configured law at one joint.
 
-    Attributes
-    ----------
-    every, rows : CommandRows
-        All rows, and those that are not near an event.
-    comparison : Comparison
-    terms : tuple of Term
-        Groups that differ; of two sets, those of the second one have a scope.
+    `every`, `rows`: all rows, and those that are not near an event; `terms`: groups that differ; of
+    two sets, those of the second one have a scope.
     """
 
     every: CommandRows
@@ -70,10 +65,9 @@ class LawChange:
         nominal, model, rate = self.comparison.nominal, self.model, self.rows.errors[:, 0]
         part = np.zeros(len(nominal.root))
         part[:TIMES] = rate @ self.rows.errors / max(float(rate @ rate), 1e-300)
-        spread = float(np.sum((part @ nominal.root) ** 2))
-        if self.terms:
-            moved = np.concatenate([part @ nominal.products_of(term).moved for term in self.terms])
-            spread += float(moved @ model.covariance @ moved)
+        moved = [part @ nominal.products_of(term).moved for term in self.terms]
+        moving = np.concatenate([np.zeros(0), *moved])
+        spread = float(np.sum((part @ nominal.root) ** 2) + moving @ model.covariance @ moving)
         return self.rows.lag + float(part @ model.errors), spread**0.5
 
     @property
@@ -86,19 +80,14 @@ class LawChange:
         }
 
     @property
-    def statistic(self) -> float:
-        """Twice the evidence of the terms."""
-        return 2.0 * sum(term.evidence for term in self.terms)
+    def before(self) -> float:
+        """RMS of what the errors of the recording alone leave, N m (N)."""
+        return rms(ModelWithTerms(self.comparison.nominal, ()).residuals[0])
 
-    @property
-    def before(self) -> FloatArray:
-        """(r,) what the errors of the recording alone leave, N m (N)."""
-        return ModelWithTerms(self.comparison.nominal, ()).residuals[0]
-
-    def left_of_lag(self, lag: float) -> FloatArray:
-        """(r,) what an effort that is late by `lag`, s, leaves, with all else on time, N m (N)."""
+    def left_of_lag(self, lag: float) -> float:
+        """RMS of what an effort that is late by `lag`, s, leaves, all else on time, N m (N)."""
         rest = self.rows.rest - (lag - self.rows.lag) * self.rows.errors[:, 0]
-        return independent_basis(self.rows.constants).remove(rest)
+        return rms(independent_basis(self.rows.constants).remove(rest))
 
     @property
     def beyond(self) -> FloatArray:
@@ -145,21 +134,12 @@ def why_not_checked(data: Baseline) -> str:
 
 @dataclass(frozen=True)
 class LawCheck:
-    """Recorded commands against the configured law.
+    """Recorded commands against the configured law, one cause for each joint with another law.
 
-    Attributes
-    ----------
-    causes : tuple of Cause
-        One for each joint with another law.
-    gains : dict of str to float
-        By which the whole command is larger, at joints where nothing else is another.
-    speed : LawSpeed or None
-        The speed that explains the commands best; None where nothing can be compared.
-    beyond : tuple of str
-        What the commands hold beyond the law and its changes, one sentence for each joint where
-        it is much.
-    delay : tuple of Cause
-        One where most joints follow the law later than a control of this period makes them.
+    `gains`: by which the whole command is larger, at joints where nothing else is another; `speed`:
+    that explains the commands best, None where nothing can be compared; `beyond`: what the commands
+    hold beyond the law and its changes, one sentence for each joint where it is much; `delay`: one
+    cause where most joints follow the law later than a control of this period makes them.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -171,32 +151,23 @@ class LawCheck:
     def not_shown_by_torque(
         self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
     ) -> "LawCheck":
-        """Leave out other laws that what the torque shows explains.
+        """Leave out other laws that causes (`numbers`) or `effects` of the torque explain.
 
-        A gain of the drive alone changes no command. One of what is recorded changes all of them
-        by the inverse of the gain: then both are one cause. Where an encoder is eccentric the
-        commands follow another position.
-
-        Parameters
-        ----------
-        numbers
-            Parametric causes.
-        effects
-            Structural ones.
+        A gain of the drive alone changes no command. One of what is recorded changes all of them by
+        the inverse of the gain: then both are one cause. Where an encoder is eccentric the commands
+        follow another position.
         """
-        same = {
+        same: set[str | None] = {
             data.joints[term.place.joint]
             for term in effects
             if set(ENCODER_LAWS) & set(term.effect.laws)
         }
         for cause in numbers:
-            factor, joint = cause.parameters.get("factor"), cause.joint
-            if BY_NAME[cause.effect].part != "torque scale" or joint not in self.gains:
-                continue
-            if factor is not None and factor.std is not None:
-                apart = abs(1.0 / (1.0 + self.gains[joint]) - factor.value)
-                if apart < settings.NORMAL_95 * factor.std:
-                    same.add(joint)
+            factor, scaled = cause.parameters.get("factor"), cause.joint in self.gains
+            if factor and scaled and BY_NAME[cause.effect].part == "torque scale":
+                apart = abs(1.0 / (1.0 + self.gains[cause.joint or ""]) - factor.value)
+                if apart < settings.NORMAL_95 * (factor.std or 0.0):
+                    same.add(cause.joint)
         return replace(self, causes=tuple(c for c in self.causes if c.joint not in same))
 
 
@@ -209,11 +180,8 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
     control until the effort acts is a delay of all joints. Empty where nothing can be compared or
     nothing differs; `why_not_checked` says why.
 
-    Parameters
-    ----------
-    shift
-        Common time from the recorded effort to the torque on the joints, s (`signal_chain`);
-        negative where the effort is measured after it acts: it is late by that, and not the law.
+    `shift`: from the recorded effort to the torque on the joints, s (`signal_chain`); negative
+    where the effort is measured after it acts: it is late by that, and not the law.
     """
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
@@ -232,26 +200,22 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
-    late = () if delay is None else (_delay_of_all(shown, delay, usual),)
-    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), late)
+    late = []
+    if delay is not None:  # longer than a control of this period makes it
+        before = [change.left_of_lag(usual) for change in shown.joints.values()]
+        after = [change.before for change in shown.joints.values()]
+        said = sentences.commands_late(delay, shown.period)
+        late.append(delay_of_all(delay, before, after, said))
+    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), tuple(late))
 
 
 @dataclass(frozen=True)
 class ShownLaw:
     """What the commands say of the configured law.
 
-    Attributes
-    ----------
-    law : ControlLaw
-        As configured.
-    speed : LawSpeed
-    period : float
-        Of the control, s.
-    resolution : float
-        Difference of two lags that a recording of this rate can show, s: half of its interval, at
-        which the law is evaluated, and the period of the control.
-    joints : dict of int to LawChange
-        The smallest change that explains the commands, of joints that have rows enough.
+    `period`: of the control, s; `resolution`: difference of two lags that a recording of this rate
+    can show, s: half of its interval, at which the law is evaluated, and the period; `joints`: the
+    smallest change that explains the commands, of joints that have rows enough.
     """
 
     law: ControlLaw
@@ -267,8 +231,7 @@ def shown_law(data: Baseline) -> ShownLaw:
     law = control_law(section, len(data.joints))
     period = control_period(section, [motion.signals.rate for motion in motions])
     speed = law_speed(motions, law)
-    joints = {}
-    findings = data.prepared.joint_findings
+    findings, joints = data.prepared.joint_findings, {}
     wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = rows_of_late_command(motions, law, joint, speed, period)
@@ -282,10 +245,7 @@ def shown_law(data: Baseline) -> ShownLaw:
 def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:
     """Lag up to which a joint's is no mismatch, s; and that of most joints where it is a cause.
 
-    Parameters
-    ----------
-    usual
-        Lag up to which one is that of a control of this period, s.
+    `usual`: lag up to which one is that of a control of this period, s.
     """
     if len(shown.joints) < 2:
         return usual, None
@@ -300,19 +260,12 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
     return common + apart, EffectParameter(common, std, "s") if late else None
 
 
-def _delay_of_all(shown: ShownLaw, delay: EffectParameter, usual: float) -> Cause:
-    """A delay of all joints that is longer than a control of this period makes it."""
-    before = [rms(change.left_of_lag(usual)) for change in shown.joints.values()]
-    after = [rms(change.before) for change in shown.joints.values()]
-    return delay_of_all(delay, before, after, sentences.commands_late(delay, shown.period))
-
-
 def _cause(
     data: Baseline, law: ControlLaw, joint: int, change: LawChange, longest: float
 ) -> tuple[dict[str, tuple[float, float]], Cause | None]:
     """What differs from the law at one joint, (value, std) by group, and the cause if it does."""
-    changes, statistic = change.changes, change.statistic
-    before, after = change.before, change.model.residuals[0]
+    changes, statistic = change.changes, 2.0 * sum(term.evidence for term in change.terms)
+    before, after = change.before, rms(change.model.residuals[0])
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
     if lag - settings.CLEAR_DEVIATIONS * std > longest:
@@ -321,8 +274,7 @@ def _cause(
         before = change.left_of_lag(longest)
     if not changes:
         return changes, None
-    one, two = rms(before), rms(after)
-    if two >= one:
+    if after >= before:
         return {}, None  # likelier in the noise of the rows, and further from the commands
     cause = Cause(
         effect=CONTROL_LAW.name,
@@ -331,6 +283,6 @@ def _cause(
         sentence="",
         parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
         evidence=Evidence(statistic),
-        torque_gap=Gap.between(one, two),
+        torque_gap=Gap.between(before, after),
     )
     return changes, replace(cause, sentence=sentences.controller_cause(data, cause))

@@ -144,9 +144,8 @@ def concluded(
     effects = [effect.term for effect in explanation.effects]
     recordings = agreement(data, regression, effects, without)
     numbers, errors = parametric_causes(data, explanation)
-    law = check_law(data, without, shift=refit.shift.shift).not_shown_by_torque(
-        data, numbers, effects
-    )
+    law = check_law(data, without, shift=refit.shift.shift)
+    law = law.not_shown_by_torque(data, numbers, effects)
     causes = [
         *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),
         *numbers,
@@ -162,23 +161,18 @@ def concluded(
     watch.stage("where", 0.95)
     gaps, findings = where(data, regression, explanation.fits[0], explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
-    sigmas = [floor.sigma for floor in explanation.floors]
-    noise = floor_noise_models(explanation.fits[0], sigmas)
+    noise = floor_noise_models(explanation.fits[0], [floor.sigma for floor in explanation.floors])
     made = explanation.selection.comparison.catalogue.made
-    not_testable = (
-        *not_shown_by_motion(data, regression, structural, noise, made),
-        *refit.not_testable,
-    )
+    hidden = not_shown_by_motion(data, regression, structural, noise, made)
+    named = {(cause.effect, cause.joint) for cause in causes}
 
     outside = unexplained(data, explanation)
     residual = unexplained_residual(data, explanation, stages)
     not_named = remaining(errors, settings.LEAST_PARAMETER_ERROR)
     small = not_named if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
-    nothing_shown = len(data.left_out) == len(data.joints)
-    verdict = verdict_of(
-        causes, outside, parameters=bool(not_named), unexplained=bool(residual) or nothing_shown
-    )
     more_errors = not_named or small
+    much_left = bool(residual) or len(data.left_out) == len(data.joints)
+    verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=much_left)
     summary = [
         sentences.disagreement([recording for recording in recordings if not recording.agrees]),
         sentences.largest_gap(
@@ -217,9 +211,8 @@ def concluded(
         *law.beyond,
         sentences.friction_not_given(data, explanation.selection.comparison.catalogue.space),
         *(
-            f"{data.joints[finding.joint]} is left out: {finding.sentence}"
+            f"{data.joints[finding.joint]} is left out: {finding.sentence}" * finding.left_out
             for finding in prepared.joint_findings
-            if finding.left_out
         ),
         ARMATURE_MISSING * prepared.armature_missing,
         prepared.why_no_given,
@@ -231,10 +224,10 @@ def concluded(
         *prepared.reasons,
         *(sentences.small_nonparametric(data, t) for t in explanation.outside if not matters(t)),
     ]
-    named = {(cause.effect, cause.joint) for cause in causes}
     physical, why_not = _consistent(refit, explanation)
-    base, values = prepared.model.base, explanation.fit.values
-    deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0))
+    base, values = prepared.model.base, explanation.fit.values.tolist()
+    deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0)).tolist()
+    fitted = zip(base.names, values, deviations[: len(values)], base.units, strict=True)
     leads = () if refit.softened is None else zip(data.joints, refit.softened.leads, strict=True)
     if refit.gravity is not None:
         with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
@@ -256,16 +249,15 @@ def concluded(
         where=gaps,
         findings=findings,
         not_testable=tuple(
-            effect for effect in not_testable if (effect.effect, effect.joint) not in named
+            effect
+            for effect in (*hidden, *refit.not_testable)
+            if (effect.effect, effect.joint) not in named
         ),
         stages=stages,
         series=_series(refit, explanation),
         tracking=tracking_series(data, tracked[0], tracked[-1]),
         notes=tuple(dict.fromkeys(note for note in notes if note)),
-        extended_parameters={
-            name: EffectParameter(float(values[k]), float(deviations[k]), base.units[k])
-            for k, name in enumerate(base.names)
-        },
+        extended_parameters={name: EffectParameter(*number) for name, *number in fitted},
         physical=physical,
         why_no_physical=why_not,
         kinematics=kinematics_digest(prepared.model.robot),
@@ -308,9 +300,7 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
 
 def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
     """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
-    rows, names = refit.regression.joints[joint], refit.data.prepared.model.base.names
-    kinds = {f"{kind}{joint + 1}" for kind in ("Fv", "Fc", "off")}
-    chosen = [place for place, column in enumerate(rows.columns) if names[column] in kinds]
+    rows, chosen = refit.regression.joints[joint], refit.data.columns_of(joint, "Fv", "Fc", "off")
     return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
 
 
@@ -321,7 +311,7 @@ def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameter
         replace(joint, torque=joint.prediction(fit.values) + residual)
         for joint, residual in zip(refit.regression.joints, fit.residuals, strict=True)
     ]
-    sigma = np.array([max(float(np.std(residual)), 1e-300) for residual in fit.residuals])
+    sigma = np.maximum([np.std(residual) for residual in fit.residuals], 1e-300)
     covariance = fit.covariance[:parameters, :parameters]
     # Effects of friction share their joint's Fv and Fc: only the sum is friction.
     terms = [effect.term for effect in explanation.effects if effect.term.effect.part == "friction"]

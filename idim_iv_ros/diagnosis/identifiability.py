@@ -79,8 +79,7 @@ def detectability(
     """
     if not shapes:
         return "no shape of it is possible on this motion", ""
-    needed = max(_NONCENTRALITY, _LEAST_SHARE * rows)
-    least_absorbed = 1.0
+    needed, least_absorbed = max(_NONCENTRALITY, _LEAST_SHARE * rows), 1.0
     options: list[tuple[bool, float, str]] = []
     for shape, columns in shapes:
         energy, left = absorption.left(columns)
@@ -95,17 +94,18 @@ def detectability(
         coefficients, torque = seen
         size = effect.size_of(shape) if effect.size_in == "shape" else torque
         plausible = effect.plausible(shape, coefficients, torque, scale)
-        words = effect.size_in_words(shape, coefficients, torque)
-        options.append((not plausible, size, words))
+        options.append((not plausible, size, effect.size_in_words(shape, coefficients, torque)))
     if least_absorbed > settings.ABSORBED:
-        share_absorbed = 100.0 * least_absorbed
-        return f"the model's own parameters absorb {share_absorbed:.1f} % of it on this motion", ""
+        absorbed = f"{100.0 * least_absorbed:.1f} %"
+        return f"the model's own parameters absorb {absorbed} of it on this motion", ""
     if not options:
         return "its torque stays within the noise at every size that was tried", ""
     implausible, _, words = min(options)
-    if implausible:
-        return f"it would be seen from {words} on, and is often smaller", words
-    return "", ""
+    return (
+        (f"it would be seen from {words} on, and is often smaller", words)
+        if implausible
+        else ("", "")
+    )
 
 
 def _smallest(
@@ -141,10 +141,8 @@ def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
     lever = float(covered.lever[joint])
     span, length = covered.span(joint), covered.length(joint)
     fastest = float(covered.fastest[joint])
-    if (
-        span <= settings.LEAST_RANGE * lever
-        or fastest <= settings.LEAST_SPEED_RANGE * covered.slowest[joint]
-    ):
+    slow = fastest <= settings.LEAST_SPEED_RANGE * covered.slowest[joint]
+    if slow or span <= settings.LEAST_RANGE * lever:
         return f"the joint hardly moves ({span:.2g} {length})"
     if fastest < settings.LEAST_FASTEST * lever:
         return (
@@ -213,11 +211,7 @@ def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[Autore
 
 
 def _shaped(
-    data: Baseline,
-    effect: Effect,
-    place: Place,
-    covered: OperatingRange,
-    made: Made,
+    data: Baseline, effect: Effect, place: Place, covered: OperatingRange, made: Made
 ) -> list[tuple[Shape, Columns]]:
     """A few shapes from all over the grid that are possible on the motion, with their columns."""
     grid = effect.grid(place, covered)

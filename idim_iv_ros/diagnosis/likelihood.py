@@ -26,21 +26,12 @@ Columns = Mapping[int, FloatArray]
 
 @dataclass(frozen=True)
 class Fit:
-    """Outcome of one fit.
+    """Outcome of one fit: b parameters of the model and k coefficients of the added columns.
 
-    Attributes
-    ----------
-    values : (b,)
-        Of the model's parameters.
-    coefficients : (k,)
-        Of the added columns; zero for a column that depends on those before it.
-    covariance : (b + k, b + k)
-        Zero for such columns.
-    noise_models : tuple of AutoregressiveModel
-    residuals : one (r_j,) array for each joint, N m, not whitened
-    log_likelihoods : (n_joints,)
-        Concentrated, less one for each coefficient of a noise model (Akaike); zero of a joint that
-        is left out.
+    A column that depends on those before it has zero coefficient and `covariance` (b + k, b + k);
+    `residuals` (r_j,) of each joint, N m (N), are not whitened; `log_likelihoods` (n_joints,) are
+    concentrated, less one for each coefficient of a noise model (Akaike), zero of a joint that is
+    left out.
     """
 
     values: FloatArray
@@ -114,14 +105,10 @@ class Regression:
         """
         current = self._first_noise_models() if noise_models is None else tuple(noise_models)
         for step in range(steps + 1):
-            factor = stacked_r_factor(
-                [
-                    rows.standardized_r_factor(noise)
-                    for rows, noise in zip(self.extended, current, strict=True)
-                ],
-                [rows.places for rows in self.extended],
-                self.total + 1,
-            )
+            pairs = zip(self.extended, current, strict=True)
+            factors = [rows.standardized_r_factor(noise) for rows, noise in pairs]
+            places = [rows.places for rows in self.extended]
+            factor = stacked_r_factor(factors, places, self.total + 1)
             basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
             solution = basis.solve(factor[:, -1], self.total)
             residuals = tuple(rows.residual(solution) for rows in self.extended)
@@ -131,18 +118,17 @@ class Regression:
                     for residual, rows in zip(residuals, self.joints, strict=True)
                 )
         root = basis.inverse_root(self.total)
+        likelihoods = [
+            0.0 if rows.left_out else _log_likelihood(residual, rows.segments, noise)
+            for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
+        ]
         return Fit(
             values=solution[: self.parameters],
             coefficients=solution[self.parameters :],
             covariance=root @ root.T,
             noise_models=current,
             residuals=residuals,
-            log_likelihoods=np.array(
-                [
-                    0.0 if rows.left_out else _log_likelihood(residual, rows.segments, noise)
-                    for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
-                ]
-            ),
+            log_likelihoods=np.array(likelihoods),
         )
 
     def _first_noise_models(self) -> tuple[AutoregressiveModel, ...]:

@@ -13,14 +13,13 @@ from idim_iv_ros.diagnosis.result import (
     EffectParameter,
     Hint,
     Indistinguishable,
-    JointChange,
     JointGap,
     ParameterError,
     RecordingAgreement,
     Transmission,
     Unexplained,
 )
-from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.effects.cause import Parameters, surest
 from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 
@@ -38,7 +37,7 @@ def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     where there is one kind only.
     """
     assert cause.joint is not None
-    where = cause.joint if cause.other_joint is None else f"{cause.joint} and {cause.other_joint}"
+    where = " and ".join(filter(None, (cause.joint, cause.other_joint)))
     gap = cause.torque_gap
     text = (
         f"{spaced(cause.effect)} at {where}{meaning and f' ({meaning})'}, "
@@ -55,17 +54,14 @@ def likely(probability: float | None) -> str:
     """A probability in words; that of what nothing was calibrated for is not given."""
     if probability is None:
         return "no probability"
-    percent = min(round(100.0 * probability), 99)
-    return f"{percent} % probable"
+    return f"{min(round(100.0 * probability), 99)} % probable"
 
 
-def hint(
-    effect: str, joints: Sequence[str], parameters: dict[str, EffectParameter], reason: str
-) -> str:
+def hint(effect: str, joints: Sequence[str], parameters: Parameters, reason: str) -> str:
     """Say what a doubtful effect would be, and why it is no cause."""
     numbers = listed_numbers(effect, parameters)
-    place = " and ".join(joints)
-    return f"{spaced(effect)} at {place}{f' ({numbers})' if numbers else ''}: only a hint, {reason}"
+    more = numbers and f" ({numbers})"
+    return f"{spaced(effect)} at {' and '.join(joints)}{more}: only a hint, {reason}"
 
 
 def disagreement(differing: Sequence[RecordingAgreement]) -> str:
@@ -74,8 +70,7 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
         return ""
     first = max(differing, key=lambda recording: recording.share_of_torque)
     causes = ", ".join(
-        f"{spaced(one.effect)}{f' of {one.joint}' if one.joint else ''} "
-        f"({listed_numbers(one.effect, one.parameters, 1)})"
+        f"{placed(one.effect, one.joint)} ({listed_numbers(one.effect, one.parameters, 1)})"
         for one in first.differences
     )
     more = _and_more(differing, "recording")
@@ -88,21 +83,23 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
 
 def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> str:
     """Which parameters are in error, by how much, and what correcting them takes of the gap."""
-    place = ""
-    if cause.joint:
-        place = cause.joint + effect.which(data.joints.index(cause.joint))
+    place = cause.joint and cause.joint + effect.which(data.joints.index(cause.joint))
     # Of a cause of no single joint all: one for each joint.
     most = None if cause.joint else len(cause.parameters)
     size = listed_numbers(cause.effect, cause.parameters, most)
-    text = f"{effect.subject(place)}, {likely(cause.probability)}: {size}"
+    text = f"{effect.subject(place or '')}, {likely(cause.probability)}: {size}"
     mass = cause.parameters.get("mass")
     if mass is not None and mass.value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
     smaller = [change for change in cause.joint_gaps if change.share_of_torque > 0.0]
     if smaller:
         most_changed = max(smaller, key=lambda change: change.share_of_torque)
-        text += f"; correcting it reduces the torque gap {_change(data, most_changed)}"
-        text += _and_more(smaller, "joint", " at")
+        text += (
+            f"; correcting it reduces the torque gap at {most_changed.joint} from "
+            f"{most_changed.before:.3g} to {torque(data, most_changed.after, most_changed.joint)} "
+            f"({100.0 * most_changed.share_of_torque:.3g} % of its torque)"
+            f"{_and_more(smaller, 'joint', ' at')}"
+        )
     return text + or_else(cause.indistinguishable_from)
 
 
@@ -119,13 +116,12 @@ def friction_not_given(data: Baseline, space: ParameterSpace) -> str:
 def controller_cause(data: Baseline, cause: Cause) -> str:
     """Commands that are not those of the configured law, and with which law they are."""
     assert cause.joint is not None
-    before, after = (
-        torque(data, size, cause.joint)
-        for size in (cause.torque_gap.before, cause.torque_gap.after)
-    )
+    gap = cause.torque_gap
     return (
         f"another control law than configured at {cause.joint}: recorded and computed commands "
-        f"differ by {before}, and by {after} with {listed_numbers(cause.effect, cause.parameters)}"
+        f"differ by {torque(data, gap.before, cause.joint)}, and by "
+        f"{torque(data, gap.after, cause.joint)} with "
+        f"{listed_numbers(cause.effect, cause.parameters)}"
     )
 
 
@@ -150,21 +146,18 @@ def beyond_the_law(
     acts all the time.
     """
     beyond, command = sizes
+    unit = data.unit_at(joint, "N m")
     text = (
-        f"the commands of {data.joints[joint]} hold {beyond:.3g} {data.unit_at(joint, 'N m')} rms "
+        f"the commands of {data.joints[joint]} hold {beyond:.3g} {unit} rms "
         f"beyond the control law ({100.0 * beyond / max(command, 1e-300):.0f} % of the command)"
     )
-    if events:
-        most = MOST_EVENTS
-        names = [recording.path.name for recording in data.prepared.recordings]
-        unit = data.unit_at(joint, "N m")
-        shown = [
-            f"{event.size:+.3g} {unit} from {event.begin:.2f} to {event.end:.2f} s of "
-            f"{names[event.recording]}"
-            for event in events[:most]
-        ]
-        more = len(events) - len(shown)
-        text += f", most of it {', '.join(shown)}" + (f" and {more} more times" if more else "")
+    shown = ", ".join(
+        f"{event.size:+.3g} {unit} from {event.begin:.2f} to {event.end:.2f} s of "
+        f"{data.prepared.recordings[event.recording].path.name}"
+        for event in events[:MOST_EVENTS]
+    )
+    more = len(events) - MOST_EVENTS
+    text += shown and f", most of it {shown}{f' and {more} more times' if more > 0 else ''}"
     return f"{text}: no change of a gain or feedforward explains it"
 
 
@@ -225,17 +218,13 @@ def remaining_parameter_errors(
     """Parameter errors that no cause names, and what they may be; empty where there are none."""
     if not errors:
         return ""
-    worst = errors[0]
+    worst, numbers = errors[0], [h for h in hints if BY_NAME[h.effect].kind == "parametric"]
+    which = " or ".join(placed(number.effect, number.joint, "at") for number in numbers)
     more = _and_more(errors, "joint", " at")
-    numbers = [
-        f"{spaced(hint.effect)} at {hint.joint}"
-        for hint in hints
-        if BY_NAME[hint.effect].kind == "parametric"
-    ]
-    which = f"perhaps {' or '.join(numbers)}" if numbers else "no given number stands out"
     return (
         f"remaining parameter error: {torque(data, worst.remaining, worst.joint)} at {worst.joint} "
-        f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}: {which}"
+        f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}: "
+        f"{f'perhaps {which}' if which else 'no given number stands out'}"
     )
 
 
@@ -244,11 +233,10 @@ def unexplained_residual(data: Baseline, lacking: Sequence[tuple[int, float, flo
     if not lacking:
         return ""
     number, rms, share, noise = lacking[0]
-    joint = data.joints[number]
-    more = _and_more(lacking, "joint", " at")
+    joint, unit = data.joints[number], data.unit_at(number, "N m")
     return (
-        f"unexplained residual: {torque(data, rms, joint)} at {joint} ({100 * share:.0f} % of its "
-        f"torque, noise {noise:.2g} {data.unit_at(number, 'N m')}){more}; the causes are not the "
+        f"unexplained residual: {rms:.3g} {unit} at {joint} ({100 * share:.0f} % of its torque, "
+        f"noise {noise:.2g} {unit}){_and_more(lacking, 'joint', ' at')}; the causes are not the "
         "whole gap there"
     )
 
@@ -259,12 +247,11 @@ def nonparametric(data: Baseline, term: Term) -> str:
     if not isinstance(effect, Nonparametric):
         name = spaced(effect.name)
         return f"{data.joints[joint]}: a torque like that of {name}, which it cannot be (see hints)"
-    text = f"{data.joints[joint]}: a torque that {effect.words}"
-    shape = term.shape
-    if isinstance(shape, StopShape):
-        side = "above" if shape.side > 0 else "below"
-        text += f", {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
-    return text
+    text, shape = f"{data.joints[joint]}: a torque that {effect.words}", term.shape
+    if not isinstance(shape, StopShape):
+        return text
+    side = "above" if shape.side > 0 else "below"
+    return f"{text}, {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
 
 
 def small_nonparametric(data: Baseline, term: Term) -> str:
@@ -320,7 +307,7 @@ def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
     worst = max(gaps, key=lambda gap: gap.share, default=None)
     if worst is None or not worst.beyond_noise_percent:
         return ""
-    noise = "" if worst.noise_floor is None else " beyond noise"
+    noise = " beyond noise" * (worst.noise_floor is not None)
     return (
         f"the {model} misses {worst.beyond_noise_percent:.3g} % of the torque{noise} at "
         f"{worst.joint}, where the gap is largest"
@@ -329,9 +316,7 @@ def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
 
 def left_out(data: Baseline) -> str:
     """Joints that say nothing, and why the first of them does not."""
-    out = [
-        joint_finding for joint_finding in data.prepared.joint_findings if joint_finding.left_out
-    ]
+    out = [finding for finding in data.prepared.joint_findings if finding.left_out]
     if not out:
         return ""
     names = ", ".join(data.joints[finding.joint] for finding in out)
@@ -346,11 +331,10 @@ def nothing_explains(*, remaining: bool) -> str:
 
 def further_causes(causes: Sequence[Cause]) -> str:
     """Causes after the first in a few words each."""
-    most = _MOST_CAUSES
     listed = [
-        f"{spaced(cause.effect)}{f' at {cause.joint}' if cause.joint else ''} "
+        f"{placed(cause.effect, cause.joint, 'at')} "
         f"({listed_numbers(cause.effect, cause.parameters, 1)}; {likely(cause.probability)})"
-        for cause in causes[:most]
+        for cause in causes[:_MOST_CAUSES]
     ]
     more = len(causes) - len(listed)
     if more > 0:
@@ -370,10 +354,10 @@ def not_in_catalogue(unexplained: Unexplained | None, hints: Sequence[Hint]) -> 
     """What no effect of the catalogue is like, or what it may be; empty where there is nothing."""
     if unexplained is None:
         return ""
+    text = unexplained.where
+    if unexplained.family != "event":  # of events `where` says the share
+        text += f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
     likeliest = unexplained.likeliest(hints)
-    share = f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
-    # Of events `where` says the share.
-    text = unexplained.where + ("" if unexplained.family == "event" else share)
     if likeliest is None or likeliest.probability is None:
         return f"not in the catalogue: {text}"
     likelihood = f"{100.0 * likeliest.probability:.0f} %"
@@ -384,19 +368,14 @@ def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str
     """What to do with the answer; `remaining`: parameter errors are left that no cause names."""
     if unknown:
         return "next: look at where the residual lies, or record a motion that excites it more"
-    if not causes and remaining:
-        return (
-            "next: put the estimates into the simulator (idim-iv export --remainder changes the "
-            "numbers that the recording asks for, --refit all of them)"
-        )
-    if not causes:
-        return ""
-    if any(cause.indistinguishable_from for cause in causes):
-        return (
-            "next: put the causes into the simulator (idim-iv export), or record the motion that "
-            "the report names, which tells them apart"
-        )
-    return "next: put the causes into the simulator (idim-iv export)"
+    if causes:
+        text = "next: put the causes into the simulator (idim-iv export)"
+        apart = ", or record the motion that the report names, which tells them apart"
+        return text + apart * any(cause.indistinguishable_from for cause in causes)
+    return remaining * (
+        "next: put the estimates into the simulator (idim-iv export --remainder changes the "
+        "numbers that the recording asks for, --refit all of them)"
+    )
 
 
 def capitalised(text: str) -> str:
@@ -407,9 +386,7 @@ def capitalised(text: str) -> str:
 def or_else(others: Sequence[Indistinguishable]) -> str:
     """What a cause may be as well, with the weight of each in the set."""
     listed = ", ".join(
-        f"{spaced(other.effect)}{f' of {other.joint}' if other.joint else ''} "
-        f"({100.0 * other.weight:.0f} %)"
-        for other in others
+        f"{placed(other.effect, other.joint)} ({100.0 * other.weight:.0f} %)" for other in others
     )
     return listed and f"; this recording cannot exclude {listed}"
 
@@ -419,21 +396,13 @@ def torque(data: Baseline, value: float, joint: str) -> str:
     return f"{value:.3g} {data.unit_at(data.joints.index(joint), 'N m')}"
 
 
-def _change(data: Baseline, change: JointChange) -> str:
-    share = f"{100.0 * change.share_of_torque:.3g} % of its torque"
-    after = torque(data, change.after, change.joint)
-    return f"at {change.joint} from {change.before:.3g} to {after} ({share})"
-
-
 def listed_numbers(
     effect: str, parameters: Mapping[str, EffectParameter], most: int | None = None
 ) -> str:
     """A few parameters with their intervals, those that are surest of the fitted."""
-    most = _MOST_NUMBERS if most is None else most
-    return ", ".join(
-        f"{parameter_words(effect, name)} {with_interval(parameter)}"
-        for name, parameter in surest(parameters, most).items()
-    )
+    shown = surest(parameters, _MOST_NUMBERS if most is None else most)
+    words = (f"{parameter_words(effect, name)} {with_interval(p)}" for name, p in shown.items())
+    return ", ".join(words)
 
 
 def with_interval(parameter: EffectParameter, scale: float = 1.0, unit: str = "") -> str:
@@ -453,3 +422,8 @@ def _and_more(listed: Sequence[object], what: str, at: str = "") -> str:
 def spaced(name: str) -> str:
     """A name of the catalogue in words."""
     return name.replace("_", " ")
+
+
+def placed(effect: str, joint: str | None, at: str = "of") -> str:
+    """An effect and its joint, if it has one."""
+    return f"{spaced(effect)} {at} {joint}" if joint else spaced(effect)

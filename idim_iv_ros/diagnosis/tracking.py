@@ -22,17 +22,10 @@ from idim_iv_ros.types import FloatArray
 class Tracking:
     """Simulated motion of one stage.
 
-    Attributes
-    ----------
-    errors : one (n_samples, n_joints) array for each recording
-        Simulated less measured position on its span, rad (m), through the filter of the
-        measurement; empty where it failed.
-    rates : tuple of float
-        Of the recordings, Hz: an error counts for the time that its sample lasts.
-    note : str
-        Why there is none; empty otherwise.
-    caveat : str
-        What is missing in it; empty otherwise.
+    `errors`: (n_samples, n_joints) of each recording: simulated less measured position on its span,
+    rad (m), through the filter of the measurement; empty where it failed. `rates`: of the
+    recordings, Hz: an error counts for the time that its sample lasts. `note`, `caveat`: why there
+    is none, and what is missing in it; else empty.
     """
 
     joints: tuple[str, ...]
@@ -46,9 +39,8 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        *energies, seconds = self.block_energies.sum(axis=0).tolist()
-        sizes = np.sqrt(np.array(energies) / seconds)
-        return dict(zip(self.joints, sizes.tolist(), strict=True))
+        sums = self.block_energies.sum(axis=0)
+        return dict(zip(self.joints, np.sqrt(sums[:-1] / sums[-1]).tolist(), strict=True))
 
     @cached_property
     def block_energies(self) -> FloatArray:
@@ -78,12 +70,12 @@ def simulated_tracking(
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
         return failed(f"not simulated: {reason}")
     model, errors = data.prepared.model, []
-    parts = data.prepared.session.parts
+    dynamics, parts = model.dynamic_parameters(values), data.prepared.session.parts
     for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
-        dynamics, name = model.dynamic_parameters(values), motion.signals.name
+        name, start = motion.signals.name, part.start
         try:
             simulated = replay(
-                model.robot, dynamics, law, motion, effects=effects, start_time=part.start
+                model.robot, dynamics, law, motion, effects=effects, start_time=start
             )
         except UsageError as error:
             return failed(f"not simulated: {error}")
@@ -127,16 +119,9 @@ def tracking_series(
         simulated = [None if gap.note else measured - gap.errors[number] for gap in (before, after)]
         time = (motion.span.start + np.arange(len(wanted))) / motion.signals.rate
         for joint, name in enumerate(data.joints):
-            made.append(
-                TrackingSeries(
-                    joint=name,
-                    bag=motion.signals.name,
-                    time=time[thin],
-                    measured=measured[thin, joint],
-                    before=None if simulated[0] is None else simulated[0][thin, joint],
-                    after=None if simulated[1] is None else simulated[1][thin, joint],
-                )
-            )
+            both = [None if gap is None else gap[thin, joint] for gap in simulated]
+            bag, errors = motion.signals.name, measured[thin, joint]
+            made.append(TrackingSeries(name, bag, time[thin], errors, *both))
     return tuple(made)
 
 
@@ -146,8 +131,7 @@ def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
     tracked = [] if given is None else [simulated_tracking(data, given)]
     effects: list[SimulatedEffect] = []
     for number, fit in enumerate(explanation.fits):
-        if number > 0:
-            effects.append(_simulated_effect(data, explanation, number - 1))
+        effects += [_simulated_effect(data, explanation, number - 1)] if number > 0 else []
         tracked.append(simulated_tracking(data, fit.values, effects))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.

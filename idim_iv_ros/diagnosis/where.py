@@ -50,9 +50,8 @@ def motion_at_rows(data: Baseline, joint: int) -> dict[str, FloatArray]:
     slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
     tables = []
     for motion in data.motions:
-        position, velocity = motion.position[:, joint], motion.velocity[:, joint]
-        distance = since_reversal(position, velocity, slowest)
-        values = (motion.time, position, velocity, motion.load[:, joint], distance)
+        states = motion.position[:, joint], motion.velocity[:, joint]
+        values = (motion.time, *states, motion.load[:, joint], since_reversal(*states, slowest))
         tables.append(np.column_stack(values)[motion.decimation.kept])
     names = ("time", "position", "speed", "load", "since_reversal")
     return dict(zip(names, data.counting(joint, tables).T, strict=True))
@@ -104,9 +103,7 @@ def _logarithmic(values: FloatArray, count: int) -> FloatArray:
     low, high = max(float(np.quantile(values, 0.01)), 1e-9), float(values.max())
     if high <= 1.01 * low:
         return np.array([0.0, max(high, 1e-9)])
-    edges = np.geomspace(low, high, count + 1)
-    edges[0] = min(float(values.min()), low)
-    return np.asarray(edges)
+    return np.array([min(float(values.min()), low), *np.geomspace(low, high, count + 1)[1:]])
 
 
 def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
@@ -145,22 +142,14 @@ def regimes_of(joint: str, axis: Axis, bins: FloatArray, unit: str) -> list[Regi
     """Bins of one axis whose lift differs from 1; `unit` is that of its edges."""
     if len(bins) < _LEAST_BLOCKS:
         return []
+    *shares, limits = lifts(bins)
+    ends = axis.edges[:-1].tolist(), axis.edges[1:].tolist()
     return [
-        Regime(
-            joint=joint,
-            axis=axis.name,
-            low=float(low),
-            high=float(high),
-            unit=unit,
-            energy_share=float(energy),
-            occupancy=float(occupancy),
-            lift=float(lift),
-            ci95=(float(limits[0]), float(limits[1])),
+        Regime(joint, axis.name, low, high, unit, energy, occupancy, lift, (least, most))
+        for low, high, (energy, occupancy, lift), (least, most) in zip(
+            *ends, np.column_stack(shares).tolist(), limits.tolist(), strict=True
         )
-        for low, high, energy, occupancy, lift, limits in zip(
-            axis.edges[:-1], axis.edges[1:], *lifts(bins), strict=True
-        )
-        if occupancy >= _LEAST_OCCUPANCY and (limits[0] > 1.0 or limits[1] < 1.0)
+        if occupancy >= _LEAST_OCCUPANCY and (least > 1.0 or most < 1.0)
     ]
 
 
@@ -173,14 +162,8 @@ def joined(regimes: Sequence[Regime]) -> Regime | None:
         if runs and runs[-1].high == regime.low:
             energy = runs[-1].energy_share + regime.energy_share
             occupancy = runs[-1].occupancy + regime.occupancy
-            regime = replace(
-                regime,
-                low=runs[-1].low,
-                energy_share=energy,
-                occupancy=occupancy,
-                lift=energy / occupancy,
-                ci95=None,
-            )
+            both = replace(regime, low=runs[-1].low, energy_share=energy, occupancy=occupancy)
+            regime = replace(both, lift=energy / occupancy, ci95=None)
         runs.append(regime)
     large = [run for run in runs if run.lift >= _LEAST_LIFT and run.energy_share >= _LEAST_ENERGY]
     return max(large, key=lambda run: run.energy_share - run.occupancy, default=None)
@@ -228,12 +211,12 @@ def where(
     refit where no model is given. The residual of the refit shows missing effects: findings about
     it follow where it is above the noise.
     """
-    nominal = nominal_residuals(data, regression)
+    nominal, joints = nominal_residuals(data, regression), range(len(data.joints))
     shown = refit.residuals if nominal is None else nominal
     gaps = _joint_gaps(data, regression, shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
-    axes = [axes_of(motion_at_rows(data, joint), starts) for joint in range(len(data.joints))]
-    used = set(range(len(data.joints))) - data.left_out
+    axes = [axes_of(motion_at_rows(data, joint), starts) for joint in joints]
+    used = set(joints) - data.left_out
     regimes, large = _regimes(data, shown, axes, gaps, used, after_refit=False)
     findings = large[:_NOMINAL_FINDINGS]
     if nominal is not None:
@@ -254,21 +237,17 @@ def _joint_gaps(
     Shares are those of what lies beyond the noise.
     """
     sizes = np.array([rms(residual) for residual in residuals])
-    whole = np.array([rms(rows.torque) for rows in regression.joints])
-    relative = np.where(whole > 0.0, sizes / np.maximum(whole, 1e-300), 0.0)
+    whole = np.maximum([rms(rows.torque) for rows in regression.joints], 1e-300)
     noise = np.array([floor.sigma or 0.0 for floor in floors])
-    beyond = np.maximum(sizes**2 - noise**2, 0.0) / np.maximum(whole, 1e-300) ** 2
+    beyond = np.maximum(sizes**2 - noise**2, 0.0) / whole**2
     shares = beyond / max(float(np.sum(beyond)), 1e-300)
+    table = np.column_stack([sizes, 100.0 * (sizes / whole), shares]).tolist()
+    shown = whole > 1e-300
     return tuple(
-        JointGap(
-            joint=name,
-            rms=float(sizes[j]),
-            relative_percent=100.0 * float(relative[j]) if whole[j] > 0.0 else None,
-            share=float(shares[j]),
-            noise_floor=floors[j].sigma,
-            floor_origin=floors[j].origin,
+        JointGap(name, size, percent if said else None, share, floor.sigma, floor.origin)
+        for name, (size, percent, share), said, floor in zip(
+            data.joints, table, shown, floors, strict=True
         )
-        for j, name in enumerate(data.joints)
     )
 
 
@@ -304,9 +283,8 @@ def _regimes(
             if best is None or joint not in used:
                 continue
             excess = (best.energy_share - best.occupancy) * gaps[joint].share
-            session = data.prepared.session.parts
-            said = in_words(best, axis.edges, session, after_refit=after_refit)
-            findings.append((excess, said))
+            parts = data.prepared.session.parts
+            findings.append((excess, in_words(best, axis.edges, parts, after_refit=after_refit)))
     regimes.sort(key=lambda regime: -regime.lift)
     findings.sort(key=lambda finding: -finding[0])
     return tuple(regimes), [said for _, said in findings]

@@ -3,17 +3,10 @@
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import (
-    OperatingRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    column,
-)
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -37,6 +30,8 @@ class AsymmetricFriction(StructuralEffect[Shape]):
     order = 30
     part = "friction"
     family = "velocity"
+    linear = ("viscous",)
+    signed = True
     confounders = ("spring",)
     excitation = "the same path in both directions, at several speeds and postures"
     segments = ("range_sweep", "plateau")
@@ -53,19 +48,9 @@ class AsymmetricFriction(StructuralEffect[Shape]):
         """Return the only one."""
         return [Shape()]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """|dq|."""
-        return column(place.joint, np.abs(motion.velocity[:, place.joint]))
-
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        """Either sign."""
-        return True
-
-    def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Half the difference."""
-        return self.numbers(viscous=(coefficients[0], deviations[0]))
+        return {place.joint: np.abs(motion.velocity[:, [place.joint]])}
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction that is not dry."""

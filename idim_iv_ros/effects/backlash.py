@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.effects.effect import (
     JointScale,
@@ -15,7 +15,7 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.types import FloatArray
 
@@ -94,9 +94,7 @@ class Backlash(StructuralEffect[BacklashShape]):
         ]
         return [neighbour for neighbour in near if neighbour.wide]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: BacklashShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: BacklashShape) -> Torques:
         """The whole change of the torques."""
         return transmitted(motion, place.joint, shape.stiffness, shape.damping, shape.gap)
 
@@ -122,7 +120,7 @@ class Backlash(StructuralEffect[BacklashShape]):
 
     def parameters(
         self, shape: BacklashShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Gap and flanks."""
         relative = deviations[0] / coefficients[0]
         return self.numbers(

@@ -29,7 +29,10 @@ class EffectParameter:
     unit: str
 
 
-def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, EffectParameter]:
+Parameters = dict[str, EffectParameter]  # by the names that the specs of an effect give them
+
+
+def surest(parameters: Mapping[str, EffectParameter], most: int) -> Parameters:
     """Return at most so many numbers, in their order: those that differ from zero most surely.
 
     A mass is first, and always among them: a load is recognised by it. All where no number is
@@ -49,21 +52,12 @@ def surest(parameters: Mapping[str, EffectParameter], most: int) -> dict[str, Ef
 class ParameterSpec:
     """One parameter that an effect has.
 
-    Attributes
-    ----------
-    name : str
-        As in gap.json; one that ends in _k means _1, _2, … that belong together.
-    unit : str
-        Of a revolute joint.
-    words : str
-        What it is; empty where its name says it.
-    default : float or None
-        For the simulator: None where it must be given, NaN where something else takes its place
-        (the configured gain, a stiffness from the inertias).
-    bound : Bound
-        Of numbers given to the simulator; all but "unbounded" ones must be finite.
-    standard : str
-        Kind of the standard parameter that it is a change of (Fv); empty of others.
+    `name`: as in gap.json; one that ends in _k means _1, _2, … that belong together; `unit`: of a
+    revolute joint; `words`: what it is; empty where its name says it; `default`: for the simulator:
+    None where it must be given, NaN where something else takes its place (the configured gain, a
+    stiffness from the inertias); `bound`: of numbers given to the simulator; all but "unbounded"
+    ones must be finite; `standard`: kind of the standard parameter that it is a change of (Fv);
+    empty of others.
     """
 
     name: str
@@ -74,13 +68,7 @@ class ParameterSpec:
     standard: str = ""
 
     def check(self, value: float, name: str) -> None:
-        """Refuse a value out of the bounds.
-
-        Raises
-        ------
-        UsageError
-            With `name`, which says whose parameter it is.
-        """
+        """Refuse a value out of the bounds with a UsageError; `name` says whose it is."""
         if math.isnan(value) or (math.isinf(value) and self.bound != "unbounded"):
             raise UsageError(f"{name} is not a finite number")
         allowed = {
@@ -100,14 +88,8 @@ class ParameterSpec:
 class GivenNumbers:
     """Checked parameters of one effect for the simulator, each of them present.
 
-    Attributes
-    ----------
-    value : mapping of str to float
-        By name, those without a number at the end.
-    terms : sequence of mapping
-        Those that end in a number, one mapping for each number, by names that end in _k.
-    coulomb : float
-        Coulomb friction of the joint, N m (N).
+    `value`: by name, of those without a number at the end; `terms`: those that end in a number, one
+    mapping for each number, by names that end in _k; `coulomb`: friction of the joint, N m (N).
     """
 
     value: Mapping[str, float]
@@ -184,7 +166,7 @@ class Cause(ABC):
             return name.replace("_", " ")
         return f"{spec.words} {name.rsplit('_', 1)[1]}" if spec.name != name else spec.words
 
-    def numbers(self, **numbers: tuple[float, float | None]) -> dict[str, EffectParameter]:
+    def numbers(self, **numbers: tuple[float, float | None]) -> Parameters:
         """Return parameters with their units, from (value, std) by name."""
         return {name: self._number(name, *number) for name, number in numbers.items()}
 

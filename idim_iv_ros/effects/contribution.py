@@ -37,19 +37,11 @@ class Load(IntEnum):
 class Instant(NamedTuple):
     """Where a joint is at the middle of a time step.
 
-    Attributes
-    ----------
-    time, elapsed : s since the start of the session, and of the recording
-    position : rad (m)
-    speed : rad/s (m/s)
-        In the direction in which it moves, not negative; of a coupling that of its contact.
-    direction : 1 or -1
-        In which it moves or, at rest, would be moved; 0 where nothing moves it.
-    load : N m (N)
-        What the term takes as such (`TorqueTerm.load`).
-    velocity : rad/s (m/s)
-        At the start of the step.
-    step : s
+    `time`, `elapsed`: s since the start of the session, and of the recording; `position`: rad (m);
+    `speed`: rad/s (m/s) in the direction in which it moves, not negative; of a coupling that of its
+    contact; `direction`: 1 or −1, in which it moves or, at rest, would be moved; 0 where nothing
+    moves it; `load`: N m (N), what the term takes as such (`TorqueTerm.load`); `velocity`: at the
+    start of the step, which lasts `step` s.
     """
 
     time: float
@@ -65,12 +57,9 @@ class Instant(NamedTuple):
 class Torque(NamedTuple):
     """What a term adds at an instant: all that opposes motion as level or damping.
 
-    Attributes
-    ----------
-    level : dry friction, N m (N)
-    damping : N m s/rad
-    force : torque that the motor must overcome in either direction, N m (N)
-    stiffness : slope of `force` over the position, where it must enter the step implicitly, N m/rad
+    `level`: dry friction, N m (N); `damping`: N m s/rad; `force`: torque that the motor must
+    overcome in either direction, N m (N); `stiffness`: slope of `force` over the position, N m/rad,
+    where it must enter the step implicitly.
     """
 
     level: float
@@ -87,16 +76,12 @@ def _keeps(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float)
 
 @dataclass(frozen=True, eq=False)
 class TorqueLaw:
-    """Torque of a term at an instant, compiled.
+    """Torque of a term at an instant, compiled: (p, at: Instant, state) -> Torque.
 
-    Attributes
-    ----------
-    torque : (p, at: Instant, state) -> Torque
-    advance : (p, state, dq, ddq, step) -> None, or None for a law without state
-        Moves the state (STATES,) along a step that starts at velocity dq.
-    turns : (p, state, dq, ddq, step) -> bool
-        Whether the state turns into another regime within this step, which is then set: the step is
-        to be computed anew.
+    `advance`: (p, state, dq, ddq, step) -> None moves the state (STATES,) along a step that starts
+    at velocity dq; None for a law without state. `turns`, with the same arguments: whether the
+    state turns into another regime within this step, which is then set: the step is to be computed
+    anew.
     """
 
     torque: Callable[..., Any]
@@ -128,17 +113,9 @@ Law = TorqueLaw | DriveLaw | EncoderLaw
 class TorqueTerm:
     """A torque at the joint.
 
-    Attributes
-    ----------
-    law : TorqueLaw
-    values : tuple of float
-    friction : bool
-        Whether it is friction, which only together with that of the model is kept from driving.
-    dry : bool
-        Whether it lets the joint stick.
-    replaced : float
-        N m (N) of the model's Coulomb friction that it takes the place of.
-    load : Load
+    `friction`: whether only together with the model's friction it is kept from driving; `dry`:
+    whether it lets the joint stick; `replaced`: model's Coulomb friction that it takes the place
+    of, N m (N).
     """
 
     law: TorqueLaw
@@ -163,12 +140,9 @@ class CouplingTerm:
 class ShaftPart:
     """Part of what is between motor and link.
 
-    Attributes
-    ----------
-    gap : dead zone of ± gap/2, rad (m)
-    stiffness, damping : N m/rad, N m s/rad; NaN: from the inertias
-    flanks : bool
-        Whether the stiffness is that of flanks alone, which beside a shaft are rigid.
+    `gap`: dead zone of ± gap/2, rad (m); `stiffness`, `damping`: N m/rad, N m s/rad; NaN: from the
+    inertias; `flanks`: whether the stiffness is that of flanks alone, which beside a shaft are
+    rigid.
     """
 
     gap: float
@@ -205,12 +179,9 @@ class CommandDelay:
 class LawChange:
     """The law that the robot runs in the place of the configured one.
 
-    Attributes
-    ----------
-    kp, kd, ki : from errors to torque; NaN: as configured
-    feedforward_velocity, feedforward_acceleration : N m s/rad, kg m²
-    feedforward_friction : N m
-    lag : time constant of a first-order filter behind the law, s
+    `kp`, `kd`, `ki`: from errors to torque; NaN: as configured; feedforward of velocity,
+    acceleration and friction: N m s/rad, kg m², N m; `lag`: time constant of a first-order filter
+    behind the law, s.
     """
 
     kp: float
@@ -226,11 +197,9 @@ class LawChange:
 class Element:
     """Numbers of elements of MuJoCo that are exactly an effect; empty where it has no such number.
 
-    Attributes
-    ----------
-    damping : (∣v∣v, v³) of its joint, N m s²/rad², N m s³/rad³
-    stiffness : (q, q², q³) of its joint, N m/rad, N m/rad², N m/rad³
-    tendon : (direction, damping, dry friction) of a fixed tendon over both joints
+    `damping`: (∣v∣v, v³) of its joint, N m s²/rad², N m s³/rad³; `stiffness`: (q, q², q³) of its
+    joint, N m/rad, N m/rad², N m/rad³; `tendon`: (direction, damping, dry friction) of a fixed
+    tendon over both joints.
     """
 
     damping: tuple[float, ...] = ()
@@ -242,16 +211,10 @@ class Element:
 class CommandParts:
     """What one joint's command may be made of, (n_samples,) each, at the rate of the recording.
 
-    Attributes
-    ----------
-    command : N m (N)
-        Of the configured law without limit, on the measured position.
-    rate : N m/s
-        Of the command.
-    late : (n_samples, 4) N m/s
-        Change with the time by which position, speed and the references of both are late.
-    groups : dict
-        Torque of a unit of each group that may be another.
+    `command`: N m (N), of the configured law without limit, on the measured position; `rate`: of
+    it, N m/s; `late` (n_samples, 4): change with the time by which position, speed and the
+    references of both are late, N m/s; `groups`: torque of a unit of each group that may be
+    another.
     """
 
     command: FloatArray

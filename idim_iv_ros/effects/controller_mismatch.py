@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import Cause, GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import CommandParts, LawChange, reference_direction
 from idim_iv_ros.types import FloatArray
 
@@ -107,7 +107,7 @@ class ControllerMismatch(Cause):
 
     def parameters(
         self, law: ConfiguredLaw, joint: int, changes: Mapping[str, tuple[float, float]]
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Return what the robot really uses, from (change, std) by group.
 
         The gains of a cascade are given as those from errors to torque.

@@ -1,14 +1,14 @@
 """What every structural effect declares about itself: physics that the nominal model lacks."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, EffectParameter, Family
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.cause import Cause, Family, Parameters
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _LEAST_SPEED = 0.25  # rad/s: Stribeck speeds of arms are 0.02 to 0.3 rad/s
@@ -25,12 +25,8 @@ class Shape:
     @property
     def numbers(self) -> tuple[float, ...]:
         """All of them, choices as 0 and 1."""
-        values = (getattr(self, field.name) for field in fields(self))
-        return tuple(
-            float(number)
-            for value in values
-            for number in (value if isinstance(value, tuple) else (value,))
-        )
+        values = (v if isinstance(v, tuple) else (v,) for v in vars(self).values())
+        return tuple(float(number) for value in values for number in value)
 
 
 S = TypeVar("S", bound=Shape)
@@ -53,26 +49,13 @@ class Place:
 class OperatingRange:
     """What the recordings cover, (n_joints,) each unless said otherwise.
 
-    Attributes
-    ----------
-    low, high : rad (m)
-        Positions.
-    slowest, fastest : rad/s (m/s)
-        Speed below which rows do not count, and the highest.
-    load, torque : N m (N)
-        Largest torque of the links, and of the joint.
-    inertia : kg m² (kg)
-        Mean of the links' about the joint.
-    duration, longest : float
-        s, from the start of the first to the end of the last recording, and of the longest one.
-    row_rate : float
-        Hz.
-    lever : (n_joints,)
-        1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian.
-    sticking : bool
-        Whether the closed loop is simulated, and so is known where joints stick.
-    left_out : frozenset of int
-        Joints whose torque says nothing of the robot.
+    `low`, `high`: positions, rad (m); `slowest`, `fastest`: rad/s (m/s), below which rows do not
+    count, and the highest; `load`, `torque`: largest of the links, and of the joint, N m (N);
+    `inertia`: mean of the links' about the joint, kg m² (kg); `duration`, `longest`: s, from the
+    start of the first to the end of the last recording, and of the longest one; `row_rate`: Hz;
+    `lever`: 1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian;
+    `sticking`: whether the closed loop is simulated, and so is known where joints stick;
+    `left_out`: joints whose torque says nothing of the robot.
     """
 
     low: FloatArray
@@ -108,16 +91,7 @@ class OperatingRange:
 
 @dataclass(frozen=True)
 class JointScale:
-    """What is small and large at one joint.
-
-    Attributes
-    ----------
-    covered : OperatingRange
-        By the recordings, of all joints.
-    joint : int
-    dry_friction : float
-        N m (N).
-    """
+    """What is small and large at a joint: what recordings cover, and its dry friction, N m (N)."""
 
     covered: OperatingRange
     joint: int
@@ -150,13 +124,22 @@ class StructuralEffect(Cause, Generic[S]):
 
     kind = "structural"
     family: ClassVar[Family]
+    # Names of the coefficients, in their order; those that end in _k are of each of several terms.
+    # Numbers of the shape are called like its fields.
+    linear: ClassVar[tuple[str, ...]] = ()
+    # Whether physics allows coefficients of either sign.
+    signed: ClassVar[bool] = False
+    # Ends of numbers of the shape in the search, and numbers that it does not move.
+    ends: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    fixed: ClassVar[tuple[str, ...]] = ()
     # Whether the shape may vary beside the coefficients; not where one is its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
     # for factors about one only), or in the shape alone, the coefficient being one.
     size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
-    # Middle (geometric) of the largest torques that are typical of arms; see `plausible`.
-    typical: ClassVar[ShareOf | None] = None
+    # Middle (geometric) of the largest torques that are typical of arms, or (a plain number) of the
+    # numbers that are fitted; see `plausible`.
+    typical: ClassVar[ShareOf | float | None] = None
     # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
     beyond_knee: ClassVar[bool] = False
     # Whether a simulator that softens dry friction leaves nothing to see of it.
@@ -175,32 +158,54 @@ class StructuralEffect(Cause, Generic[S]):
         return [grid]
 
     @abstractmethod
-    def columns(self, motion: RobotMotion, place: Place, shape: S) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: S) -> Torques:
         """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
 
-    def torques(
-        self, motion: RobotMotion, place: Place, shapes: Sequence[S]
-    ) -> list[dict[int, FloatArray]]:
+    def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[S]) -> list[Torques]:
         """`columns` of several shapes; for effects that make many at once for less."""
         return [self.columns(motion, place, shape) for shape in shapes]
 
-    @abstractmethod
-    def parameters(
-        self, shape: S, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Numbers that mean something to an engineer; deviations are those of the coefficients."""
+    def names(self, shape: S) -> tuple[str, ...]:
+        """Names of the coefficients of a shape: `linear`, once for each of several terms."""
+        terms = next((len(v) for v in vars(shape).values() if isinstance(v, tuple)), 0)
+        numbered = [name.replace("_k", f"_{k + 1}") for k in range(terms) for name in self.linear]
+        return tuple(numbered) or self.linear
+
+    def parameters(self, shape: S, coefficients: FloatArray, deviations: FloatArray) -> Parameters:
+        """Numbers that mean something to an engineer; deviations are those of the coefficients.
+
+        By default the coefficients by their `names` and the fields of the shape, as far as `specs`
+        has them and in its order; a field in the plural (spans) is one number a term (span_1).
+        """
+        pairs = zip(coefficients, deviations, strict=True)
+        given: dict[str, tuple[float, float | None]] = {}
+        given |= zip(self.names(shape), pairs, strict=False)
+        for field, value in vars(shape).items():
+            if isinstance(value, tuple):
+                singular = field.removesuffix("s")
+                given |= {f"{singular}_{k}": (v, None) for k, v in enumerate(value, start=1)}
+            else:
+                given[field] = value, None
+        counted = {
+            (name.rpartition("_")[2] * (spec.name != name), self.specs.index(spec)): name
+            for name in given
+            if (spec := self.spec(name)) is not None
+        }  # terms one after the other
+        return self.numbers(**{name: given[name] for _, name in sorted(counted.items())})
 
     def admissible(self, shape: S, coefficients: FloatArray) -> bool:
-        """Whether physics allows these coefficients: by default the first is not negative."""
-        return bool(coefficients[0] >= 0.0)
+        """Whether physics allows these coefficients: none is negative, unless they are `signed`."""
+        return self.signed or bool(np.all(coefficients >= 0.0))
 
     def neighbours(self, shape: S, step: float, place: Place, covered: OperatingRange) -> list[S]:
-        """Shapes near one: each number larger and smaller by the factor 1 + step."""
-        return [
-            replace(shape, **{name: value})
-            for name, given in vars(shape).items()
-            for value in _varied(given, 1.0 + step)
-        ]
+        """Shapes near one: each number larger and smaller by the factor 1 + step, up to its end."""
+        near = []
+        for name, given in vars(shape).items():
+            low, high = self.ends.get(name, (-np.inf, np.inf))
+            for value in [] if name in self.fixed else _varied(given, 1.0 + step):
+                bounded = value if isinstance(value, tuple) else min(max(value, low), high)
+                near.append(replace(shape, **{name: bounded}))
+        return near
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
         """Why a joint's motion cannot show it whatever its size; empty where it may.
@@ -212,16 +217,16 @@ class StructuralEffect(Cause, Generic[S]):
     def plausible(
         self, shape: S, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
-        """Whether arms may well have it in this size: any, unless `typical` bounds the torque.
+        """Whether arms may well have it in this size: any, unless `typical` bounds it.
 
-        An effect of which only larger sizes would be seen may be there without a trace.
-
-        Parameters
-        ----------
-        torque
-            The largest that it adds, N m (N).
+        An effect of which only larger sizes would be seen may be there without a trace. `torque`:
+        the largest that it adds, N m (N).
         """
-        return self.typical is None or torque <= self.typical.torque(scale)
+        most = self.typical
+        if most is None or isinstance(most, ShareOf):
+            return most is None or torque <= most.torque(scale)
+        fitted = self.parameters(shape, coefficients, np.zeros(len(coefficients))).values()
+        return all(abs(number.value) <= most for number in fitted if number.std is not None)
 
     def impossible(
         self, shape: S, coefficients: FloatArray, joint: int, covered: OperatingRange
@@ -240,7 +245,13 @@ class StructuralEffect(Cause, Generic[S]):
     def size_in_words(self, shape: S, coefficients: FloatArray, torque: float) -> str:
         """First number that is fitted and not zero, with its unit and the largest torque."""
         numbers = self.parameters(shape, coefficients, np.zeros(len(coefficients)))
-        return in_words(numbers, torque)
+        for name, number in numbers.items():
+            if number.std is not None and number.value != 0.0:
+                plain = number.unit == "N m" or torque <= 0.0
+                size = f"{number.value:.2g} {number.unit}".rstrip()
+                more = "" if plain else f" (up to {torque:.2g} N m)"
+                return f"{name.replace('_', ' ')} = {size}{more}"
+        return f"{torque:.2g} N m"
 
     def size_of(self, shape: S) -> float:
         """Size of an effect that has it in its shape (see `size_in`): the first number."""
@@ -251,39 +262,21 @@ class StructuralEffect(Cause, Generic[S]):
         return []
 
 
-def _varied(given: bool | float | tuple[float, ...], factor: float) -> list[Any]:
+def _varied(given: object, factor: float) -> list[Any]:
     """Values of a field near a given one: larger and smaller, of a tuple each number."""
-    if isinstance(given, bool):
-        return []
     if isinstance(given, tuple):
         return [
             (*given[:k], value, *given[k + 1 :])
             for k, number in enumerate(given)
             for value in (number * factor, number / factor)
         ]
-    return [given * factor, given / factor]
+    return [given * factor, given / factor] if isinstance(given, float) else []
 
 
 # One of any shape, for those who hand its shapes back to it.
 Effect = StructuralEffect[Any]
 
 
-def column(joint: int, values: FloatArray) -> dict[int, FloatArray]:
-    """Return one column at one joint."""
-    return {joint: values[:, None]}
-
-
 def logarithmic(low: float, high: float, count: int) -> FloatArray:
     """Count numbers from low to high, evenly spaced in their logarithm."""
     return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))
-
-
-def in_words(numbers: dict[str, EffectParameter], torque: float) -> str:
-    """First number that has a deviation and is not zero; the torque where there is none."""
-    for name, number in numbers.items():
-        if number.std is not None and number.value != 0.0:
-            unit = f" {number.unit}" if number.unit else ""
-            plain = number.unit == "N m" or torque <= 0.0
-            more = "" if plain else f" (up to {torque:.2g} N m)"
-            return f"{name.replace('_', ' ')} = {number.value:.2g}{unit}{more}"
-    return f"{torque:.2g} N m"

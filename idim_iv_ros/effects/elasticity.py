@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.effects.effect import (
     JointScale,
@@ -14,7 +14,7 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.types import FloatArray
 
@@ -63,9 +63,7 @@ class Elasticity(StructuralEffect[ShaftShape]):
             shapes += [ShaftShape(stiffness, share * critical) for share in _DAMPING]
         return shapes
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: ShaftShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: ShaftShape) -> Torques:
         """The whole change of the torques."""
         return transmitted(motion, place.joint, shape.stiffness, shape.damping, 0.0)
 
@@ -110,7 +108,7 @@ class Elasticity(StructuralEffect[ShaftShape]):
 
     def parameters(
         self, shape: ShaftShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Stiffness and damping; the coefficient scales the compliance to first order."""
         stiffness = shape.stiffness / float(coefficients[0])
         return self.numbers(

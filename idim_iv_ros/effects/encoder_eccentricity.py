@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import EncoderError, EncoderLaw
-from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _NAMES = ("sine", "cosine", "sine_2", "cosine_2")
-_TYPICAL = 0.002  # rad, of 0.01 to 5 mrad
 _LEAST_TURN = 0.5  # rad
 
 
@@ -44,6 +43,8 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     name = "encoder_eccentricity"
     order = 140
     family = "position"
+    typical = 0.002  # rad, of 0.01 to 5 mrad
+    linear = _NAMES
     confounders = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
     segments = ("range_sweep",)
@@ -64,13 +65,13 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
             return ""
         return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"
 
-    def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> Torques:
         """Change of all torques with each part of the error, 1 rad."""
         return self.torques(motion, place, [shape])[0]
 
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[DiscShape]
-    ) -> list[dict[int, FloatArray]]:
+    ) -> list[Torques]:
         """What turns once a turn is in both shapes."""
         q = motion.position[:, place.joint]
         small = 1e-4
@@ -78,36 +79,13 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         if any(shape.twice for shape in shapes):
             errors += [np.sin(2 * q), np.cos(2 * q)]
         parts = [motion.moved(place.joint, -small * e, links=False) / small for e in errors]
-        return [
-            {
-                joint: np.column_stack(
-                    [part[:, joint] for part in parts[: 4 if shape.twice else 2]]
-                )
-                for joint in range(motion.position.shape[1])
-            }
-            for shape in shapes
-        ]
+        tables = np.stack(parts, axis=2)  # (s, n_joints, parts)
+        joints = range(tables.shape[1])
+        return [{j: tables[:, j, : 4 if shape.twice else 2] for j in joints} for shape in shapes]
 
     def admissible(self, shape: DiscShape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""
         return bool(np.max(np.abs(coefficients)) < 0.05)
-
-    def plausible(
-        self, shape: DiscShape, coefficients: FloatArray, torque: float, scale: JointScale
-    ) -> bool:
-        """Amplitudes up to the middle of what encoders have."""
-        return bool(np.max(np.abs(coefficients)) <= _TYPICAL)
-
-    def parameters(
-        self, shape: DiscShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Amplitudes."""
-        return self.numbers(
-            **{
-                name: (value, std)
-                for name, value, std in zip(_NAMES, coefficients, deviations, strict=False)
-            }
-        )
 
     def contributions(self, given: GivenNumbers) -> list[EncoderError]:
         """What the encoder shows beyond the position."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
     OperatingRange,
@@ -16,21 +16,15 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
 @dataclass(frozen=True)
 class DriftShape(Shape):
-    """How friction fades.
+    """How friction fades: time constant, s, and whether the clock restarts with each recording.
 
-    Attributes
-    ----------
-    time_constant : float
-        s.
-    restarts : bool
-        Whether the clock starts anew with each recording, as where a robot rests in between;
-        else it runs through the session.
+    It does where a robot rests in between; else it runs through the session.
     """
 
     time_constant: float
@@ -54,6 +48,8 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     order = 60
     part = "friction"
     family = "time"
+    linear = ("coulomb", "viscous")
+    signed = True  # friction may fall or rise
     confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
     segments = ("repeat",)
@@ -84,33 +80,16 @@ class FrictionDrift(StructuralEffect[DriftShape]):
             *(DriftShape(float(time), True) for time in recording if several),
         ]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: DriftShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
         """Dry and viscous friction of one that fade."""
         v = motion.velocity[:, place.joint]
         time = motion.elapsed if shape.restarts else motion.time
         fading = np.exp(-time / shape.time_constant)
         return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
 
-    def admissible(self, shape: DriftShape, coefficients: FloatArray) -> bool:
-        """Friction may fall or rise."""
-        return True
-
     def meaning(self, shape: DriftShape) -> str:
         """Whose clock it goes by."""
         return "anew in each recording" if shape.restarts else "through the session"
-
-    def parameters(
-        self, shape: DriftShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """What fades, and how fast."""
-        return self.numbers(
-            time_constant=(shape.time_constant, None),
-            coulomb=(coefficients[0], deviations[0]),
-            viscous=(coefficients[1], deviations[1]),
-            restarts=(shape.restarts, None),
-        )
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """Friction, its Coulomb part dry."""

@@ -1,18 +1,9 @@
 """A robot that is mounted at another angle than the nominal model says."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from idim_iv_ros.effects.cause import ParameterSpec
-from idim_iv_ros.effects.parametric_effect import (
-    Change,
-    Estimated,
-    ParameterSpace,
-    ParametricEffect,
-)
-
-_LARGEST = 0.6  # rad: beyond it the small rotation that is assumed is none
+from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
 
 
 class GravityDirection(ParametricEffect):
@@ -21,6 +12,7 @@ class GravityDirection(ParametricEffect):
     name = "gravity_direction"
     order = 20
     part = "gravity"
+    largest = 0.6  # rad: beyond it the small rotation that is assumed is none
     confounders = ("payload", "link_inertia", "spring")
     excitation = "slow motion through the whole range of all joints"
     segments = ("range_sweep",)
@@ -39,12 +31,6 @@ class GravityDirection(ParametricEffect):
         """Two angles."""
         names = [_name(axis) for axis in space.axes]
         return [[Change(name, "rad", space.tilt(place)) for place, name in enumerate(names)]]
-
-    def admissible(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> bool:
-        """No large angles."""
-        return all(abs(estimate.value) <= _LARGEST for estimate in estimates)
 
 
 def _name(axis: np.ndarray) -> str:

@@ -1,12 +1,13 @@
 """A transmission part that turns with two joints and has friction of its own."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import (
     LEAST_SPEED,
     CouplingTerm,
@@ -16,7 +17,7 @@ from idim_iv_ros.effects.contribution import (
     TorqueLaw,
 )
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -49,6 +50,9 @@ class JointCoupling(StructuralEffect[CouplingShape]):
     order = 150
     part = "friction"
     family = "velocity"
+    linear = ("coulomb", "viscous")
+    ends: ClassVar = {"power": (0.5, 1.6)}
+    fixed = ("direction",)
     confounders = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"
     segments = ("plateau",)
@@ -74,16 +78,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         """Both directions, linear."""
         return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 
-    def neighbours(
-        self, shape: CouplingShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[CouplingShape]:
-        """The power between 0.5 and 1.6."""
-        near = (shape.power * (1.0 + step), shape.power / (1.0 + step))
-        return [replace(shape, power=min(max(power, 0.5), 1.6)) for power in near]
-
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: CouplingShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: CouplingShape) -> Torques:
         """Dry and viscous friction of one, on both joints."""
         a, b = place.joint, place.other
         assert b is not None
@@ -94,17 +89,6 @@ class JointCoupling(StructuralEffect[CouplingShape]):
     def admissible(self, shape: CouplingShape, coefficients: FloatArray) -> bool:
         """It takes energy on the whole."""
         return bool(np.sum(coefficients) > 0.0)
-
-    def parameters(
-        self, shape: CouplingShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Friction of the common part."""
-        return self.numbers(
-            direction=(shape.direction, None),
-            coulomb=(coefficients[0], deviations[0]),
-            viscous=(coefficients[1], deviations[1]),
-            power=(shape.power, None),
-        )
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """Damping and dry friction of a tendon, where the friction is linear and takes energy."""

@@ -1,19 +1,19 @@
 """Dry friction that grows with the load of the transmission."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Load, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST = 1.0  # friction as large as the load: a screw that is driven from its nut
-_TYPICAL = 0.1  # of the load: 3 to 40 %
 _LOADS = {
     Load.LINKS: "load: torque of the links",
     Load.MOTOR: "load: torque of the motor",
@@ -23,18 +23,10 @@ _LOADS = {
 
 @dataclass(frozen=True)
 class LoadShape(Shape):
-    """How friction follows the load.
+    """How friction follows the `load`, as a power of its share of the largest one (`scale`, N m).
 
-    Attributes
-    ----------
-    exponent : float
-    scale : float
-        The largest load, N m.
-    two_directions : bool
-        Whether both directions of the power flow have a coefficient of their own: a gear that is
-        driven loses less or more than one that drives.
-    load : Load
-        Torque that is taken as the load.
+    `two_directions`: whether both directions of the power flow have a coefficient of their own: a
+    gear that is driven loses less or more than one that drives.
     """
 
     exponent: float
@@ -59,7 +51,10 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     name = "load_dependent_friction"
     order = 40
     part = "friction"
+    typical = 0.1  # of the load: 3 to 40 %
     family = "load"
+    ends: ClassVar = {"exponent": (0.6, 1.6)}
+    fixed = ("scale",)
     confounders = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"
     segments = ("range_sweep", "plateau")
@@ -91,14 +86,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             for load in Load
         ]
 
-    def neighbours(
-        self, shape: LoadShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[LoadShape]:
-        """Exponents between 0.6 and 1.6."""
-        near = (shape.exponent * (1.0 + step), shape.exponent / (1.0 + step))
-        return [replace(shape, exponent=min(max(e, 0.6), 1.6)) for e in near]
-
-    def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> Torques:
         """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]
         match shape.load:
@@ -115,16 +103,6 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         driving = load * v > 0.0
         return {place.joint: np.column_stack([whole * driving, whole * ~driving])}
 
-    def admissible(self, shape: LoadShape, coefficients: FloatArray) -> bool:
-        """Friction: both grow with the load."""
-        return bool(np.all(coefficients >= 0.0))
-
-    def plausible(
-        self, shape: LoadShape, coefficients: FloatArray, torque: float, scale: JointScale
-    ) -> bool:
-        """Coefficients up to the middle of what gears have."""
-        return bool(max(coefficients[0], coefficients[-1]) <= _TYPICAL)
-
     def impossible(
         self, shape: LoadShape, coefficients: FloatArray, joint: int, covered: OperatingRange
     ) -> str:
@@ -138,7 +116,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
 
     def parameters(
         self, shape: LoadShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Coefficients of friction when driving and when driven."""
         return self.numbers(
             driving=(coefficients[0], deviations[0]),

@@ -6,17 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import (
-    OperatingRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    column,
-)
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _POWERS = (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)
@@ -51,6 +44,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     order = 20
     part = "friction"
     family = "velocity"
+    linear = ("coefficient",)
     confounders = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
     segments = ("plateau",)
@@ -70,12 +64,10 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         """It needs speed."""
         return covered.too_slow_to_bend(joint)
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: PowerShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: PowerShape) -> Torques:
         """Friction of a coefficient of one."""
         v = motion.velocity[:, place.joint]
-        return column(place.joint, np.abs(v) ** shape.power * motion.slip[:, place.joint])
+        return {place.joint: (np.abs(v) ** shape.power * motion.slip[:, place.joint])[:, None]}
 
     def neighbours(
         self, shape: PowerShape, step: float, place: Place, covered: OperatingRange
@@ -84,12 +76,6 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         near = super().neighbours(shape, step, place, covered)
         low, high = (0.2, 0.8) if shape.power < 1.0 else (1.25, 4.0)
         return [PowerShape(min(max(neighbour.power, low), high)) for neighbour in near]
-
-    def parameters(
-        self, shape: PowerShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Torque at 1 rad/s, and the power."""
-        return self.numbers(coefficient=(coefficients[0], deviations[0]), power=(shape.power, None))
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """The second or third number of a damping, where the power is 2 or 3."""

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, EffectParameter
+from idim_iv_ros.effects.cause import Cause, EffectParameter, Parameters
 from idim_iv_ros.model import InverseModel, StandardParameter
 from idim_iv_ros.types import FloatArray
 
@@ -17,12 +18,7 @@ CLEARLY = 3.0
 class Change:
     """One number that a hypothesis may change.
 
-    Attributes
-    ----------
-    name : str
-    unit : str
-    direction : (d,)
-        How the torque answers, in the coordinates of a `ParameterSpace`.
+    `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`.
     """
 
     name: str
@@ -59,25 +55,15 @@ class Estimated:
 class ParameterSpace:
     """Coordinates of all changes: b base parameters, two tilts of gravity, a gain for each joint.
 
-    Attributes
-    ----------
-    model : InverseModel
-    given : (b,)
-        Base parameters of the nominal model.
-    axes : (2, 3)
-        Unit vectors of the base frame about which gravity may be tilted.
-    not_given : frozenset of (str, int)
-        Kind and joint of numbers of which the nominal model says nothing.
-    difference : bool
-        Whether changes are differences between recordings, which may have either sign: what
-        physics allows of the nominal model's numbers bounds no difference.
+    `given` (b,): base parameters of the nominal model; `axes` (2, 3): unit vectors of the base
+    frame about which gravity may be tilted; `not_given`: kind and joint of numbers of which the
+    nominal model says nothing.
     """
 
     model: InverseModel
     given: FloatArray
     axes: FloatArray
     not_given: frozenset[tuple[str, int]] = frozenset()
-    difference: bool = False
 
     @property
     def joints(self) -> int:
@@ -126,6 +112,8 @@ class ParametricEffect(Cause):
 
     kind = "parametric"
     in_base_parameters = True
+    # Change from which on a number is of something else: a wrong sign or unit, a large angle.
+    largest: ClassVar[float] = np.inf
 
     def places(self, space: ParameterSpace) -> list[int | None]:
         """Where it may sit: at each joint; None: at no joint in particular."""
@@ -161,12 +149,12 @@ class ParametricEffect(Cause):
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
-        """Whether physics allows the estimate: by default anything."""
-        return True
+        """Whether physics allows the estimate: by default all changes up to `largest`."""
+        return all(abs(estimate.value) <= self.largest for estimate in estimates)
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Return the numbers that the recording determines."""
         return {
             estimate.change.name: EffectParameter(

@@ -33,22 +33,14 @@ class Payload(ParametricEffect):
     specs = (
         ParameterSpec("mass", "kg", "mass", standard="M"),
         *(
-            ParameterSpec(
-                f"moment_{axis}",
-                "kg m",
-                f"mass times its {axis} in the link's frame",
-                standard=f"M{axis.upper()}",
-            )
+            ParameterSpec(f"moment_{axis}", "kg m", words, standard=f"M{axis.upper()}")
             for axis in "xyz"
+            for words in [f"mass times its {axis} in the link's frame"]
         ),
         *(
-            ParameterSpec(
-                f"inertia_{axes}",
-                "kg m²",
-                f"moment of inertia {axes} about the link's frame",
-                standard=axes.upper(),
-            )
+            ParameterSpec(f"inertia_{axes}", "kg m²", words, standard=axes.upper())
             for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
+            for words in [f"moment of inertia {axes} about the link's frame"]
         ),
     )
 

@@ -7,24 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
-from idim_iv_ros.effects.waves import (
-    Waves,
-    near_waves,
-    one_wave_more,
-    wave,
-    wave_columns,
-    wave_grid,
-    wave_parameters,
-    wave_specs,
-    wave_values,
-)
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf
+from idim_iv_ros.effects.motion import RobotMotion, Torques
+from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs, wave_values
 from idim_iv_ros.types import FloatArray
 
-_PERIODS = 0.7  # in the range of the joint, at least
 _BEYOND = 0.2  # of the range: a spot may lie outside, its flank inside
 
 
@@ -50,13 +39,15 @@ def _spot(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 _WAVES, _SPOT = TorqueLaw(_waves), TorqueLaw(_spot)
 
 
-class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
+class PositionDependentFriction(WaveEffect):
     """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²))."""
 
     name = "position_dependent_friction"
     order = 50
     part = "friction"
     family = "position"
+    signed = True  # a spot may be tight or loose
+    periods = 0.7
     confounders = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
     segments = ("range_sweep",)
@@ -81,7 +72,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
             for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)
             if low - width * span < centre < high + width * span
         ]
-        return [*wave_grid(place, covered, _PERIODS), *spots]
+        return [*super().grid(place, covered), *spots]
 
     def branches(self, grid: Sequence[Waves | TightSpot]) -> list[Sequence[Waves | TightSpot]]:
         """Waves and spots: one wave may fit worse than a spot, and two better."""
@@ -92,7 +83,7 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
     ) -> list[Waves | TightSpot]:
         """Nearby wave numbers, centres and widths."""
         if isinstance(shape, Waves):
-            return list(near_waves(shape, step, covered.span(place.joint)))
+            return super().neighbours(shape, step, place, covered)
         centre, width = shape.centre, shape.width
         moved = [TightSpot(centre + sign * step * width, width) for sign in (1.0, -1.0)]
         moved += [TightSpot(centre, width * (1 + step)), TightSpot(centre, width / (1 + step))]
@@ -103,19 +94,15 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
         self, shape: Waves | TightSpot, place: Place, covered: OperatingRange
     ) -> list[tuple[Waves | TightSpot, Waves | TightSpot]]:
         """One wave more."""
-        if isinstance(shape, TightSpot):
-            return []
-        return list(one_wave_more(shape, wave_grid(place, covered, _PERIODS)))
+        return [] if isinstance(shape, TightSpot) else super().longer(shape, place, covered)
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: Waves | TightSpot
-    ) -> dict[int, FloatArray]:
-        """Friction of amplitudes of one."""
-        return self.torques(motion, place, [shape])[0]
+    def names(self, shape: Waves | TightSpot) -> tuple[str, ...]:
+        """Amplitudes of the waves, or the height of the spot."""
+        return ("height",) if isinstance(shape, TightSpot) else super().names(shape)
 
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[Waves | TightSpot]
-    ) -> list[dict[int, FloatArray]]:
+    ) -> list[Torques]:
         """The same of many waves."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = np.ascontiguousarray(motion.slip[:, place.joint])
@@ -128,22 +115,6 @@ class PositionDependentFriction(StructuralEffect[Waves | TightSpot]):
                 values = np.exp(-(((q - shape.centre) / shape.width) ** 2))[:, None]
             made.append({place.joint: values * sign[:, None]})
         return made
-
-    def admissible(self, shape: Waves | TightSpot, coefficients: FloatArray) -> bool:
-        """Any phase; a spot may be tight or loose."""
-        return True
-
-    def parameters(
-        self, shape: Waves | TightSpot, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Wave numbers and amplitudes, or place, width and height of the spot."""
-        if isinstance(shape, Waves):
-            return self.numbers(**wave_parameters(shape, coefficients, deviations))
-        return self.numbers(
-            centre=(shape.centre, None),
-            width=(shape.width, None),
-            height=(coefficients[0], deviations[0]),
-        )
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Dry friction of the spot and of each wave."""

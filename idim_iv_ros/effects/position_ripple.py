@@ -1,17 +1,10 @@
 """Torque that ripples with the position: cogging, teeth, ripple of the motor's current."""
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers
+from idim_iv_ros.effects.cause import GivenNumbers
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import ShareOf
-from idim_iv_ros.effects.waves import (
-    WaveEffect,
-    Waves,
-    wave,
-    wave_parameters,
-    wave_specs,
-    wave_values,
-)
+from idim_iv_ros.effects.waves import WaveEffect, wave, wave_specs, wave_values
 from idim_iv_ros.types import FloatArray
 
 
@@ -29,22 +22,13 @@ class PositionRipple(WaveEffect):
     name = "position_ripple"
     order = 120
     family = "position"
+    signed = True
     confounders = ("spring", "position_dependent_friction")
     excitation = "slow constant speed over many periods, in both directions"
     segments = ("range_sweep",)
     typical = ShareOf("peak", 0.015)  # 0.5 to 3 %
     specs = wave_specs("torque")
     laws = (_LAW,)
-
-    def admissible(self, shape: Waves, coefficients: FloatArray) -> bool:
-        """Any phase."""
-        return True
-
-    def parameters(
-        self, shape: Waves, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Wave numbers and amplitudes."""
-        return self.numbers(**wave_parameters(shape, coefficients, deviations))
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
         """A torque for each wave."""

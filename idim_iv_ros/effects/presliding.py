@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
     OperatingRange,
@@ -17,7 +17,7 @@ from idim_iv_ros.effects.effect import (
     StructuralEffect,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST = 3
@@ -90,6 +90,7 @@ class Presliding(StructuralEffect[BristleShape]):
     lost_where_softened = True
     part = "friction"
     family = "velocity"
+    linear = ("level_k",)
     confounders = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"
     segments = ("reversals",)
@@ -124,27 +125,11 @@ class Presliding(StructuralEffect[BristleShape]):
         terms = self.grid(place, covered)
         return [(BristleShape(shape.spans + term.spans), term) for term in terms]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: BristleShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: BristleShape) -> Torques:
         """Each bristle less the dry friction that it replaces."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = motion.slip[:, place.joint]
         return {place.joint: np.column_stack([bristle(q, span) - sign for span in shape.spans])}
-
-    def admissible(self, shape: BristleShape, coefficients: FloatArray) -> bool:
-        """All bristles are springs."""
-        return bool(np.all(coefficients >= 0.0))
-
-    def parameters(
-        self, shape: BristleShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Spans and levels."""
-        numbers: dict[str, tuple[float, float | None]] = {}
-        for k, span in enumerate(shape.spans):
-            numbers[f"span_{k + 1}"] = (span, None)
-            numbers[f"level_{k + 1}"] = (coefficients[k], deviations[k])
-        return self.numbers(**numbers)
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Bristles in the place of Coulomb friction, which they cannot exceed."""

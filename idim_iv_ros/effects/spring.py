@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _CENTRES = 9
 _WIDTHS = (0.1, 0.2, 0.4, 0.8)  # of the range
+_POWERS = ("constant", "linear", "quadratic", "cubic")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class CubicShape(Shape):
 class BentShape(Shape):
     """linear q + bent sinh((q − centre) / width) where it hardens, arctan where it softens."""
 
-    hardens: bool
+    hardening: bool
     lowest: float
     highest: float
     centre: float
@@ -63,6 +64,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
     name = "spring"
     order = 130
     family = "position"
+    signed = True  # the model absorbs what looks like gravity, and what is left has no sign
     confounders = ("position_ripple", "asymmetric_friction")
     excitation = "the whole range of the joint, slowly"
     segments = ("range_sweep",)
@@ -109,43 +111,24 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             replace(shape, width=max(width / (1.0 + step), 0.05 * span)),
         ]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: CubicShape | BentShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: CubicShape | BentShape) -> Torques:
         """Powers of the position, or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
         if isinstance(shape, CubicShape):
             return {place.joint: np.column_stack([q, q**2, q**3])}
-        bend = np.sinh if shape.hardens else np.arctan
+        bend = np.sinh if shape.hardening else np.arctan
         return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
-    def admissible(self, shape: CubicShape | BentShape, coefficients: FloatArray) -> bool:
-        """Any: the model absorbs what looks like gravity, and what is left has no sign."""
-        return True
-
-    def parameters(
-        self, shape: CubicShape | BentShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Coefficients, and the range in which they hold."""
-        cubic = isinstance(shape, CubicShape)
-        names = ("linear", "quadratic", "cubic") if cubic else ("linear", "bent")
-        numbers: dict[str, tuple[float, float | None]] = {
-            name: (value, std)
-            for name, value, std in zip(names, coefficients, deviations, strict=True)
-        }
-        numbers |= {"lowest": (shape.lowest, None), "highest": (shape.highest, None)}
-        if isinstance(shape, BentShape):
-            numbers["hardening"] = (shape.hardens, None)
-            numbers |= {"centre": (shape.centre, None), "width": (shape.width, None)}
-        return self.numbers(**numbers)
+    def names(self, shape: CubicShape | BentShape) -> tuple[str, ...]:
+        """Of a polynomial, or of the position and the bend."""
+        return ("linear", "bent") if isinstance(shape, BentShape) else _POWERS[1:]
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """A polynomial stiffness, where the joint never leaves the range of the polynomial."""
         lowest, highest = value.get("lowest", -math.inf), value.get("highest", math.inf)
         if value.get("bent") or value.get("constant") or low < lowest or high > highest:
             return None
-        names = ("linear", "quadratic", "cubic")
-        return Element(stiffness=tuple(value.get(name, 0.0) for name in names))
+        return Element(stiffness=tuple(value.get(name, 0.0) for name in _POWERS[1:]))
 
     def refused(self, value: Mapping[str, float]) -> str:
         """The range must not be empty."""
@@ -153,8 +136,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """The polynomial, and the bent part where there is one."""
-        powers = ("constant", "linear", "quadratic", "cubic")
-        yield TorqueTerm(_POLYNOMIAL, given.values(*powers, "lowest", "highest"))
+        yield TorqueTerm(_POLYNOMIAL, given.values(*_POWERS, "lowest", "highest"))
         if given.value["bent"] != 0.0:
             bend = ("bent", "centre", "width", "hardening")
             yield TorqueTerm(_BENT, given.values(*bend, "lowest", "highest"))

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
     OperatingRange,
@@ -14,10 +15,9 @@ from idim_iv_ros.effects.effect import (
     Shape,
     ShareOf,
     StructuralEffect,
-    column,
     logarithmic,
 )
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _EXPONENTS = (0.6, 1.0, 2.0)
@@ -51,6 +51,8 @@ class Stribeck(StructuralEffect[StribeckShape]):
     order = 10
     part = "friction"
     family = "velocity"
+    linear = ("excess",)
+    ends: ClassVar = {"exponent": (0.5, 2.5)}
     confounders = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
     segments = ("creep",)
@@ -72,33 +74,11 @@ class Stribeck(StructuralEffect[StribeckShape]):
         """It needs speed."""
         return covered.too_slow_to_bend(joint)
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: StribeckShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: StribeckShape) -> Torques:
         """Friction of an excess of one."""
         v = np.abs(motion.velocity[:, place.joint])
         falling = np.exp(-((v / shape.speed) ** shape.exponent))
-        return column(place.joint, falling * motion.slip[:, place.joint])
-
-    def neighbours(
-        self, shape: StribeckShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[StribeckShape]:
-        """Exponents stay between 0.5 and 2.5."""
-        near = super().neighbours(shape, step, place, covered)
-        return [
-            StribeckShape(neighbour.speed, min(max(neighbour.exponent, 0.5), 2.5))
-            for neighbour in near
-        ]
-
-    def parameters(
-        self, shape: StribeckShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Excess, speed and exponent."""
-        return self.numbers(
-            excess=(coefficients[0], deviations[0]),
-            speed=(shape.speed, None),
-            exponent=(shape.exponent, None),
-        )
+        return {place.joint: (falling * motion.slip[:, place.joint])[:, None]}
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """An excess at every speed for Fc."""

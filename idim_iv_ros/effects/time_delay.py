@@ -1,19 +1,19 @@
 """A torque that acts later than its command."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import CommandDelay
-from idim_iv_ros.effects.effect import JointScale, OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _TERMS = 3  # of the Taylor series: the rows end where 2π f delay is about one
 _DELAYS = (0.0003, 0.0006, 0.001, 0.002, 0.004, 0.008, 0.012)
 _LONGEST = 0.02  # s
-_TYPICAL_DELAY = 0.002  # s, of 0.25 to 20 ms
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,8 @@ class TimeDelay(StructuralEffect[DelayShape]):
     put_in_first = True
     part = "delay"
     family = "frequency"
+    typical = 0.002  # s, of 0.25 to 20 ms
+    ends: ClassVar = {"delay": (1e-4, np.inf)}
     confounders = ("elasticity", "nonlinear_viscous")
     excitation = "energy above 2 Hz and sharp reversals"
     segments = ("multisine",)
@@ -45,16 +47,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
         """From 0.3 to 12 ms."""
         return [DelayShape(delay) for delay in _DELAYS]
 
-    def neighbours(
-        self, shape: DelayShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[DelayShape]:
-        """Delays down to a tenth of a millisecond."""
-        near = super().neighbours(shape, step, place, covered)
-        return [DelayShape(max(neighbour.delay, 1e-4)) for neighbour in near]
-
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: DelayShape
-    ) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: DelayShape) -> Torques:
         """Taylor series of the change of the torque."""
         torque = motion.torque[:, place.joint]
         change = np.zeros_like(torque)
@@ -69,12 +62,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
         """The whole torque is late, not a part of it; short shapes times much are slow loops."""
         return bool(coefficients[0] > 0.4)
 
-    def plausible(
-        self, shape: DelayShape, coefficients: FloatArray, torque: float, scale: JointScale
-    ) -> bool:
-        """Delays up to the middle of what drives have."""
-        return bool(shape.delay * coefficients[0] <= _TYPICAL_DELAY)
-
     def impossible(
         self, shape: DelayShape, coefficients: FloatArray, joint: int, covered: OperatingRange
     ) -> str:
@@ -85,7 +72,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
 
     def parameters(
         self, shape: DelayShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """The delay, to first order: shape times coefficient."""
         return self.numbers(delay=(shape.delay * coefficients[0], shape.delay * deviations[0]))
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
 from idim_iv_ros.effects.parametric_effect import (
     Change,
@@ -12,8 +12,6 @@ from idim_iv_ros.effects.parametric_effect import (
     ParametricEffect,
 )
 from idim_iv_ros.types import FloatArray
-
-_LARGEST = 0.6  # of the recorded torque that is needed, more or less
 
 
 @kernel
@@ -32,6 +30,7 @@ class TorqueGain(ParametricEffect):
     name = "torque_gain"
     order = 30
     part = "torque scale"
+    largest = 0.6  # of the recorded torque that is needed, more or less
     confounders = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the nominal model is right about"
     beyond_motion = "needs a known load: repeat the motion with a payload of known mass"
@@ -45,17 +44,11 @@ class TorqueGain(ParametricEffect):
         assert joint is not None
         return [[Change("recorded_more", "", space.gain(joint))]]
 
-    def admissible(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> bool:
-        """No change that would be a wrong sign or unit."""
-        return all(abs(estimate.value) <= _LARGEST for estimate in estimates)
-
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """The factor, from the share that the recorded torque is larger."""
-        named: dict[str, EffectParameter] = {}
+        named: Parameters = {}
         for estimate in estimates:
             if estimate.std is not None:
                 factor = 1.0 / (1.0 + estimate.value)

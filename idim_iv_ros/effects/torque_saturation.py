@@ -6,17 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import EffectParameter, GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
-from idim_iv_ros.effects.effect import (
-    OperatingRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    column,
-)
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -71,15 +64,15 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
         """A smaller step: the tail is short."""
         return super().neighbours(shape, 0.3 * step, place, covered)
 
-    def columns(self, motion: RobotMotion, place: Place, shape: KneeShape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: KneeShape) -> Torques:
         """Torque beyond the knee."""
         torque = motion.torque[:, place.joint]
         beyond = np.maximum(np.abs(torque) - shape.knee, 0.0)
-        return column(place.joint, np.sign(torque) * beyond)
+        return {place.joint: (np.sign(torque) * beyond)[:, None]}
 
     def parameters(
         self, shape: KneeShape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
+    ) -> Parameters:
         """Knee and slope beyond it."""
         slope = 1.0 / (1.0 + max(float(coefficients[0]), 0.0))
         return self.numbers(knee=(shape.knee, None), slope=(slope, deviations[0] * slope**2))

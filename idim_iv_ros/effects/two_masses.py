@@ -8,7 +8,7 @@ what the transmission gives.
 import numpy as np
 
 from idim_iv_ros.compilation import entry
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _LEAST_INERTIA = 0.05  # of the largest along the motion
@@ -17,15 +17,10 @@ _STEPS_PER_PERIOD = 25.0  # of the transmission's natural frequency
 
 def transmitted(
     motion: RobotMotion, joint: int, stiffness: float, damping: float, gap: float
-) -> dict[int, FloatArray]:
+) -> Torques:
     """Change of all torques (s, 1) by joint, against a rigid transmission.
 
-    Parameters
-    ----------
-    stiffness, damping
-        N m/rad, N m s/rad, of the shaft or of the flanks.
-    gap
-        Play, rad.
+    `stiffness`, `damping`: of the shaft or of the flanks, N m/rad, N m s/rad; `gap`: play, rad.
     """
     inertia = motion.inertia[:, :, joint]
     most = float(np.max(np.abs(inertia[:, joint]))) + 1e-12

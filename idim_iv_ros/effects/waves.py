@@ -3,14 +3,14 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _MOST_WAVES = 3
@@ -50,48 +50,9 @@ def wave_values(given: GivenNumbers) -> Iterable[tuple[float, ...]]:
         yield term["wave_number_k"], term["sine_k"], term["cosine_k"]
 
 
-def wave_grid(place: Place, covered: OperatingRange, periods: float) -> list[Waves]:
-    """One wave each, with wave numbers from that many periods in the range of the joint on.
-
-    The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
-    """
-    span = covered.span(place.joint)
-    if span <= 0.0:
-        return []
-    low = periods * 2.0 * np.pi / span
-    visible = np.pi * covered.row_rate / max(3.0 * covered.slowest[place.joint], 1e-6)
-    high = min(_HIGHEST / float(covered.lever[place.joint]), max(visible, low))
-    step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
-    return [Waves((float(number),)) for number in np.arange(low, high, step)]
-
-
-def one_wave_more(shape: Waves, grid: list[Waves]) -> list[tuple[Waves, Waves]]:
-    """Return a shape with another wave of a grid, and that wave alone.
-
-    Waves nearer to each other than the resolution are a beat, whose amplitudes may be anything.
-    """
-    if len(shape.wave_numbers) >= _MOST_WAVES or len(grid) < 2:
-        return []
-    resolution = _FINEST * (grid[1].wave_numbers[0] - grid[0].wave_numbers[0])
-    longer = [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
-    return [pair for pair in longer if _apart(pair[0], resolution)]
-
-
 def _apart(shape: Waves, resolution: float) -> bool:
     """Whether all wave numbers differ by the resolution, 1/rad (1/m), at least."""
     return bool(np.all(np.diff(sorted(shape.wave_numbers)) >= resolution))
-
-
-def near_waves(shape: Waves, step: float, span: float) -> list[Waves]:
-    """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
-    move = step * 2.0 * np.pi / span
-    numbers = shape.wave_numbers
-    near = [
-        Waves((*numbers[:k], max(numbers[k] + sign * move, 1e-3), *numbers[k + 1 :]))
-        for k in range(len(numbers))
-        for sign in (1.0, -1.0)
-    ]
-    return [neighbour for neighbour in near if _apart(neighbour, 2.0 * np.pi / span)]
 
 
 def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArray]:
@@ -126,19 +87,7 @@ def _evenly_spaced(numbers: FloatArray) -> bool:
     return bool(np.max(np.abs(numbers - even)) <= 1e-13 * np.max(np.abs(numbers)))
 
 
-def wave_parameters(
-    shape: Waves, coefficients: FloatArray, deviations: FloatArray
-) -> dict[str, tuple[float, float | None]]:
-    """Values and deviations of wave_number_k, sine_k, cosine_k, for `Cause.numbers`."""
-    numbers: dict[str, tuple[float, float | None]] = {}
-    for k, wave_number in enumerate(shape.wave_numbers):
-        numbers[f"wave_number_{k + 1}"] = (wave_number, None)
-        for i, name in enumerate(("sine", "cosine"), start=2 * k):
-            numbers[f"{name}_{k + 1}"] = (coefficients[i], deviations[i])
-    return numbers
-
-
-class WaveEffect(StructuralEffect[Waves]):
+class WaveEffect(StructuralEffect[Any]):
     """Base of an effect whose torque is a sum of waves over the position of its joint.
 
     Attributes
@@ -147,31 +96,53 @@ class WaveEffect(StructuralEffect[Waves]):
         In the range of the joint, at least: fewer are a spring.
     """
 
+    linear = ("sine_k", "cosine_k")
     periods: ClassVar[float] = 2.5
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Waves]:
-        """One wave."""
-        return wave_grid(place, covered, self.periods)
+    def grid(self, place: Place, covered: OperatingRange) -> list[Any]:
+        """One wave.
+
+        The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
+        """
+        span = covered.span(place.joint)
+        if span <= 0.0:
+            return []
+        low = self.periods * 2.0 * np.pi / span
+        visible = np.pi * covered.row_rate / max(3.0 * covered.slowest[place.joint], 1e-6)
+        high = min(_HIGHEST / float(covered.lever[place.joint]), max(visible, low))
+        step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
+        return [Waves((float(number),)) for number in np.arange(low, high, step)]
 
     def neighbours(
-        self, shape: Waves, step: float, place: Place, covered: OperatingRange
-    ) -> list[Waves]:
-        """Nearby wave numbers."""
-        return near_waves(shape, step, covered.span(place.joint))
+        self, shape: Any, step: float, place: Place, covered: OperatingRange
+    ) -> list[Any]:
+        """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
+        resolution = 2.0 * np.pi / covered.span(place.joint)
+        numbers = shape.wave_numbers
+        near = [
+            Waves((*numbers[:k], max(number + way * step * resolution, 1e-3), *numbers[k + 1 :]))
+            for k, number in enumerate(numbers)
+            for way in (1.0, -1.0)
+        ]
+        return [neighbour for neighbour in near if _apart(neighbour, resolution)]
 
-    def longer(
-        self, shape: Waves, place: Place, covered: OperatingRange
-    ) -> list[tuple[Waves, Waves]]:
-        """One wave more."""
-        return one_wave_more(shape, self.grid(place, covered))
+    def longer(self, shape: Any, place: Place, covered: OperatingRange) -> list[tuple[Any, Any]]:
+        """One wave more.
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Waves) -> dict[int, FloatArray]:
+        Waves nearer to each other than the resolution are a beat, whose amplitudes may be anything.
+        """
+        grid = [term for term in self.grid(place, covered) if isinstance(term, Waves)]
+        if len(shape.wave_numbers) >= _MOST_WAVES or len(grid) < 2:
+            return []
+        resolution = _FINEST * (grid[1].wave_numbers[0] - grid[0].wave_numbers[0])
+        longer = [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
+        return [pair for pair in longer if _apart(pair[0], resolution)]
+
+    def columns(self, motion: RobotMotion, place: Place, shape: Any) -> Torques:
         """Sine and cosine of each wave."""
         return self.torques(motion, place, [shape])[0]
 
-    def torques(
-        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]
-    ) -> list[dict[int, FloatArray]]:
+    def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Any]) -> list[Torques]:
         """Sine and cosine of each wave of many shapes."""
         made = wave_columns(motion.position[:, place.joint], shapes)
         return [{place.joint: columns} for columns in made]

@@ -61,7 +61,7 @@ def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
         assert (explanation.effects, explanation.numbers) == ((), ())
         assert parametric_causes(data, explanation)[0] == []
         assert unexplained(data, explanation) is None
-        assert missing_gravity(data, regression) is None
+        assert missing_gravity(data) is None
 
 
 def test_gravity_that_is_configured_as_zero_is_found_with_its_size() -> None:
@@ -69,7 +69,7 @@ def test_gravity_that_is_configured_as_zero_is_found_with_its_size() -> None:
     arm = arm2(seconds=8.0)
     weightless = changed(arm.configuration, "robot", gravity=[0.0, 0.0, 0.0])
     data = baseline([recorded(arm, 1)], weightless)
-    gravity = missing_gravity(data, smooth_regression(data))
+    gravity = missing_gravity(data)
     assert gravity is not None and gravity.acceleration[1] == 0.0
     assert gravity.acceleration[2] == pytest.approx(-9.81, rel=0.25)  # with the given masses
 

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from bags import simulated_arms
 from bags.simulated_arms import SimulatedArm, arm2
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
@@ -44,7 +44,7 @@ def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
 
 
 def chain_of(data: Baseline) -> tuple[Baseline, EffortShift]:
-    shifted, _, chain = aligned(data, smooth_regression(data))
+    shifted, _, chain = aligned(data)
     return shifted, chain
 
 

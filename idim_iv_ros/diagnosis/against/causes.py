@@ -1,7 +1,7 @@
 """What changed from a reference set of recordings to a second one, cause by cause and in words."""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -12,20 +12,28 @@ from idim_iv_ros.diagnosis.answer.causes import rivals_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result import ContrastCause, EffectParameter, Evidence, JointTorque
 from idim_iv_ros.diagnosis.sentences import listed_numbers, or_else, spaced, torque, with_interval
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
 from idim_iv_ros.simulation import ControlLaw
 
-Side = Literal["reference", "against"]
 WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
 
-def side_of(sets: TwoSets, term: Term) -> Side:
-    """The set whose recordings a term acts in."""
-    assert term.candidate.scope is not None
-    return "against" if term.candidate.scope <= sets.second else "reference"
+def side_of(sets: TwoSets, term: Term) -> str:
+    """The set whose recordings a term acts in: ``reference`` or ``against``."""
+    return "against" if (term.candidate.scope or sets.first) <= sets.second else "reference"
+
+
+def numbers_in(data: Baseline, term: Term | None) -> Parameters:
+    """Numbers of a structural term, none where there is none."""
+    if term is None:
+        return {}
+    numbers = term.effect.parameters(term.shape, term.coefficients, term.deviations)
+    return data.in_units_at(term.place.joint, numbers)
 
 
 def torques_of(
@@ -47,43 +55,34 @@ def torques_of(
 def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
     data, made = sets.data, []
-    places: dict[tuple[str, int | None, int | None], list[Term]] = {}
+    places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
     for term in changes.accepted:
         if term.candidate.kind is Kind.EFFECT:
-            places.setdefault(term.key[:3], []).append(term)
-    for place, terms in sorted(places.items()):
-        numbers: dict[Side, dict[str, EffectParameter]] = {"reference": {}, "against": {}}
-        for term in terms:
-            fitted = term.effect.parameters(term.shape, term.coefficients, term.deviations)
-            numbers[side_of(sets, term)] = data.in_units_at(term.place.joint, fitted)
-        one, other = numbers["reference"], numbers["against"]
+            places.setdefault(term.key[:3], {})[side_of(sets, term)] = term
+    for place, sides in sorted(places.items(), key=lambda item: item[0]):
+        terms = list(sides.values())
+        one, other = (numbers_in(data, sides.get(side)) for side in WHERE)
         joints = [data.joints[joint] for joint in terms[0].place.joints]
         text = f"{spaced(place[0])} at {' and '.join(joints)}"
         said, said_other = (listed_numbers(place[0], of_set) for of_set in (one, other))
-        change: Literal["appeared", "vanished", "changed"] = "appeared" if other else "vanished"
+        change = "changed"
         if one and other:
-            change = "changed"
             text += f" changed: {said} in the reference, {said_other} in the second set"
         elif any(term.key[:3] == place for term in changes.common):
-            change = "changed"
             more = "reference recordings" if one else "second set"
             text += f" changed: more of it in the {more} ({said or said_other})"
         else:
+            change = "appeared" if other else "vanished"
             text += f" {WHERE['reference' if one else 'against']}: {said or said_other}"
         made.append(
-            _of_terms(
+            _cause(
                 sets,
-                changes,
-                terms,
-                text,
-                kind="structural",
+                place[0],
+                (one, other),
                 joint=joints[0],
                 other_joint=joints[1] if len(joints) > 1 else None,
                 change=change,
-                bags=sets.bags(sets.second),
-                parameters=_difference(other, one) if one and other else other or one,
-                reference=one,
-                against=other,
+                **_of_terms(sets, changes, terms, text),
             )
         )
     return made
@@ -97,27 +96,24 @@ def parametric_causes(
     made = []
     for number in numbers:
         joint, parameters, bags = number.joint, number.parameters, sets.bags(number.recordings)
-        name, place = None, ""
+        effect, name, place = number.effect.name, None, ""
         if joint is not None:
             name, parameters = sets.data.joints[joint], sets.data.in_units_at(joint, parameters)
             place = f" of {name}{number.effect.which(joint)}"
         text = (
-            f"{', '.join(bags) + ': ' if several else ''}{spaced(number.effect.name)}{place} "
-            "changed, second set less reference: "
-            f"{listed_numbers(number.effect.name, parameters)}"
+            f"{', '.join(bags) + ': ' if several else ''}{spaced(effect)}{place} "
+            f"changed, second set less reference: {listed_numbers(effect, parameters)}"
         )
+        said = _of_terms(sets, changes, number.terms, text, number.recordings)
         made.append(
-            _of_terms(
+            _cause(
                 sets,
-                changes,
-                number.terms,
-                text,
-                number.recordings,
+                effect,
                 kind="parametric",
                 joint=name,
-                change="changed",
                 bags=bags,
                 parameters=parameters,
+                **said,
             )
         )
     return made
@@ -129,27 +125,41 @@ def _of_terms(
     terms: Sequence[Term],
     text: str,
     recordings: frozenset[int] | None = None,
-    **fields: Any,
-) -> ContrastCause:
-    """A cause that terms of the search make; `text`: what changed, without its torques."""
-    data, torques = sets.data, torques_of(sets, terms, recordings)
+) -> dict[str, Any]:
+    """What terms of the search say of a cause; `text`: what changed, without its torques."""
+    torques = torques_of(sets, terms, recordings)
     listed = ", ".join(
-        f"{torque(data, made.rms, made.joint)} at {made.joint} "
+        f"{torque(sets.data, made.rms, made.joint)} at {made.joint} "
         f"({100.0 * made.share_of_torque:.3g} % of its torque)"
         for made in torques
     )
-    others = rivals_of(data.joints, terms)
-    return ContrastCause(
-        effect=terms[0].key[0],
-        evidence=Evidence(
-            sum(max(2.0 * term.evidence, 0.0) for term in terms),
-            chosen_in_folds=min(changes.accepted[term] for term in terms),
-        ),
-        indistinguishable_from=others,
-        torques=torques,
-        sentence=f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
-        **fields,
-    )
+    others = rivals_of(sets.data.joints, terms)
+    statistic = sum(max(2.0 * term.evidence, 0.0) for term in terms)
+    times = min(changes.accepted[term] for term in terms)
+    return {
+        "evidence": Evidence(statistic, chosen_in_folds=times),
+        "indistinguishable_from": others,
+        "torques": torques,
+        "sentence": f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
+    }
+
+
+def _cause(
+    sets: TwoSets,
+    effect: str,
+    numbers: tuple[Parameters, Parameters] = ({}, {}),
+    **fields: Any,
+) -> ContrastCause:
+    """A cause with its numbers in the reference and in the second set, where they are known."""
+    one, other = numbers
+    usual = {
+        "kind": "structural",
+        "joint": None,
+        "change": "changed",
+        "bags": sets.bags(sets.second),
+        "parameters": _difference(other, one) if one and other else other or one,
+    }
+    return ContrastCause(effect=effect, reference=one, against=other, **{**usual, **fields})
 
 
 def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCause], str]:
@@ -164,23 +174,21 @@ def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCa
         if reason:
             return [], f"the control laws of the sets were not compared: {reason} ({name})"
     one, other = (shown_law(refit.data) for refit in sets.refits)
-    causes = [
-        _law_cause(
-            sets, one.law, joint, one.joints[joint].every.followed_by(other.joints[joint].every)
-        )
-        for joint in sorted(set(one.joints) & set(other.joints))
-    ]
-    return [cause for cause in causes if cause is not None], ""
+    causes = []
+    for joint in sorted(set(one.joints) & set(other.joints)):
+        rows = one.joints[joint].every.followed_by(other.joints[joint].every)
+        causes += _law_cause(sets, one.law, joint, rows)
+    return causes, ""
 
 
 def _law_cause(
     sets: TwoSets, law: ControlLaw, joint: int, rows: CommandRows
-) -> ContrastCause | None:
-    """What one joint is controlled by otherwise in the second set; None where in nothing."""
+) -> list[ContrastCause]:
+    """What one joint is controlled by otherwise in the second set; none where in nothing."""
     change = law_change(rows)
     differing = [term for term in change.terms if term.key[3] is not None]
     if not differing:
-        return None
+        return []
     groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
     command = np.zeros(len(rows.rest))
     for term in differing:
@@ -203,10 +211,9 @@ def _law_cause(
         f"control law of {made.joint} changed: {changed} "
         f"({100.0 * made.share_of_torque:.3g} % of its torque)"
     )
+    said = {"joint": made.joint, "sentence": sentence, "torques": (made,)}
     evidence = Evidence(2.0 * sum(term.evidence for term in differing))
-    return _of_both(
-        sets, CONTROL_LAW.name, made.joint, (reference, against), evidence, sentence, (made,)
-    )
+    return [_cause(sets, CONTROL_LAW.name, (reference, against), evidence=evidence, **said)]
 
 
 def delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:
@@ -224,38 +231,12 @@ def delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[C
         f"{'later' if delay.value > 0.0 else 'earlier'} in the second set, at all joints"
     )
     evidence = Evidence((delay.value / delay.std) ** 2)
-    return [_of_both(sets, name_of("delay"), None, numbers, evidence, sentence)]
-
-
-def _of_both(
-    sets: TwoSets,
-    effect: str,
-    joint: str | None,
-    numbers: tuple[dict[str, EffectParameter], dict[str, EffectParameter]],
-    evidence: Evidence,
-    sentence: str,
-    torques: tuple[JointTorque, ...] = (),
-) -> ContrastCause:
-    """A cause that both sets have, with the numbers of the reference and of the second set."""
-    reference, against = numbers
-    return ContrastCause(
-        effect=effect,
-        kind="structural",
-        joint=joint,
-        change="changed",
-        bags=sets.bags(sets.second),
-        parameters=_difference(against, reference),
-        reference=reference,
-        against=against,
-        evidence=evidence,
-        torques=torques,
-        sentence=sentence,
-    )
+    return [_cause(sets, name_of("delay"), numbers, evidence=evidence, sentence=sentence)]
 
 
 def _difference(
     against: Mapping[str, EffectParameter], reference: Mapping[str, EffectParameter]
-) -> dict[str, EffectParameter]:
+) -> Parameters:
     """Second set less reference, of the numbers that both have; no deviation unless both have."""
     made = {}
     for name, other in against.items():

@@ -18,7 +18,8 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Te
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Difference, EffectParameter, RecordingAgreement
+from idim_iv_ros.diagnosis.result import Difference, RecordingAgreement
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray, IntArray
@@ -124,7 +125,7 @@ class NumberChange:
     effect: ParametricEffect
     joint: int | None
     recordings: Scope
-    parameters: dict[str, EffectParameter]
+    parameters: Parameters
     terms: tuple[Term, ...]
 
 
@@ -145,10 +146,10 @@ def number_changes(changes: Changes) -> list[NumberChange]:
         for recording in sorted(frozenset().union(*scopes)):
             there = tuple(k for k, scope in enumerate(scopes) if recording in scope)
             groups.setdefault(there, []).append(recording)
+        effect = parts[0][0].candidate.effect
+        assert isinstance(effect, ParametricEffect)
         for there, group in groups.items():
             some = [parts[k] for k in there]
-            effect = some[0][0].candidate.effect
-            assert isinstance(effect, ParametricEffect)
             numbers = effect.parameters(space, joint, _summed(some, model))
             terms = tuple(term for term, _ in some)
             made.append(NumberChange(effect, joint, frozenset(group), numbers, terms))
@@ -205,14 +206,7 @@ def agreement(
     for part, some in zip(data.prepared.session.parts, differences, strict=True):
         some.sort(key=lambda pair: -float(pair[0].max()))
         squares = sum((shares**2 for shares, _ in some), np.zeros(len(data.joints)))
-        worst = int(np.argmax(squares))
-        made.append(
-            RecordingAgreement(
-                bag=part.bag,
-                agrees=not some,
-                joint=data.joints[worst],
-                share_of_torque=float(np.sqrt(squares[worst])),
-                differences=tuple(difference for _, difference in some),
-            )
-        )
+        worst, listed = int(np.argmax(squares)), tuple(difference for _, difference in some)
+        share = float(np.sqrt(squares[worst]))
+        made.append(RecordingAgreement(part.bag, not some, data.joints[worst], share, listed))
     return tuple(made)

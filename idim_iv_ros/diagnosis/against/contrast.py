@@ -26,11 +26,10 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.likelihood import Columns, rms
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
-from idim_iv_ros.diagnosis.sentences import capitalised, spaced, torque
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
+from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.types import FloatArray
 
@@ -42,18 +41,13 @@ def contrasted(
     without: Collection[str] = (),
     disagreeing: Sequence[str] = (),
 ) -> ContrastResult:
-    """Say what changed from the reference recordings to the others.
+    """Say what changed from the reference recordings to the others; errors as `identify`.
 
     Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel. What one set has is looked for in its recordings alone.
 
     `without`: effects that are left out of the catalogue; `disagreeing`: recordings of the
     reference that differ from its others, as its diagnosis says.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`, for each set.
     """
     sets = two_sets(reference, against, configuration)
     numbers = [sets.second]
@@ -74,34 +68,21 @@ def contrast_of(
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)
     law, why_no_law = law_causes(sets, without)
-    shifts = {
-        name: refit.shift.common
-        for name, refit in zip(("reference", "against"), sets.refits, strict=True)
-    }
+    shifts = {name: refit.shift.common for name, refit in zip(WHERE, sets.refits, strict=True)}
     delay = delay_causes(sets, shifts)
-    causes = [
-        *structural_causes(sets, changes),
-        *parametric_causes(sets, changes, numbers),
-        *law,
-        *delay,
-    ]
+    causes = structural_causes(sets, changes) + parametric_causes(sets, changes, numbers)
+    causes += law + delay
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = tuple(
         _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE
     )
     joints, of_reference = _joints(sets, changes)
     least = settings.LEAST_NONPARAMETRIC * sets.sizes
-    unexplained = [
-        joint for joint, size in zip(joints, least, strict=True) if joint.unexplained >= size
-    ]
+    unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
     differs = bool(causes or unattributed or unexplained)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
-        closest = [
-            f"{_in_words(data, term)} (in {times})"
-            for term, times in changes.doubtful.items()
-            if times
-        ]
+        closest = [f"{_in_words(data, t)} (in {n})" for t, n in changes.doubtful.items() if n]
         sentence = _changes(data, against, said, unexplained, closest)
     else:
         noisier = {
@@ -110,13 +91,12 @@ def contrast_of(
             if joint.after**2 - level**2 >= size**2
         }
         sentence = _no_difference(data, against, joints, noisier)
-    softened = zip(("the reference", "the second set"), sets.refits, strict=True)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
     notes = [
         "" if delay else _shift(shifts),
         *(
             f"{name}: {refit.softened.sentence(data.joints)}"
-            for name, refit in softened
+            for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
             if refit.softened is not None
         ),
         "the recordings of the second set do not agree and were compared apart: "
@@ -129,6 +109,7 @@ def contrast_of(
         else "",
         why_no_law,
     ]
+    named = (Kind.EFFECT, Kind.CURVE)
     return ContrastResult(
         reference=sets.bags(sets.first),
         against=against,
@@ -137,11 +118,7 @@ def contrast_of(
         joints=tuple(joints),
         causes=tuple(causes),
         unattributed=unattributed,
-        common=tuple(
-            _in_words(data, term)
-            for term in changes.common
-            if term.candidate.kind in (Kind.EFFECT, Kind.CURVE)
-        ),
+        common=tuple(_in_words(data, t) for t in changes.common if t.candidate.kind in named),
         effort_shift=shifts,
         notes=tuple(note for note in notes if note),
     )
@@ -233,10 +210,10 @@ def _unattributed(sets: TwoSets, term: Term) -> str:
 def _in_words(data: Baseline, term: Term) -> str:
     """An effect and its joint."""
     effect, place = term.candidate.effect, term.candidate.place
-    where = "" if place is None else f" at {data.joints[place.joint]}"
+    joint = None if place is None else data.joints[place.joint]
     if isinstance(effect, Nonparametric):
-        return f"a torque{where} that {effect.words}"
-    return f"{spaced(effect.name)}{where}"
+        return f"{placed('a torque', joint, 'at')} that {effect.words}"
+    return placed(effect.name, joint, "at")
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:
@@ -255,10 +232,10 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
             if term in changes.doubtful:
                 after[joint] += moved
     alone = _with_numbers_of_second(sets, changes, after)
-    rates = [
+    one, other = (
         min(motion.signals.rate for motion in refit.data.prepared.motions) for refit in sets.refits
-    ]
-    noise = float(np.sqrt(max(1.0, rates[0] / rates[1])))  # fewer samples in a row: more noise
+    )
+    noise = float(np.sqrt(max(1.0, one / other)))  # fewer samples in a row: more noise
     made, of_reference = [], []
     for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
         first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
@@ -281,21 +258,21 @@ def _with_numbers_of_second(
         out = [part[blocks] == number for blocks in ledger.blocks]
         fitted = [rows & ~gone for rows, gone in zip(sets.inside, out, strict=True)]
         left = refit_residuals(ledger, residuals, fitted)
-        for joint, gone in enumerate(out):
-            made[joint][gone] = left[joint][gone]
+        for rest, predicted, gone in zip(made, left, out, strict=True):
+            rest[gone] = predicted[gone]
     return made
 
 
 def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    candidate, shape, sign = term.candidate, term.shape, 1.0
-    columns: Columns = term.columns
+    candidate, shape, columns, sign = term.candidate, term.shape, term.columns, 1.0
     if candidate.scope is None:
         return {}
     if side_of(sets, term) == "reference":
-        if shape is None or isinstance(candidate.effect, ParametricEffect):
-            return {}
-        columns, sign = changes.selection.comparison.catalogue.everywhere(candidate, shape), -1.0
+        if shape is None:
+            return {}  # a number
+        columns = dict(changes.selection.comparison.catalogue.everywhere(candidate, shape))
+        sign = -1.0
     return {
         joint: sign * (rows @ term.coefficients) * sets.inside[joint]
         for joint, rows in columns.items()

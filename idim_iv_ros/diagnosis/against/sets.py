@@ -20,6 +20,7 @@ from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording import Recording, Session, session_of
+from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import BoolArray, FloatArray
 
 
@@ -66,14 +67,9 @@ class TwoSets:
 def two_sets(
     reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
 ) -> TwoSets:
-    """Refit each set by itself and put their rows under one another.
+    """Refit each set by itself and put their rows under one another; errors as `identify`.
 
     The noisier set limits the band, and all rows come at one rate.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`, for each set: each must excite every parameter.
     """
     parts = reference, against
     for section in proposals(parts, with_offsets(configuration)):
@@ -81,7 +77,7 @@ def two_sets(
         sets = [refit_of(_part(whole, part)) for part in parts]
         if all(data.sticking for data in sets):
             break
-    one, other = (on_likelier_motion(data, smooth_regression(data)) for data in sets)
+    one, other = map(on_likelier_motion, sets)
     data = _together(one.data, other.data)
     return TwoSets(data, smooth_regression(data), (one, other))
 
@@ -91,13 +87,19 @@ def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> Prepare
     session = session_of(recordings)
     numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
     places = [numbers[id(recording)] for recording in session.recordings]
-    factors = tuple(whole.cutoffs.factors[place] for place in places)
-    return replace(
-        whole,
-        session=session,
-        cutoffs=replace(whole.cutoffs, factors=factors),
-        motions=tuple(whole.motions[place] for place in places),
-    )
+    factors = [whole.cutoffs.factors[place] for place in places]
+    return _of_session(whole, session, factors, [whole.motions[place] for place in places])
+
+
+def _of_session(
+    prepared: PreparedRegression,
+    session: Session,
+    factors: Sequence[int],
+    motions: Sequence[Motion],
+) -> PreparedRegression:
+    """Return the same with other recordings."""
+    cutoffs = replace(prepared.cutoffs, factors=tuple(factors))
+    return replace(prepared, session=session, cutoffs=cutoffs, motions=tuple(motions))
 
 
 def _together(first: Baseline, second: Baseline) -> Baseline:
@@ -106,15 +108,9 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
     factors = (*one.cutoffs.factors, *other.cutoffs.factors)
-    prepared = replace(
-        one,
-        session=session,
-        cutoffs=replace(one.cutoffs, factors=factors),
-        motions=(*one.motions, *other.motions),
-    )
     return replace(
         first,
-        prepared=prepared,
+        prepared=_of_session(one, session, factors, (*one.motions, *other.motions)),
         rows=tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True)),
         motions=(*first.motions, *second.motions),
         sticking=first.sticking and second.sticking,

@@ -16,7 +16,8 @@ from idim_iv_ros.diagnosis.refit.command_rows import SHIFT_SPLINE
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
-from idim_iv_ros.diagnosis.result import EffectParameter, JointChange
+from idim_iv_ros.diagnosis.result import JointChange
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.observation import observation_rows, torque_rows
@@ -42,17 +43,8 @@ class Baseline:
     The model has torque offsets, whatever the configuration says: what is constant is a number of
     the nominal model (zero there), and no physics that it lacks.
 
-    Attributes
-    ----------
-    prepared : PreparedRegression
-    rows : tuple of JointRows
-    estimate : IdimIvEstimate
-    sources : InstrumentSources
-    motions : tuple of SmoothMotion
-    sticking : bool
-        Whether it is known where joints stick: the closed loop of every recording is simulated.
-    shift : float
-        s by which the effort of the rows is later than recorded.
+    `sticking`: whether it is known where joints stick: the closed loop of every recording is
+    simulated; `shift`: s by which the effort of the rows is later than recorded.
     """
 
     prepared: PreparedRegression
@@ -71,9 +63,7 @@ class Baseline:
     @cached_property
     def recordings(self) -> tuple[IntArray, ...]:
         """(r_j,) of each joint: which recording each row belongs to."""
-        return self.of_joints(
-            [np.full(len(motion.kept), k) for k, motion in enumerate(self.motions)]
-        )
+        return self.of_joints([np.full(len(m.kept), k) for k, m in enumerate(self.motions)])
 
     @cached_property
     def places(self) -> tuple[IntArray, ...]:
@@ -99,18 +89,20 @@ class Baseline:
     def slowest(self) -> FloatArray:
         """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
         peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
-        return np.asarray(
-            np.maximum(self.prepared.minimum_speed, settings.LEAST_SPEED_SHARE * peaks)
-        )
+        least = settings.LEAST_SPEED_SHARE * peaks
+        return np.asarray(np.maximum(self.prepared.minimum_speed, least))
+
+    def columns_of(self, joint: int, *kinds: str) -> IntArray:
+        """Places of kinds of base parameters (Fc) of a joint among the columns of its rows."""
+        names, wanted = self.prepared.model.base.names, {f"{kind}{joint + 1}" for kind in kinds}
+        return np.flatnonzero([names[column] in wanted for column in self.rows[joint].columns])
 
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
         joint_type = self.prepared.model.robot.joint_types[joint]
         return unit_at(unit, joint_type, self.prepared.configuration.signals.effort_unit)
 
-    def in_units_at(
-        self, joint: int, parameters: dict[str, EffectParameter]
-    ) -> dict[str, EffectParameter]:
+    def in_units_at(self, joint: int, parameters: Parameters) -> Parameters:
         """Parameters of an effect with the units that they have at a joint."""
         return {
             name: replace(parameter, unit=self.unit_at(joint, parameter.unit))
@@ -140,15 +132,10 @@ class Baseline:
 
 
 def baseline(recordings: Sequence[Recording], configuration: Configuration) -> Baseline:
-    """Refit the model by IDIM-IV, with torque offsets.
+    """Refit the model by IDIM-IV, with torque offsets; errors as `identify`.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
     closed loop could be simulated: see `refit.processing`.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`.
     """
     for section in proposals([recordings], with_offsets(configuration)):
         refit = refit_of(prepare(recordings, section))
@@ -198,10 +185,8 @@ def later(
     """Return the rows with the recorded effort `shift` seconds later."""
     torques = []
     for motion in motions:
-        signals = motion.signals
-        moved = scipy.ndimage.shift(
-            signals.torque, (shift * signals.rate, 0.0), order=SHIFT_SPLINE, mode="nearest"
-        )
+        signals, by = motion.signals, (shift * motion.signals.rate, 0.0)
+        moved = scipy.ndimage.shift(signals.torque, by, order=SHIFT_SPLINE, mode="nearest")
         torques.append(torque_rows(replace(motion, signals=replace(signals, torque=moved))))
     return tuple(
         replace(row, torque=np.concatenate([torque[joint] for torque in torques]))
@@ -234,21 +219,16 @@ def _parameters(
     unit is that of the estimates.
     """
     model = prepared.model
-    whole = model.dynamic_parameters(values)
-    drives = np.zeros(len(model.robot.joints))
-    if prepared.configuration.signals.effort_unit == "N m":
-        for joint, inertia in enumerate(model.robot.given.drive_inertia):
-            if f"Ia{joint + 1}" not in model.base.names:
-                drives[joint] = -inertia
-    return replace(whole.of_links, drive_inertia=drives), whole
+    whole, given = model.dynamic_parameters(values), model.robot.given.drive_inertia
+    grouped = np.array([f"Ia{joint + 1}" not in model.base.names for joint in range(len(given))])
+    in_unit = prepared.configuration.signals.effort_unit == "N m"
+    return replace(whole.of_links, drive_inertia=np.where(grouped & in_unit, -given, 0.0)), whole
 
 
 def nominal_residuals(data: Baseline, regression: Regression) -> tuple[FloatArray, ...] | None:
     """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
-    values = data.prepared.given
-    if values is None:
-        return None
-    return tuple(rows.torque - rows.matrix @ values[rows.columns] for rows in regression.joints)
+    given = data.prepared.given
+    return None if given is None else tuple(rows.residual(given) for rows in regression.joints)
 
 
 def smooth_regression(data: Baseline) -> Regression:
@@ -258,9 +238,7 @@ def smooth_regression(data: Baseline) -> Regression:
     for motion in data.motions:
         matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
         for joint, matrix in enumerate(matrices):
-            names = [model.base.names[column] for column in data.rows[joint].columns]
-            if f"Fc{joint + 1}" in names:
-                matrix[:, names.index(f"Fc{joint + 1}")] = motion.slip[:, joint]
+            matrix[:, data.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
             parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
     joints = tuple(
         replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
@@ -273,14 +251,17 @@ def operating_range(data: Baseline) -> OperatingRange:
     """What the recordings cover."""
     motions = data.motions
     kinds = data.prepared.model.robot.joint_types
-    speed = np.max([np.abs(m.velocity).max(axis=0) for m in motions], axis=0)
+
+    def largest(name: str) -> FloatArray:
+        return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], axis=0))
+
     return OperatingRange(
         low=np.min([m.position.min(axis=0) for m in motions], axis=0),
         high=np.max([m.position.max(axis=0) for m in motions], axis=0),
         slowest=data.slowest,
-        fastest=np.asarray(speed),
-        load=np.max([np.abs(m.load).max(axis=0) for m in motions], axis=0),
-        torque=np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0),
+        fastest=largest("velocity"),
+        load=largest("load"),
+        torque=largest("torque"),
         inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
         duration=float(max(m.time[-1] for m in motions)),
         longest=float(max(m.elapsed[-1] for m in motions)),

@@ -33,13 +33,9 @@ _ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value
 class LawSpeed:
     """One way to obtain the speed of a joint.
 
-    Attributes
-    ----------
-    kind : str
-        ``central`` differences of the position (no lateness), the ``recorded`` velocity, or
-        backward differences through a first-order filter (``filtered``).
-    factor : float
-        Of the filter: v[k] = v[k-1] + factor (Δq[k] / Δt − v[k-1]); 1 is no filter.
+    ``central`` differences of the position (no lateness), the ``recorded`` velocity, or backward
+    differences through a first-order filter (``filtered``), v[k] = v[k-1] + factor (Δq[k] / Δt −
+    v[k-1]): a factor of 1 is no filter.
     """
 
     kind: Literal["central", "recorded", "filtered"] = "central"
@@ -76,39 +72,20 @@ class LawSpeed:
             return "central differences of the position"
         if self.factor == 1.0:
             return "backward differences of the position"
-        return (
-            "backward differences of the position through a first-order filter of factor "
-            f"{self.factor:.2g}"
-        )
+        through = f"through a first-order filter of factor {self.factor:.2g}"
+        return f"backward differences of the position {through}"
 
 
 @dataclass(frozen=True)
 class CommandRows:
     """Decimated rows of one joint, without those at the torque limit; (r,) each.
 
-    Attributes
-    ----------
-    rest : N m (N)
-        Recorded less computed command.
-    size : float
-        RMS of the recorded command, N m (N).
-    groups : dict
-        Torque of a unit of each group that may change.
-    errors : (r, e)
-        Torque of a unit of what a recording does to commands that are those of the law: a lag of
-        the effort; position, speed and the references of both late, s.
-    likely : (e,)
-        How large each of them is.
-    runs : tuple of slice
-        Rows without a gap in time.
-    recording : (r,) int
-        Which recording each row belongs to.
-    time : s
-        From the start of the recording.
-    second : (r,) bool
-        Rows of a second set of recordings.
-    lag : float
-        By which what the law gives is already taken later, s; the lag of `errors` is beside it.
+    `rest`: recorded less computed command, N m (N); `size`: RMS of the recorded one; `groups`:
+    torque of a unit of each group that may change. `errors` (r, e): torque of a unit of what a
+    recording does to commands that are those of the law: a lag of the effort; position, speed and
+    the references of both late, s; `likely` (e,): how large each of them is. `runs`: rows without a
+    gap in time; `time`: from the start of the recording, s; `second`: rows of a second set of
+    recordings. `lag`: by which what the law gives is already taken later, s.
     """
 
     rest: FloatArray
@@ -139,13 +116,13 @@ class CommandRows:
     def followed_by(self, other: "CommandRows") -> "CommandRows":
         """Rows of two sets, each with errors of its own."""
         first = len(self.rest)
+        groups = [
+            np.concatenate([torque, other.groups[name]]) for name, torque in self.groups.items()
+        ]
         return CommandRows(
             rest=np.concatenate([self.rest, other.rest]),
             size=max(self.size, other.size),
-            groups={
-                name: np.concatenate([torque, other.groups[name]])
-                for name, torque in self.groups.items()
-            },
+            groups=dict(zip(self.groups, groups, strict=True)),
             errors=scipy.linalg.block_diag(self.errors, other.errors),
             likely=np.concatenate([self.likely, other.likely]),
             runs=(*self.runs, *(slice(first + r.start, first + r.stop) for r in other.runs)),
@@ -165,12 +142,8 @@ def command_rows(
 ) -> CommandRows | None:
     """Evaluate the law on the measured motion; None where too few rows are left.
 
-    Parameters
-    ----------
-    period
-        Of the control, s: what the law sees, and is recorded, is about as late.
-    lag
-        By which what the law gives is taken later, s.
+    `period`: of the control, s: what the law sees, and is recorded, is about as late; `lag`: by which what
+    the law gives is taken later, s.
     """
     every = [comparable(motion, law, joint) for motion in motions]
     counts = [int(kept.sum()) for kept in every]
@@ -275,15 +248,7 @@ def comparable(motion: Motion, law: ControlLaw, joint: int) -> BoolArray:
 class LawEvent:
     """A stretch of time in which commands hold something that their law does not.
 
-    Attributes
-    ----------
-    begin, end : float
-        s, of the recording.
-    recording : int
-    size : float
-        Its median, N m (N).
-    energy : float
-        Sum of squares over its rows.
+    `begin`, `end`: s of the `recording`; `size`: its median, N m (N); `energy`: sum of squares.
     """
 
     begin: float
@@ -304,13 +269,10 @@ def _in_events(rest: FloatArray) -> BoolArray:
 def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[LawEvent]:
     """Find the events in what a model leaves, the largest first; none where it acts all the time.
 
-    An event begins and ends where it falls below a share of its own peak: filters smear it, and
-    the loop swings after it.
+    An event begins and ends where it falls below a share of its own peak: filters smear it, and the
+    loop swings after it.
 
-    Parameters
-    ----------
-    rest, recording, time
-        (r,) N m (N); which recording a row belongs to; s.
+    `rest`, `recording`, `time`: (r,) N m (N); which recording a row belongs to; s.
     """
     large = np.flatnonzero(_in_events(rest))
     if len(large) == 0:
@@ -320,15 +282,9 @@ def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[L
     for part in np.split(large, np.flatnonzero((np.diff(recording[large]) != 0) | apart) + 1):
         size = np.abs(rest[part])
         core = part[size >= _EDGE * size.max()]
-        events.append(
-            LawEvent(
-                begin=float(time[core[0]]),
-                end=float(time[core[-1]]),
-                recording=int(recording[core[0]]),
-                size=float(np.median(rest[core])),
-                energy=float(np.sum(rest[part] ** 2)),
-            )
-        )
+        begin, end = time[core[[0, -1]]].tolist()
+        middle, energy = float(np.median(rest[core])), float(np.sum(rest[part] ** 2))
+        events.append(LawEvent(begin, end, int(recording[core[0]]), middle, energy))
     events.sort(key=lambda event: -event.energy)
     return [event for event in events if event.energy >= _LEAST_EVENT * events[0].energy]
 

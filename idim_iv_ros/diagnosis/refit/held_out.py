@@ -28,20 +28,11 @@ _SEED = 20240
 
 
 def time_blocks(samples: Sequence[int], rate: float, length: float | None = None) -> list[IntArray]:
-    """Number the blocks of time of all samples of each recording, (n,) each.
+    """Number the blocks of time of all `samples` of each recording at a `rate` (Hz), (n,) each.
 
     Blocks of one recording are equally long: a short last one would count as much as the others
-    when blocks are drawn. They last 5 s where the session has eight of them, and in a shorter one
-    an eighth of it, at least a second.
-
-    Parameters
-    ----------
-    samples
-        Of each recording.
-    rate
-        Of the samples, Hz.
-    length
-        s, instead.
+    when blocks are drawn. They last 5 s (or `length`) where the session has eight of them, and in a
+    shorter one an eighth of it, at least a second.
     """
     seconds = min(settings.TIME_BLOCK, sum(samples) / rate / _FEWEST_BLOCKS)
     usual = length or max(settings.LEAST_TIME_BLOCK, seconds)
@@ -96,20 +87,12 @@ def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> St
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Residuals of every stage at rows that its fit did not see; N m (N).
+    """Residuals of every stage at rows that its fit did not see, (r_j,) for each joint, N m (N).
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the stages: ``given`` where there is one, ``refit``, then one for each effect.
-    folds, blocks : one (r_j,) int array for each joint
-        Blocks are those of time for the bootstrap.
-    residuals : for each stage one (r_j,) array for each joint
-    whitened : the same, whitened to unit variance
-        The stages without ``given``.
-    moved_joints : for each effect the joints whose torque it moves
-    note : str
-        How the data were divided.
+    `names`: of the stages: ``given`` where there is one, ``refit``, then one for each effect;
+    `blocks`: of time, for the bootstrap; `whitened`: residuals of unit variance, of the stages
+    without ``given``; `moved_joints`: for each effect those whose torque it moves; `note`: how the
+    data were divided.
     """
 
     joints: tuple[str, ...]
@@ -166,11 +149,10 @@ class HeldOut:
         """
         joints = self.moved_joints[effect]
         count = 1 + max(int(self.folds[j].max()) for j in joints)
-        energies = [
-            [np.bincount(self.folds[j], self.whitened[stage][j] ** 2, count) for j in joints]
-            for stage in (effect, effect + 1)
-        ]
-        before, after = np.sum(energies, axis=1)
+        before, after = (
+            np.sum([np.bincount(self.folds[j], stage[j] ** 2, count) for j in joints], axis=0)
+            for stage in self.whitened[effect : effect + 2]
+        )
         present = before > 0.0
         helped = int(np.sum(after[present] < before[present]))
         return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
@@ -197,21 +179,14 @@ def held_out(
     """Predict every fold from the others, for every stage.
 
     All coefficients are refitted and the shapes of effects stay as found: for the torque gap with
-    the weights that make it least, for the whitened residual with the noise models of the full
-    fit. The predicted fold counts a thousandth in the fit that predicts it, so that what only
-    this fold shows cannot blow up.
+    the weights that make it least, for the whitened residual with the noise models of the full fit.
+    The predicted fold counts a thousandth in the fit that predicts it, so that what only this fold
+    shows cannot blow up.
 
-    Parameters
-    ----------
-    extended
-        With one added block for each effect, in the order in which they were accepted.
-    labels
-        Names of the effects' stages, such as ``+stribeck[joint_1]``.
-    given
-        (b,) of the nominal model; None where there is none.
-    interleaved
-        Whether folds take turns over the whole session: what changes with time cannot be
-        predicted from another part of it.
+    `extended`: with one added block for each effect, in the order in which they were accepted;
+    `labels`: of their stages, such as ``+stribeck[joint_1]``; `given`: (b,) of the nominal model;
+    `interleaved`: whether folds take turns over the whole session: what changes with time cannot be
+    predicted from another part of it.
     """
     folds, note = folds_of(data, repeats, interleaved=interleaved)
     ends = extended.parameters + np.cumsum([0, *extended.widths])
@@ -219,9 +194,9 @@ def held_out(
     plain, whitened = (
         predicted(extended, noise_models, folds, ends) for noise_models in (white, fit.noise_models)
     )
-    scales = [noise.sigma for noise in white]
     stages = [
-        tuple(rest * scale for rest, scale in zip(stage, scales, strict=True)) for stage in plain
+        tuple(rest * noise.sigma for rest, noise in zip(stage, white, strict=True))
+        for stage in plain
     ]
     if given is not None:
         stages.insert(0, tuple(rows.residual(given) for rows in extended.joints))
@@ -279,51 +254,33 @@ def predicted(
     folds: Sequence[IntArray],
     ends: IntArray,
 ) -> tuple[tuple[FloatArray, ...], ...]:
-    """For each stage, the residual (r_j,) of each joint, whitened, with fits without its fold."""
+    """For each stage, the residual (r_j,) of each joint, whitened, with fits without its fold.
+
+    The R factor of the rows without a fold is that of the other folds' R factors, and its leading
+    columns solve every stage: coefficients of blocks after a stage are zero.
+    """
+    every = extended.extended
     tables = [
         noise.standardized(np.column_stack([rows.matrix, rows.torque]), rows.segments)
-        for rows, noise in zip(extended.extended, noise_models, strict=True)
+        for rows, noise in zip(every, noise_models, strict=True)
     ]
-    solutions = _solutions(extended, tables, folds, ends)
-    stages = []
-    for stage in solutions:
-        residuals = []
-        for rows, table, fold in zip(extended.extended, tables, folds, strict=True):
-            residual = table[:, -1].copy()
-            for number, solution in enumerate(stage):
-                inside = fold == number
-                residual[inside] -= table[inside, :-1] @ solution[rows.columns]
-            residuals.append(residual)
-        stages.append(tuple(residuals))
-    return tuple(stages)
-
-
-def _solutions(
-    extended: Regression,
-    tables: Sequence[FloatArray],
-    folds: Sequence[IntArray],
-    ends: IntArray,
-) -> list[list[FloatArray]]:
-    """For each stage and fold, the coefficients (b + k,) fitted without the fold.
-
-    Those of blocks after the stage are zero. The R factor of the rows without a fold is that of
-    the other folds' R factors, and its leading columns solve every stage.
-    """
-    places = [rows.places for rows in extended.extended]
     factors = []
     for number in range(1 + max(int(fold.max()) for fold in folds)):
         inside = [table[fold == number] for table, fold in zip(tables, folds, strict=True)]
-        reduced = [r_factor(rows) for rows in inside]
-        factors.append(stacked_r_factor(reduced, places, extended.total + 1))
-    solutions: list[list[FloatArray]] = [[] for _ in ends]
+        places = [rows.places for rows in every]
+        factors.append(stacked_r_factor(list(map(r_factor, inside)), places, extended.total + 1))
+    stages = [[table[:, -1].copy() for table in tables] for _ in ends]
     leak = np.sqrt(_FOLD_LEAK)
-    for number, predicted in enumerate(factors):
+    for number, left_out in enumerate(factors):
         others = [factor for other, factor in enumerate(factors) if other != number]
-        factor = r_factor(np.vstack([*others, leak * predicted]))
+        factor = r_factor(np.vstack([*others, leak * left_out]))
         basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
-        for stage, end in zip(solutions, ends, strict=True):
-            stage.append(basis.leading(int(end)).solve(factor[:, -1], extended.total))
-    return solutions
+        for stage, end in zip(stages, ends, strict=True):
+            solution = basis.leading(int(end)).solve(factor[:, -1], extended.total)
+            for rest, rows, table, fold in zip(stage, every, tables, folds, strict=True):
+                inside_fold = fold == number
+                rest[inside_fold] -= table[inside_fold, :-1] @ solution[rows.columns]
+    return tuple(map(tuple, stages))
 
 
 def _roots(energies: FloatArray) -> FloatArray:

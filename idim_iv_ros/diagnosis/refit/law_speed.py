@@ -40,12 +40,7 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
 
     Constants, the gains and a lag of the command are fitted with each, so that another gain does
     not pass for another speed. The plain central difference stays unless another leaves clearly
-    less.
-
-    Parameters
-    ----------
-    computed
-        Leave the recorded velocity out: only what can be computed from any position.
+    less. `computed`: leave the recorded velocity out: only what can be computed from any position.
     """
     differentiating = np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist()
     rows = {joint: command_rows(motions, law, joint, LawSpeed(), 0.0) for joint in differentiating}

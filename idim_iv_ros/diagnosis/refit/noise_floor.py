@@ -24,9 +24,7 @@ REPEATS, LOWER_BOUND = "repeats", "lower bound"
 class Repeat:
     """Sample k of one recording's references is commanded again as sample k + lag of another.
 
-    Samples are those of the fastest recording.
-
-    `first` and `second` are the same where a recording repeats itself.
+    Or of itself. Samples are those of the fastest recording.
     """
 
     first: int
@@ -36,16 +34,9 @@ class Repeat:
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Noise of one joint in the band of the rows.
+    """Noise of one joint in the band of the rows, `sigma` in N m (N), and what it is made of.
 
-    Attributes
-    ----------
-    sigma : float or None
-        N m (N).
-    origin : str
-        ``repeats`` or ``lower bound``.
-    note : str
-        What the number is made of, in words.
+    `origin`: ``repeats`` or ``lower bound``.
     """
 
     sigma: float | None
@@ -56,19 +47,14 @@ class NoiseFloor:
 def noise_floors(
     data: Baseline, regression: Regression, fit: Fit, repeats: Sequence[Repeat]
 ) -> tuple[NoiseFloor, ...]:
-    """Noise of every joint, from repeats where there are any.
+    """Noise of every joint, from repeats where there are any (`repeats_of`).
 
-    Between repeats, residuals differ by √2 times the noise. What the model's own columns explain
-    of the difference is taken out first: friction or an offset that changed in between is drift,
-    and not noise. Rows that do not fall on the same instant are matched to half a row.
+    Between repeats, residuals differ by √2 times the noise. What the model's own columns explain of
+    the difference is taken out first: friction or an offset that changed in between is drift, and
+    not noise. Rows that do not fall on the same instant are matched to half a row.
 
-    Parameters
-    ----------
-    fit
-        The best one there is: without repeats its innovations are the lower bound, as far as
-        no effect is left in them.
-    repeats
-        See `repeats_of`.
+    `fit`: the best one there is: without repeats its innovations are the lower bound, as far as no
+    effect is left in them.
     """
     floors = []
     for joint, rows in enumerate(regression.joints):
@@ -80,20 +66,18 @@ def noise_floors(
             one, two = _matching(data, joint, repeat)
             if len(one) < settings.LEAST_ROWS + rows.matrix.shape[1]:
                 continue
-            more, count = difference_energy(
-                fit.residuals[joint][one] - fit.residuals[joint][two], rows.matrix[one]
-            )
+            difference = fit.residuals[joint][one] - fit.residuals[joint][two]
+            more, count = difference_energy(difference, rows.matrix[one])
             energy, degrees = energy + more, degrees + count
+        sigma, origin = float(fit.noise_models[joint].sigma), LOWER_BOUND
+        note = (
+            "no recording repeats another or itself: innovations of the last residual, below "
+            "the noise if that residual is all noise, above it if an effect is left in it"
+        )
         if degrees > 0.0:
+            sigma, origin = float(np.sqrt(0.5 * energy / degrees)), REPEATS
             note = "difference of repeats, less what changed parameters of the model explain"
-            floors.append(NoiseFloor(float(np.sqrt(0.5 * energy / degrees)), REPEATS, note))
-        else:
-            sigma = float(fit.noise_models[joint].sigma)
-            note = (
-                "no recording repeats another or itself: innovations of the last residual, below "
-                "the noise if that residual is all noise, above it if an effect is left in it"
-            )
-            floors.append(NoiseFloor(sigma, LOWER_BOUND, note))
+        floors.append(NoiseFloor(sigma, origin, note))
     return tuple(floors)
 
 
@@ -120,9 +104,8 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
             return ()
         if rate < fastest:  # linearly between its samples
             time = np.arange(int((len(reference) - 1) * fastest / rate) + 1) / fastest
-            sampled = np.arange(len(reference)) / rate
-            joints = [np.interp(time, sampled, joint) for joint in reference.T]
-            reference = np.column_stack(joints)
+            own_time = np.arange(len(reference)) / rate
+            reference = np.column_stack([np.interp(time, own_time, q) for q in reference.T])
         references.append(reference)
     return find_repeats(references, fastest, data.row_rate)
 
@@ -130,21 +113,16 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
 def find_repeats(
     references: Sequence[FloatArray], rate: float, coarse_rate: float
 ) -> tuple[Repeat, ...]:
-    """Pairs of recordings, and periods inside one, with the same references.
+    """Pairs of recordings, and periods inside one, with the same references (n_samples, n_joints).
 
-    Parameters
-    ----------
-    references
-        (n_samples, n_joints) of each recording, rad (m).
-    rate, coarse_rate
-        Hz, of the samples, and at which the shift is looked for first.
+    `rate`, `coarse_rate`: Hz, of the samples, and at which the shift is looked for first.
     """
     stride = max(1, round(rate / coarse_rate))
-    pairs = combinations_with_replacement(range(len(references)), 2)
-    lags = {
-        (i, j): _lag(references[i], references[j], rate, stride, itself=i == j) for i, j in pairs
-    }
-    return tuple(Repeat(*pair, lag) for pair, lag in lags.items() if lag is not None)
+    return tuple(
+        Repeat(i, j, lag)
+        for i, j in combinations_with_replacement(range(len(references)), 2)
+        if (lag := _lag(references[i], references[j], rate, stride, itself=i == j)) is not None
+    )
 
 
 def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: bool) -> int | None:
@@ -177,32 +155,31 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     a, b = one - centre, two - centre
     lags = np.arange(-(len(a) - 1), len(b))
     cross = sum(fftconvolve(b[:, j], a[::-1, j]) for j in range(a.shape[1]))
-    low = np.maximum(0, -lags)
-    high = np.minimum(len(a), len(b) - lags)
+    low, high = np.maximum(0, -lags), np.minimum(len(a), len(b) - lags)
     overlap = (high - low).astype(float)
-    sums = [np.concatenate([[0.0], np.cumsum(np.sum(values**2, axis=1))]) for values in (a, b)]
-    energy_a = sums[0][high] - sums[0][low]
-    energy_b = sums[1][high + lags] - sums[1][low + lags]
-    plain = np.concatenate([np.zeros((1, a.shape[1])), np.cumsum(a, axis=0)])
+    squares_a, squares_b, plain = (
+        np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+        for values in (np.sum(a**2, axis=1), np.sum(b**2, axis=1), a)
+    )
+    energy_a = squares_a[high] - squares_a[low]
+    energy_b = squares_b[high + lags] - squares_b[low + lags]
     mean = (plain[high] - plain[low]) / overlap[:, None]
     spread = energy_a / overlap - np.sum(mean**2, axis=1)
-    whole = float(np.sum(np.var(one, axis=0)))
-    moving = spread > _LEAST_MOTION * whole
+    moving = spread > _LEAST_MOTION * float(np.sum(np.var(one, axis=0)))
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
     ratio = squares / np.where(moving, spread, 1.0)
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
 
 
 def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
-    best, least = None, float(settings.REPEAT_TOLERANCE)
-    for shift in range(lag - stride, lag + stride + 1):
+    def distance(shift: int) -> float:
         low, high = max(0, -shift), min(len(one), len(two) - shift)
         part = one[low:high]
-        difference = part - two[low + shift : high + shift]
-        distance = np.sqrt(np.sum(difference**2) / np.sum((part - part.mean(axis=0)) ** 2))
-        if distance < least:
-            best, least = shift, float(distance)
-    return best
+        squares = np.sum((part - two[low + shift : high + shift]) ** 2)
+        return float(np.sqrt(squares / np.sum((part - part.mean(axis=0)) ** 2)))
+
+    best = min(range(lag - stride, lag + stride + 1), key=distance)
+    return best if distance(best) < settings.REPEAT_TOLERANCE else None
 
 
 def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:

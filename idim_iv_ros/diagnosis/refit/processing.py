@@ -34,10 +34,7 @@ def proposals(
 ) -> Iterator[Configuration]:
     """Processing in the order in which it is tried: of a loop that is simulated, and of none.
 
-    Parameters
-    ----------
-    sets
-        Recordings that are refitted apart from one another in one band.
+    `sets`: recordings that are refitted apart from one another in one band.
     """
     options = [widened(part, configuration).processing for part in sets]
     narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
@@ -46,9 +43,7 @@ def proposals(
         position = max(min(positions), narrow.decimation_cutoff or 0.0)
         narrow = narrow.model_copy(update={"position_cutoff": position})
     if all(recording.position_reference is not None for part in sets for recording in part):
-        counting = narrow
-        if narrow.reversal_margin is None:
-            counting = narrow.model_copy(update={"reversal_margin": 0.0})
+        counting = narrow.model_copy(update={"reversal_margin": narrow.reversal_margin or 0.0})
         yield configuration.model_copy(update={"processing": counting})
     yield configuration.model_copy(update={"processing": narrow})
 
@@ -68,11 +63,8 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     prepared = prepare(recordings, configuration)
     rate = min(motion.signals.rate for motion in prepared.motions)
     measured = min(rate, *map(_effort_rate, recordings))
-    cutoff = min(
-        _noise_limit(prepared),
-        settings.WIDEST_BAND,
-        measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN),
-    )
+    sampled = measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN)
+    cutoff = min(_noise_limit(prepared), settings.WIDEST_BAND, sampled)
     cutoff = max(cutoff, prepared.cutoffs.decimation)
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
@@ -81,10 +73,8 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     cutoff = edge * rate / (2.0 * factor)
     position = processing.position_cutoff
     if position is None:
-        position = min(
-            max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff),
-            _HIGHEST_CUTOFF * rate,
-        )
+        wanted = max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff)
+        position = min(wanted, _HIGHEST_CUTOFF * rate)
     cutoffs = {"position_cutoff": position, "decimation_cutoff": min(cutoff, position)}
     return configuration.model_copy(update={"processing": processing.model_copy(update=cutoffs)})
 
@@ -113,8 +103,7 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
     """Standard deviation (n_joints,) of the noise in single samples: the upper half of the band."""
     variances = []
     for motion in motions:
-        values = getattr(motion.signals, quantity)
-        rate = motion.signals.rate
+        values, rate = getattr(motion.signals, quantity), motion.signals.rate
         segment = min(len(values), max(64, int(_NOISE_SEGMENT * rate)))
         frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
         upper = density[frequency > 0.25 * rate]
@@ -127,26 +116,20 @@ def reason_for_margin(
 ) -> str:
     """Say whether rows beside a reversal count, and why.
 
-    Parameters
-    ----------
-    configuration
-        As the user gave it.
-    margin
-        Decimated samples on either side of a slow one that were dropped.
-    sticking
-        Whether it is known where joints stick.
+    `configuration`: as the user gave it; `margin`: decimated samples on either side of a slow one
+    that were dropped; `sticking`: whether it is known where joints stick.
     """
     given, counting = configuration.processing.reversal_margin, margin < REVERSAL_MARGIN
     if given is not None and (sticking or not counting):
         return ""
-    why = "the closed loop is simulated, which shows where joints stick"
-    if not (sticking and counting):
-        reason = "the closed loop is not simulated"
-        if estimate.failures:
-            reason = f"the closed loop cannot be simulated: {estimate.failures[0]}"
-        elif configuration.controller.type == "unknown":
-            reason = "the control law is not configured, and none that was fitted is simulated"
-        why = f"it is not known where joints stick, for {reason}"
+    reason = "the closed loop is not simulated"
+    if estimate.failures:
+        reason = f"the closed loop cannot be simulated: {estimate.failures[0]}"
+    elif configuration.controller.type == "unknown":
+        reason = "the control law is not configured, and none that was fitted is simulated"
+    why = f"it is not known where joints stick, for {reason}"
+    if sticking and counting:
+        why = "the closed loop is simulated, which shows where joints stick"
     which = "count with the sign of the speed" if counting and not sticking else "count"
     return (
         f"rows beside a reversal {which if counting else 'do not count'} "

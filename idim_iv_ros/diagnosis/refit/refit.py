@@ -33,17 +33,11 @@ _LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
 
 @dataclass(frozen=True)
 class MissingGravity:
-    """Gravity as the recordings show it, where the configuration has none.
+    """Gravity as the recordings show it, where the configuration has none: (3,) m/s², base frame.
 
-    Attributes
-    ----------
-    acceleration, deviation : (3,) m/s²
-        In the base frame, with the masses of the nominal model.
-    statistic : float
-        Wald, with the noise of the model that has gravity: without it a joint's residual is so
-        smooth that its noise model takes it for noise, and the likelihood hardly separates them.
-    weightless : Stage
-        The nominal model without it.
+    With the masses of the nominal model. The statistic is that of Wald, with the noise of the model
+    that has gravity: without it a joint's residual is so smooth that its noise model takes it for
+    noise, and the likelihood hardly separates them. `weightless`: the nominal model without it.
     """
 
     acceleration: FloatArray
@@ -59,10 +53,8 @@ class MissingGravity:
 
     def cause(self, with_gravity: Stage) -> Cause:
         """Build the cause from the nominal model with gravity."""
-        before, after = (
-            float(np.linalg.norm(list(stage.torque_rms.values())))
-            for stage in (self.weightless, with_gravity)
-        )
+        stages = (self.weightless, with_gravity)
+        gaps = [float(np.linalg.norm(list(stage.torque_rms.values()))) for stage in stages]
         shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
         return Cause(
             effect=name_of("gravity"),
@@ -73,7 +65,7 @@ class MissingGravity:
                 for axis, value, std in zip("xyz", self.acceleration, self.deviation, strict=True)
             },
             evidence=Evidence(self.statistic),
-            torque_gap=Gap.between(before, after),
+            torque_gap=Gap.between(*gaps),
             sentence=(
                 f"the nominal model has no gravity, but the recordings show it: ({shown}) m/s² "
                 "with the masses of the nominal model. Everything else was diagnosed with gravity "
@@ -84,21 +76,11 @@ class MissingGravity:
 
 @dataclass(frozen=True)
 class Refit:
-    """The model that every candidate is added to.
+    """The model that every candidate is added to, on the smooth motion.
 
-    Attributes
-    ----------
-    data : Baseline
-    regression : Regression
-        On the smooth motion.
-    shift : EffortShift
-        Taken out of the effort of both.
-    softened : SoftFriction or None
-        Of a simulator's solver, in the place of dry friction that sticks.
-    gravity : MissingGravity or None
-        Which the nominal model lacks; `data` has it.
-    delays : tuple of Cause
-        A shift that is longer than the control makes it.
+    `shift`: taken out of the effort; `softened`: friction of a simulator's solver, in the place of
+    dry friction that sticks; `gravity`: which the nominal model lacks; `data` has it; `delays`: one
+    cause where the shift is longer than the control makes it.
     """
 
     data: Baseline
@@ -137,49 +119,37 @@ def refitted(
     configuration: Configuration,
     without: Collection[str],
 ) -> Refit:
-    """Refit the nominal model and align the effort.
+    """Refit the nominal model and align the effort; errors as `identify`.
 
-    Parameters
-    ----------
-    without
-        Effects that are left out of the catalogue: gravity is looked for where the configuration
-        has none, unless its direction is among them.
-
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`.
+    `without`: effects that are left out of the catalogue: gravity is looked for where the
+    configuration has none, unless its direction is among them.
     """
     data = baseline(recordings, configuration)
-    regression = smooth_regression(data)
     may_lack = name_of("gravity") not in without
-    gravity = missing_gravity(data, regression) if may_lack else None
-    if gravity is None:
-        return _aligned_throughout(data, regression, without)
-    data = baseline(recordings, gravity.corrected(configuration))
-    return replace(_aligned_throughout(data, smooth_regression(data), without), gravity=gravity)
+    gravity = missing_gravity(data) if may_lack else None
+    if gravity is not None:
+        data = baseline(recordings, gravity.corrected(configuration))
+    return replace(_aligned_throughout(data, without), gravity=gravity)
 
 
-def _aligned_throughout(data: Baseline, regression: Regression, without: Collection[str]) -> Refit:
+def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     """Align the effort; where it is far too early, before the model is fitted as well.
 
     A refit to such efforts takes the delay for friction and inertia, and the motion and the dry
     friction that are simulated with those are wrong where joints turn. So are those of a loop
     without the delay, if it is one of the loop: the likelier motion decides.
     """
-    early = on_likelier_motion(data, regression)
+    early = on_likelier_motion(data)
     if not early.shift.beyond_control:
         return early
-    delay, prepared = early.shift.shift, data.prepared
+    delay, prepared, support = early.shift.shift, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
-    refit = on_likelier_motion(of_stamps, smooth_regression(of_stamps))
-    support = 0.0
+    refit = on_likelier_motion(of_stamps)
     if of_stamps.sticking:
         configuration = prepared.configuration
         law = configuration.controller.model_copy(update={"delay": delay})
         delayed = configuration.model_copy(update={"controller": law})
-        of_loop = refit_of(replace(prepared, configuration=delayed), delay)
-        other = on_likelier_motion(of_loop, smooth_regression(of_loop))
+        other = on_likelier_motion(refit_of(replace(prepared, configuration=delayed), delay))
         support = _likelihood(other) - _likelihood(refit)
         refit = max(refit, other, key=_likelihood)
     shift = replace(refit.shift, configured=early.shift.configured)
@@ -187,46 +157,43 @@ def _aligned_throughout(data: Baseline, regression: Regression, without: Collect
         return refit
     before, after = (
         [float(np.std(residual)) for residual in rows.fit().residuals]
-        for rows in (regression, refit.regression)
+        for rows in (smooth_regression(data), refit.regression)
     )
     return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
 
 
-def on_likelier_motion(data: Baseline, regression: Regression) -> Refit:
+def on_likelier_motion(data: Baseline) -> Refit:
     """Align the effort on the motion that is likelier: joined with the simulated one, or measured.
 
     Where friction or loop are not what is simulated, the simulated part of the motion is wrong;
     where encoders are coarse, the measured one is.
     """
-    joined = _with_friction(data, regression)
+    joined = _with_friction(data)
     if not data.sticking:
         return joined
     motions = tuple(map(measured_motion, data.motions, data.prepared.motions))
-    other = replace(data, motions=motions)
-    measured = _with_friction(other, smooth_regression(other))
-    return max(joined, measured, key=_likelihood)
+    return max(joined, _with_friction(replace(data, motions=motions)), key=_likelihood)
 
 
 def _likelihood(refit: Refit) -> float:
     return float(refit.regression.fit().log_likelihood)
 
 
-def _with_friction(data: Baseline, regression: Regression) -> Refit:
+def _with_friction(data: Baseline) -> Refit:
     """Align the effort; once more where dry friction turns early, as simulators solve it."""
-    shifted, rows, shift = aligned(data, regression)
+    shifted, rows, shift = aligned(data)
     softened = soft_friction(shifted, rows)
     if softened is not None:
-        data = softened.put_into(data)
-        shifted, rows, shift = aligned(data, smooth_regression(data))
+        shifted, rows, shift = aligned(softened.put_into(data))
     return Refit(shifted, rows, shift, softened=softened)
 
 
-def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | None:
+def missing_gravity(data: Baseline) -> MissingGravity | None:
     """Look for gravity where the configuration has none; None where it has, or none shows."""
     robot = data.prepared.model.robot
     if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
         return None
-    columns = unit_gravity_rows(data, np.eye(3))
+    columns, regression = unit_gravity_rows(data, np.eye(3)), smooth_regression(data)
     plain = regression.fit()
     heavy = regression.with_columns(dict(enumerate(columns))).fit()
     # A direction that no joint feels has no variance: a planar arm's, out of its plane.
@@ -243,12 +210,9 @@ def missing_gravity(data: Baseline, regression: Regression) -> MissingGravity | 
     if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
         return None
     parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
-    return MissingGravity(
-        acceleration=heavy.coefficients,
-        deviation=np.sqrt(np.diag(heavy.coefficient_covariance)),
-        statistic=wald,
-        weightless=stage_of("given", data.joints, [energies(*part) for part in parts]),
-    )
+    weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
+    deviation = np.sqrt(np.diag(heavy.coefficient_covariance))
+    return MissingGravity(heavy.coefficients, deviation, wald, weightless)
 
 
 def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:

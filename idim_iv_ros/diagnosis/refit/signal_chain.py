@@ -14,7 +14,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, later, smooth_regression
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -33,19 +33,11 @@ _SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first orde
 
 @dataclass(frozen=True)
 class EffortShift:
-    """Time from the recorded effort to the torque on the joints.
+    """Time from the recorded effort to the torque on the joints, s.
 
-    Attributes
-    ----------
-    shift, std : float
-        Common to the joints that agree, s; positive where the effort is recorded before it acts.
-        Zero, with `std` None, where no common shift can be said.
-    period, configured : float
-        Of the control, and the delay that the configured law has, s.
-    joint_shifts, joint_stds : (n_joints,) s
-        Each joint's own.
-    agreeing : (n_joints,) bool
-        Joints that share the common shift.
+    `shift`, `std`: common to the `agreeing` joints; positive where the effort is recorded before it
+    acts; zero, with `std` None, where no common shift can be said. `period`, `configured`: of the
+    control, and the delay that the configured law has. `joint_shifts`, `joint_stds`: (n_joints,).
     """
 
     shift: float
@@ -73,15 +65,10 @@ class EffortShift:
     def cause(
         self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
     ) -> Cause:
-        """Build the cause.
+        """Build the cause from torque gaps of the joints without and with the shift, N m (N).
 
-        Parameters
-        ----------
-        before, after
-            Torque gaps of the joints without and with the shift, N m (N).
-        support
-            By how much the logarithm of the likelihood is higher with the delay in the loop; 0
-            where no loop is simulated.
+        `support`: by how much the logarithm of the likelihood is higher with the delay in the loop;
+        0 where no loop is simulated.
         """
         assert self.std is not None
         pairs = enumerate(zip(before, after, strict=True))
@@ -103,17 +90,11 @@ class EffortShift:
 
     def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
         """Return it by the names of the joints, with the speed of the law in words."""
-        shifts = zip(joints, self.joint_shifts.tolist(), self.joint_stds.tolist(), strict=True)
-        return SignalChain(
-            effort_shift=self.common,
-            periods=self.shift / self.period,
-            joint_shifts={
-                name: EffectParameter(shift, std if np.isfinite(std) else None, "s")
-                for name, shift, std in shifts
-            },
-            differing=self._differing(joints),
-            law_speed=law_speed,
-        )
+        pairs = zip(self.joint_shifts.tolist(), self.joint_stds.tolist(), strict=True)
+        shifts = [EffectParameter(s, std if np.isfinite(std) else None, "s") for s, std in pairs]
+        by_joint = dict(zip(joints, shifts, strict=True))
+        periods = self.shift / self.period
+        return SignalChain(self.common, periods, by_joint, self._differing(joints), law_speed)
 
     def _differing(self, joints: Sequence[str]) -> tuple[str, ...]:
         """Names of the joints that do not share the common shift."""
@@ -158,23 +139,12 @@ def delay_of_all(
     )
 
 
-def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regression, EffortShift]:
+def aligned(data: Baseline) -> tuple[Baseline, Regression, EffortShift]:
     """Estimate the common shift of the effort and take it out of the rows.
 
     Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
-    motion, fitted together with the base parameters and the noise model.
-
-    Parameters
-    ----------
-    data
-    regression
-        Of the refit on the smooth motion; see `smooth_regression`.
-
-    Returns
-    -------
-    Baseline, Regression
-        With the torque of their rows at the instants at which it acts.
-    EffortShift
+    motion, fitted together with the base parameters and the noise model. Data and regression are
+    returned with the torque of their rows at the instants at which it acts.
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
@@ -183,22 +153,17 @@ def aligned(data: Baseline, regression: Regression) -> tuple[Baseline, Regressio
         {joint: data.decimated(joint, [slope[:, [joint]] for slope in slopes])}
         for joint in range(len(data.joints))
     ]
-    shifted = data
+    shifted, regression = data, smooth_regression(data)
     for _ in range(_SHIFT_STEPS):
-        fit = _with_torque_of(shifted, regression).with_columns(*rates).fit()
+        fit = regression.with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
         rows = later(data.rows, data.prepared.motions, chain.shift)
         shifted = replace(data, rows=rows, shift=chain.shift)
-    return shifted, _with_torque_of(shifted, regression), chain
-
-
-def _with_torque_of(data: Baseline, regression: Regression) -> Regression:
-    joints = tuple(
-        replace(rows, torque=measured.torque)
-        for rows, measured in zip(regression.joints, data.rows, strict=True)
-    )
-    return replace(regression, joints=joints)
+        torques = zip(regression.joints, rows, strict=True)
+        joints = tuple(replace(plain, torque=moved.torque) for plain, moved in torques)
+        regression = replace(regression, joints=joints)
+    return shifted, regression, chain
 
 
 def _chain(
@@ -207,12 +172,10 @@ def _chain(
     """Shift that most joints share; of as many, the earliest: a joint can only be later."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
     likely = (shifts >= _EARLIEST_SHIFT * period) & (shifts <= settings.LONGEST_LAG * period)
-    best = np.zeros(len(shifts), dtype=bool)
-    preference = (0, -np.inf)
+    best, preference = np.zeros(len(shifts), dtype=bool), (0, -np.inf)
     for joint in np.flatnonzero(usable):
-        room = settings.SHIFT_AGREEMENT * period + settings.CLEAR_DEVIATIONS * np.hypot(
-            deviations, deviations[joint]
-        )
+        noise = settings.CLEAR_DEVIATIONS * np.hypot(deviations, deviations[joint])
+        room = settings.SHIFT_AGREEMENT * period + noise
         agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
         count = int(agreeing.sum())
         shared = count >= 2 and 2 * count > usable.sum()

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.model import DynamicParameters, RobotModel
+from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.closed_loop import replay
@@ -45,12 +46,8 @@ States = Sequence[FloatArray]
 
 def high_passed(signal: FloatArray, rate: float, cutoff: float) -> FloatArray:
     """Return what of a signal (s, n_joints) lies above the frequency where the motions join."""
-    return signal - zero_phase_butterworth(
-        signal,
-        rate=rate,
-        cutoff=settings.MEASURED_BELOW * cutoff,
-        order=_JOINING_ORDER,
-    )
+    below = settings.MEASURED_BELOW * cutoff
+    return signal - zero_phase_butterworth(signal, rate=rate, cutoff=below, order=_JOINING_ORDER)
 
 
 def corrected_motions(
@@ -66,25 +63,15 @@ def corrected_motions(
     recordings, of what lies above the frequency where the motions join. All joints k count where
     there are rows enough, else joint j alone.
 
-    Parameters
-    ----------
-    measured, simulated
-        q, dq, ddq (s, n_joints) of each recording.
-    decimations
-        To the rows.
-    rates
-        Samples per second.
-    cutoff
-        Of the decimation, Hz.
+    `measured`, `simulated`: q, dq, ddq (s, n_joints) of each recording, at their `rates`;
+    `decimations`: to the rows; `cutoff`: of these, Hz.
     """
-    derived = []
-    for states, rate in zip(simulated, rates, strict=True):
-        derivatives = list(states)  # position first, up to its fourth derivative
-        for _ in range(_DERIVATIVES - 1):
-            derivatives.append(np.gradient(derivatives[-1], 1.0 / rate, axis=0))
-        derived.append(derivatives)
-    rows, targets = [], []
-    for real, states, decimation, rate in zip(measured, derived, decimations, rates, strict=True):
+    derived, rows, targets = [], [], []
+    pairs = zip(measured, map(list, simulated), decimations, rates, strict=True)
+    for real, states, decimation, rate in pairs:
+        for _ in range(_DERIVATIVES - 1):  # position first, up to its fourth derivative
+            states.append(np.gradient(states[-1], 1.0 / rate, axis=0))
+        derived.append(states)
         columns = [decimation.whole(high_passed(state, rate, cutoff)) for state in states[2:]]
         rows.append(np.stack(columns, axis=2))  # (m, n_joints, derivatives)
         targets.append(decimation.whole(high_passed(real[2] - states[2], rate, cutoff)))
@@ -123,7 +110,7 @@ def simulated_slips(
     """
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
-        return tuple(None for _ in prepared.motions)
+        return (None,) * len(prepared.motions)
     robot = source.model.robot
     parameters = source.model.dynamic_parameters(estimate.linear.values)
     level = np.maximum(parameters.coulomb, 0.0)
@@ -143,48 +130,17 @@ def simulated_slips(
 
 
 @dataclass(frozen=True)
-class SmoothMotion:
+class SmoothMotion(RobotMotion):
     """One recording's motion on a grid between that of the samples and that of the rows.
 
-    Attributes
-    ----------
-    robot : RobotModel
-    links, whole : DynamicParameters
-        Of the refit: the rigid bodies alone, and with drives and friction.
-    rate : float
-        Hz, of this grid.
-    start : float
-        Of the recording, s of the session (`recording.session`).
-    time : (s,) s
-        Of the session.
-    position, velocity, acceleration : (s, n_joints)
-        rad, rad/s, rad/s² (m …).
-    slip : (s, n_joints)
-        Dry friction as a share of its level, −1 to 1: the sign of the speed, and between while
-        the simulated joint sticks.
-    decimation : ParallelDecimation
-        From this grid to the rows of the regression.
-    kept : (m, n_joints) bool
-        Rows that count.
+    `whole`: dynamics of the refit with drives and friction; `slip`: the sign of the speed, and
+    between while the simulated joint sticks; `decimation`: from this grid to the rows of the
+    regression, of which those `kept` (m, n_joints) count.
     """
 
-    robot: RobotModel
-    links: DynamicParameters
     whole: DynamicParameters
-    rate: float
-    start: float
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    slip: FloatArray
     decimation: ParallelDecimation
     kept: NDArray[np.bool_]
-
-    @property
-    def elapsed(self) -> FloatArray:
-        """(s,) s since the start of the recording."""
-        return self.time - self.start
 
     @cached_property
     def load(self) -> FloatArray:
@@ -228,15 +184,12 @@ class SmoothMotion:
 
         `links`: of the links alone (what is behind the shaft), else of everything.
         """
-        position = self.position.copy()
-        velocity = self.velocity.copy()
-        acceleration = self.acceleration.copy()
+        states = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
         rate = np.gradient(shift, 1.0 / self.rate)
-        position[:, joint] += shift
-        velocity[:, joint] += rate
-        acceleration[:, joint] += np.gradient(rate, 1.0 / self.rate)
-        parameters = self.links if links else self.whole
-        moved = inverse_dynamics(self.robot, parameters, position, velocity, acceleration)
+        changes = shift, rate, np.gradient(rate, 1.0 / self.rate)
+        for state, change in zip(states, changes, strict=True):
+            state[:, joint] += change
+        moved = inverse_dynamics(self.robot, self.links if links else self.whole, *states)
         return moved - (self.load if links else self._torque_of_whole)
 
     def rows(self, values: FloatArray) -> FloatArray:
@@ -244,9 +197,8 @@ class SmoothMotion:
         return self.decimation.whole(values)
 
     def _torque(self, parameters: DynamicParameters) -> FloatArray:
-        return inverse_dynamics(
-            self.robot, parameters, self.position, self.velocity, self.acceleration
-        )
+        states = self.position, self.velocity, self.acceleration
+        return inverse_dynamics(self.robot, parameters, *states)
 
 
 def smooth_motions(
@@ -257,19 +209,16 @@ def smooth_motions(
 ) -> tuple[tuple[SmoothMotion, ...], bool]:
     """Join measured and simulated motion, one for each recording; whether all are simulated.
 
-    Parameters
-    ----------
-    links, whole
-        Of the refit: the rigid bodies alone, and with drives and friction.
+    `links`, `whole`: of the refit: the rigid bodies alone, and with drives and friction.
     """
-    slips = simulated_slips(prepared, estimate)
-    made = []
-    joined = _joined(prepared.motions, estimate.instruments, slips, prepared.cutoffs.decimation)
+    slips, made = simulated_slips(prepared, estimate), []
+    joined = _joined(prepared, estimate.instruments, slips)
     parts = zip(prepared.motions, prepared.session.parts, joined, slips, strict=True)
     for motion, part, states, slip in parts:
-        stride, grid = _stride(motion.decimation.factor), _grid(motion)
-        rate, start = motion.signals.rate, part.start
-        time = start + (motion.span.start + np.arange(motion.decimation.samples)[grid]) / rate
+        decimation, stride = motion.decimation, _stride(motion.decimation.factor)
+        rate, grid = motion.signals.rate, _grid(motion)
+        time = part.start + (motion.span.start + np.arange(decimation.samples)[grid]) / rate
+        coarse = ParallelDecimation(decimation.factor // stride, len(time), decimation.edge)
         # The mean over the samples of the coarser grid keeps when a joint turned.
         turning = np.sign(states[1]) if slip is None else slip
         turning = uniform_filter1d(turning, stride, axis=0, mode="nearest")
@@ -279,15 +228,13 @@ def smooth_motions(
                 links=links,
                 whole=whole,
                 rate=rate / stride,
-                start=start,
+                start=part.start,
                 time=time,
                 position=states[0][grid],
                 velocity=states[1][grid],
                 acceleration=states[2][grid],
                 slip=turning[grid],
-                decimation=ParallelDecimation(
-                    motion.decimation.factor // stride, len(time), motion.decimation.edge
-                ),
+                decimation=coarse,
                 kept=motion.kept,
             )
         )
@@ -308,16 +255,14 @@ def _grid(motion: Motion) -> slice:
 
 
 def _joined(
-    motions: Sequence[Motion],
-    instruments: Instruments,
-    slips: Sequence[FloatArray | None],
-    cutoff: float,
+    prepared: PreparedRegression, instruments: Instruments, slips: Sequence[FloatArray | None]
 ) -> list[States]:
     """Measured motion below a share of the cut-off (Hz), simulated motion above it.
 
     What stands in for a simulated motion where there is none lacks the upper part of the band: with
     it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
     """
+    motions, cutoff = prepared.motions, prepared.cutoffs.decimation
     made: list[States] = [motion.derivatives(0, motion.decimation.samples) for motion in motions]
     simulated = [number for number, slip in enumerate(slips) if slip is not None]
     if not simulated:
@@ -340,7 +285,5 @@ def _joined(
 
 def _stride(factor: int) -> int:
     """Largest divisor of the decimation factor that leaves enough samples for each row."""
-    for stride in range(max(factor // settings.SAMPLES_PER_ROW, 1), 0, -1):
-        if factor % stride == 0:
-            return stride
-    return 1
+    most = max(factor // settings.SAMPLES_PER_ROW, 1)
+    return next(stride for stride in range(most, 0, -1) if factor % stride == 0)

@@ -39,14 +39,10 @@ Crossing = tuple[float, float]  # lead, s, and softness of the dry friction of a
 
 @dataclass(frozen=True)
 class SoftFriction:
-    """How early dry friction turns.
+    """How early dry friction turns: `leads` (n_joints,), s before the joint; NaN where it sticks.
 
-    Attributes
-    ----------
-    leads : (n_joints,) s
-        Time from the change of the friction to that of the joint; NaN where it sticks.
-    widths : (n_joints,) rad/s (m/s)
-        Of v + lead · dv/dt, within which the friction crosses from one level to the other.
+    `widths`: (n_joints,) rad/s (m/s) of v + lead · dv/dt, within which the friction crosses from
+    one level to the other.
     """
 
     leads: FloatArray
@@ -79,24 +75,20 @@ class SoftFriction:
 def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None:
     """Look for dry friction that turns early at most joints; None where it sticks.
 
-    Parameters
-    ----------
-    data, regression
-        On the smooth motion, with the effort aligned: an effort that is recorded before it acts
-        would turn early, too.
+    `data`, `regression`: on the smooth motion, with the effort aligned: an effort that is recorded
+    before it acts would turn early, too.
     """
     whole = data.motions[0].whole
     level = np.maximum(whole.coulomb, 0.0)
-    rubbing = np.flatnonzero(level > settings.LEAST_DRY_FRICTION * np.array(data.torque_sizes))
-    rubbing = np.array([j for j in rubbing if _column(data, regression, int(j)) is not None])
-    if not len(rubbing):
+    rubs = level > settings.LEAST_DRY_FRICTION * np.array(data.torque_sizes)
+    every: list[int] = [j for j in np.flatnonzero(rubs).tolist() if len(data.columns_of(j, "Fc"))]
+    if not every:
         return None
     position = data.motions[0].position
     sample = position[:: max(1, len(position) // _STATES)]
     inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, regression, width)
-    every: list[int] = rubbing.tolist()
 
     def same_everywhere(crossing: Crossing) -> float:
         return float(tried.gains(dict.fromkeys(every, crossing)).sum())
@@ -115,7 +107,7 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
             chosen = max(options, key=lambda option: float(tried.gains(option).sum()))
     gains = tried.gains(chosen)
     turning = [joint for joint in every if gains[joint] > 0.0]
-    if 2 * len(turning) <= len(rubbing):
+    if 2 * len(turning) <= len(every):
         return None
     leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
     for joint in turning:
@@ -138,7 +130,7 @@ class _Tried:
         joints = list(self.regression.joints)
         for joint, crossing in crossings.items():
             matrix = joints[joint].matrix.copy()
-            matrix[:, _column(self.data, self.regression, joint)] = self._rows(joint, crossing)
+            matrix[:, self.data.columns_of(joint, "Fc")] = self._rows(joint, crossing)[:, None]
             joints[joint] = replace(joints[joint], matrix=matrix)
         changed = replace(self.regression, joints=tuple(joints))
         fit = changed.fit(self.fit.noise_models, steps=0)
@@ -153,20 +145,12 @@ class _Tried:
         return self.columns[joint, crossing]
 
 
-def _column(data: Baseline, regression: Regression, joint: int) -> int | None:
-    """Which column of a joint's rows is its Coulomb friction."""
-    names = [data.prepared.model.base.names[k] for k in regression.joints[joint].columns]
-    return names.index(f"Fc{joint + 1}") if f"Fc{joint + 1}" in names else None
-
-
 def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:
     """Velocity and acceleration (s, parts, n_joints) within each step of the motion's grid."""
     steps = np.arange(len(motion.time), dtype=float)
-    within = steps[:, None] + (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
-    made = []
-    for values in (motion.velocity, motion.acceleration):
-        made.append(CubicSpline(steps, values)(np.clip(within, 0.0, steps[-1])))
-    return made[0], made[1]
+    within = np.clip(steps[:, None] + (np.arange(_PARTS) + 0.5) / _PARTS - 0.5, 0.0, steps[-1])
+    velocity, acceleration = (CubicSpline(steps, v) for v in (motion.velocity, motion.acceleration))
+    return velocity(within), acceleration(within)
 
 
 def _crossing(

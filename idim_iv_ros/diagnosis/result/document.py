@@ -139,20 +139,11 @@ class Stage:
 class GapSeries:
     """Rows of one joint over all recordings, for the figures; (r,) each.
 
-    Attributes
-    ----------
-    time : s
-        Of the session (`recording.session`): it increases.
-    torque, given, refit, extended : N m (N)
-        Measured, and of three models; `given` is None without a nominal model.
-    friction, given_friction : N m (N)
-        Friction and offset of the extended and of the nominal model.
-    load : N m
-        Torque of the rigid bodies alone.
-    since_reversal : rad
-        Distance since the last reversal.
-    step : s
-        Between two rows.
+    `time`: of the session, s, which increases; `torque`, `given`, `refit`, `extended`: measured,
+    and of three models, N m (N); `given` is None without a nominal model; `friction`,
+    `given_friction`: friction and offset of the extended and of the nominal model; `load`: torque
+    of the rigid bodies alone; `since_reversal`: distance since the last one, rad; `step`: between
+    two rows, s.
     """
 
     joint: str

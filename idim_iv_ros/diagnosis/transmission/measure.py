@@ -23,7 +23,6 @@ from idim_iv_ros.diagnosis.transmission.twist import (
     RATE,
     SIDE,
     TwistFit,
-    TwistRows,
     compliance,
     fit_twist,
     twist_rows,
@@ -64,55 +63,43 @@ class Measured:
 
 def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
     """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
-    types = data.prepared.model.robot.joint_types
-    encoders = link_findings(data.prepared.motions, types)
+    encoders = link_findings(data.prepared.motions, data.prepared.model.robot.joint_types)
     return tuple(_measured(data, regression, encoder) for encoder in encoders)
 
 
 def _measured(data: Baseline, regression: Regression, encoder: JointFinding) -> Measured:
     joint, name = encoder.joint, data.joints[encoder.joint]
     rows = twist_rows(data, regression, joint)
-    reason = encoder.sentence if encoder.level == "limited" else ""
-    if len(rows.load) < settings.LEAST_ROWS:
-        reason = (
-            f"only {len(rows.load)} rows of the encoder behind the gear count: record for longer, "
-            "with this joint moving"
-        )
+    reason, count = encoder.sentence if encoder.level == "limited" else "", len(rows.load)
+    if count < settings.LEAST_ROWS:
+        longer = "record for longer, with this joint moving"
+        reason = f"only {count} rows of the encoder behind the gear count: {longer}"
     if reason:
         return Measured(joint, Transmission(joint=name, reason=reason))
     fit = fit_twist(rows)
     for _ in range(LINK_MOTION_STEPS):
         if not fit.clear(LOAD):
             break
-        fit = fit_twist(_with_link_motion(data, regression, joint, fit))
+        # With the load of links that move as the shaft lets them, refitted as such: a refit that
+        # takes the motor's motion for theirs finds heavier links.
+        bending, rate = fit.accepted(LOAD), fit.accepted(RATE)
+        damping = -rate / bending**2 if rate < 0.0 else None
+        gap = 2.0 * max(fit.accepted(SIDE), 0.0)
+        elastic = _without_twist(data, regression, joint, 1.0 / bending, damping, gap)
+        links = elastic.fit(regression.fit().noise_models).values
+        fit = fit_twist(twist_rows(data, regression, joint, bending, links))
         if SIDE in fit.chosen:
             fit = fit_twist(fit.rows.away_from_side_changes())
     return Measured(joint, _transmission(data, joint, fit), fit)
 
 
-def _with_link_motion(
-    data: Baseline, regression: Regression, joint: int, fit: TwistFit
-) -> TwistRows:
-    """Rows with the load of links that move as the shaft lets them, refitted as such.
-
-    A refit that takes the motor's motion for the link's finds heavier links.
-    """
-    bending, rate = fit.accepted(LOAD), fit.accepted(RATE)
-    damping = -rate / bending**2 if rate < 0.0 else None
-    gap = 2.0 * max(fit.accepted(SIDE), 0.0)
-    elastic = _without_twist(data, regression, joint, 1.0 / bending, damping, gap)
-    fitted = elastic.fit(regression.fit().noise_models)
-    return twist_rows(data, regression, joint, bending, fitted.values)
-
-
 def _transmission(data: Baseline, joint: int, fit: TwistFit) -> Transmission:
     """Everything that the twist of a joint says, with what makes it unsure."""
-    rows, angle = fit.rows, data.unit_at(joint, "rad")
-    bending, std = compliance(fit)
+    rows, angle, (bending, std) = fit.rows, data.unit_at(joint, "rad"), compliance(fit)
     elastic = bending * rows.load
     clear = bending > settings.CLEAR_DEVIATIONS * std
     exceeds_step = float(np.ptp(elastic)) > rows.resolution
-    stiffness = damping = None
+    stiffness = damping = most = None
     if LOAD in fit.chosen and clear and exceeds_step:
         unit = data.unit_at(joint, "N m/rad")
         stiffness = EffectParameter(1.0 / bending, std / bending**2, unit)
@@ -124,7 +111,6 @@ def _transmission(data: Baseline, joint: int, fit: TwistFit) -> Transmission:
         else None
         for term in (SIDE, DIRECTION)
     )
-    most = None
     if SIDE in fit.numbers:
         side, side_std = fit.numbers[SIDE]
         most = 2.0 * (max(side, 0.0) + settings.NORMAL_95 * side_std)
@@ -200,8 +186,7 @@ def _without_twist(
     `stiffness`, `gap`: N m/rad, rad. `damping`: N m s/rad; None: light, where none was measured.
     """
     if damping is None:
-        critical = 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
-        damping = _LIGHT_DAMPING * critical
+        damping = _LIGHT_DAMPING * 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
     joints = list(regression.joints)
     for other in parts[0]:
@@ -220,11 +205,8 @@ def with_transmissions(
     """Put measured shafts and play in place of those that the torque alone suggests.
 
     Where both name one, it is one cause, with the measured numbers and the torque gap of the other.
-    What the encoder behind a gear excludes at 95 % is taken out, with a note.
-
-    Returns
-    -------
-    All causes, those of them that were measured, and notes on what is excluded.
+    What the encoder behind a gear excludes at 95 % is taken out, with a note. Returns all causes,
+    those of them that were measured, and the notes.
     """
     kept, shafts, notes = list(causes), [], []
     for transmission in measured:
@@ -252,10 +234,9 @@ def _part(data: Baseline, transmission: Measured) -> Part:
     if fit is None:
         return ""
     stiffness = np.inf if result.stiffness is None else result.stiffness.value
-    if result.backlash is not None:
-        bending = float(np.max(np.abs(fit.rows.load))) / stiffness
-        if result.backlash.value > _WIDE * bending:
-            return "play"
+    bending = float(np.max(np.abs(fit.rows.load))) / stiffness
+    if result.backlash is not None and result.backlash.value > _WIDE * bending:
+        return "play"
     # Of the link against a motor at rest, median over the motion.
     resonance = np.sqrt(stiffness / _link_inertia(data, transmission.joint)) / (2.0 * np.pi)
     return "" if resonance > _STIFF_RESONANCE else "shaft"
@@ -277,23 +258,19 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
     """
     result, fit, joint = transmission.result, transmission.fit, transmission.joint
     assert fit is not None
-    stiffness = result.stiffness
+    stiffness, gap, damping = result.stiffness, result.backlash, result.damping
     if stiffness is None and result.stiffness_at_least is not None:
         unit = data.unit_at(joint, "N m/rad")
         stiffness = EffectParameter(result.stiffness_at_least, None, unit)
-    named = {
-        "gap": result.backlash if part == "play" else None,
-        "stiffness": stiffness,
-        "damping": result.damping,
-    }
+    named = {"gap": gap if part == "play" else None, "stiffness": stiffness, "damping": damping}
     parameters = {name: number for name, number in named.items() if number is not None}
     before = after = regression.fit()
     if stiffness is not None:
-        values = {name: number.value for name, number in parameters.items()}
-        damping, play = values.get("damping"), values.get("gap", 0.0)
-        elastic = _without_twist(data, regression, joint, stiffness.value, damping, play)
+        damped = None if damping is None else damping.value
+        play = gap.value if gap is not None and part == "play" else 0.0
+        elastic = _without_twist(data, regression, joint, stiffness.value, damped, play)
         after = elastic.fit(before.noise_models, steps=0)
-    one, two = (rms(fit.residuals[joint]) for fit in (before, after))
+    one, two = (rms(fitted.residuals[joint]) for fitted in (before, after))
     return Cause(
         effect=name_of(part),
         kind="structural",

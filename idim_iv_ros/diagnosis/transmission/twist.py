@@ -47,11 +47,6 @@ _ON_ONE_SIDE = 0.98  # decimated sign of the load from which a link in play lies
 _SIDE_MARGIN = 2  # rows beside a change of side: the link flies there
 # Base parameters that are none of the links.
 _NOT_OF_LINKS = ("Fv", "Fc", "off", "Ia")
-# Fields of `TwistRows` with a value for each row.
-_ROWS = (
-    *("load", "load_rate", "load_columns", "side"),
-    *("speed", "direction", "position", "recording"),
-)
 _OFFSET_STEPS = 3  # fits of the time offset, which enters to first order only
 _POSITION_TERMS = 4  # cosines of an encoder's error: slower than that of a gear
 _LEAST_SIDE = 0.05  # of the rows on either side of zero load, to look for play
@@ -63,25 +58,12 @@ LOAD, SIDE, DIRECTION, POSITION, RATE = "load", "side", "direction", "position",
 class TwistRows:
     """Rows of one joint over all recordings; (r,) each.
 
-    Attributes
-    ----------
-    channels : tuple of (Motion, (m,) bool)
-        Recordings with positions before and behind the gear, and their decimated samples that
-        count.
-    load, load_rate : N m, N m/s
-        Torque of the links, from the refit.
-    side, direction : −1 to 1
-        Sign of the load and of the speed; between while the joint sticks.
-    recording : int
-        Which recording each row belongs to.
-    segments : tuple of slice
-        Rows that are contiguous in time.
-    load_columns, load_covariance : (r, b), (b, b)
-        Change of the load with each base parameter of the links, and their covariance.
-    resolution : float
-        Step of the coarser encoder, rad; zero where none shows.
-    chosen : (n,) bool or None
-        Which rows of the channels these are; None: all.
+    `channels`: recordings with positions before and behind the gear, and their decimated samples
+    (m,) that count; `chosen`: which of these the rows are; None: all. `load`, `load_rate`: torque
+    of the links, N m, from the refit; `side`, `direction`: sign of the load and of the speed,
+    between −1 and 1 while the joint sticks. `load_columns` (r, b), `load_covariance` (b, b): change
+    of the load with each base parameter of the links, and their covariance; `resolution`: step of
+    the coarser encoder, rad; zero where none shows.
     """
 
     joint: int
@@ -127,9 +109,13 @@ class TwistRows:
         for segment in self.segments:
             spread = np.convolve(near[segment], np.ones(2 * _SIDE_MARGIN + 1), mode="same")
             chosen[segment] = spread[: segment.stop - segment.start] < 0.5
-        rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _ROWS}
+        rows: dict[str, Any] = {
+            name: values[chosen]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray) and name != "load_covariance"
+        }
         segments = segments_of([chosen[segment] for segment in self.segments])
-        return replace(self, **rows, segments=segments, chosen=chosen)
+        return replace(self, **{**rows, "segments": segments, "chosen": chosen})
 
 
 def twist_rows(
@@ -146,8 +132,9 @@ def twist_rows(
     where those of the refit are not: it takes the motor's motion for theirs.
     """
     channels, parts, taken = [], [], []
-    pairs = zip(data.prepared.motions, data.motions, strict=True)
-    for number, (motion, smooth) in enumerate(pairs):
+    for number, (motion, smooth) in enumerate(
+        zip(data.prepared.motions, data.motions, strict=True)
+    ):
         assert motion.signals.link_valid is not None
         valid = motion.signals.link_valid[motion.span, joint : joint + 1]
         measured = all_around(valid, motion.decimation, motion.decimation.factor)[:, 0]
@@ -167,12 +154,14 @@ def twist_rows(
             "direction": smooth.slip[:, joint],
             "position": smooth.position[:, joint],
         }
-        rows = {name: smooth.rows(values)[counting] for name, values in series.items()}
-        parts.append({**rows, "recording": np.full(int(counting.sum()), number)})
+        rows_of = {name: smooth.rows(values)[counting] for name, values in series.items()}
+        parts.append({**rows_of, "recording": np.full(int(counting.sum()), number)})
     joined = {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}
-    columns, places, covariance = _of_links(data, regression, joint)
-    columns = columns[np.concatenate(taken)]
-    fitted = regression.fit().values if values is None else values
+    rows, names, fit = regression.joints[joint], data.prepared.model.base.names, regression.fit()
+    of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
+    places = rows.columns[of_links]
+    columns = rows.matrix[:, of_links][np.concatenate(taken)]
+    fitted = fit.values if values is None else values
     # The motion holds the parameters of another estimator.
     joined["load"] += columns @ (fitted - data.estimate.linear.values)[places]
     return TwistRows(
@@ -181,24 +170,9 @@ def twist_rows(
         **joined,
         segments=segments_of([counting for _, counting in channels]),
         load_columns=columns,
-        load_covariance=covariance,
+        load_covariance=fit.covariance[np.ix_(places, places)],
         resolution=_resolution(data, joint),
     )
-
-
-def _of_links(
-    data: Baseline, regression: Regression, joint: int
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Columns of the links' base parameters at one joint, which, and their covariance."""
-    rows, names = regression.joints[joint], data.prepared.model.base.names
-    of_links = [
-        place
-        for place, column in enumerate(rows.columns)
-        if not names[column].startswith(_NOT_OF_LINKS)
-    ]
-    parameters = rows.columns[of_links]
-    covariance = regression.fit().covariance[np.ix_(parameters, parameters)]
-    return rows.matrix[:, of_links], parameters, covariance
 
 
 def _resolution(data: Baseline, joint: int) -> float:
@@ -209,10 +183,8 @@ def _resolution(data: Baseline, joint: int) -> float:
         assert signals.link_position is not None
         for values in (signals.position[:, joint], signals.link_position[:, joint]):
             apart = np.diff(np.unique(np.round(values, 12)))
-            if len(apart) == 0:
-                continue
-            ratios = apart / apart.min()
-            if float(np.abs(ratios - np.round(ratios)).max()) < _STEP_TOLERANCE:
+            ratios = apart / apart.min(initial=np.inf)
+            if len(apart) and np.abs(ratios - np.round(ratios)).max() < _STEP_TOLERANCE:
                 steps.append(float(apart.min()))
     return max(steps)
 
@@ -221,22 +193,11 @@ def _resolution(data: Baseline, joint: int) -> float:
 class TwistFit:
     """What one joint's twist follows.
 
-    Attributes
-    ----------
-    rows : TwistRows
-    offset, offset_std : float
-        Time by which the link's channel is late, s.
-    columns : dict of term to (r, k)
-        Of every term that was tried.
-    selection : Selection
-        Among them.
-    chosen : dict of str to Term
-        Accepted beside the time offset and the constants, in the order of the columns.
-    numbers : dict of term to (float, float)
-        Coefficient and its deviation, rad per unit of the column, beside the accepted terms.
-        Position has none.
-    regression, fit
-        Of the accepted terms.
+    `offset`, `offset_std`: time by which the link's channel is late, s; `columns` (r, k): of every
+    term that was tried; `chosen`: those that are accepted beside the time offset and the constants,
+    in the order of the columns; `numbers`: coefficient and deviation of a term, rad per unit of the
+    column, beside the accepted ones (position has none); `regression`, `fit`: of the accepted
+    terms.
     """
 
     rows: TwistRows
