@@ -40,7 +40,7 @@ def import_lerobot(
     positions that are no radians.
     """
     folder = Path(folder)
-    out = require_bag_place(out, [], force=force)
+    out = require_bag_place(out, force=force)
     information = _information(folder)
     names = _names(folder, information)
     pairs = [(joint.partition("=")[0], joint.rpartition("=")[2]) for joint in joints or names]
@@ -76,9 +76,9 @@ def import_lerobot(
     return write_import(
         out,
         [name for name, _ in pairs],
-        (stamps, stamps),
+        stamps,
         signals,
-        dict.fromkeys(signals, str(folder)),
+        str(folder),
         warnings,
         robot_description=robot_description,
         force=force,

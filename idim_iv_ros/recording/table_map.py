@@ -21,7 +21,7 @@ from idim_iv_ros.recording.table_file import (
     TextTable,
     array_shapes,
     one_line_errors,
-    read_table,
+    read_array,
 )
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
@@ -195,7 +195,7 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
     for name in wanted:
         whole, _, rest = name.partition("[")
         if whole not in arrays:
-            arrays[whole] = read_table(f"{table}:{whole}")
+            arrays[whole] = read_array(table, whole)
         values, number = arrays[whole], rest.rstrip("]")
         if number.isdigit() and int(number) < values.shape[1]:
             columns.append(values[:, int(number)])

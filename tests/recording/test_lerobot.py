@@ -96,11 +96,10 @@ def test_dates_of_a_parquet_file_are_stamps(tmp_path):
 
 def test_columns_of_a_parquet_file(tmp_path):
     parquet.write_table(table(0), tmp_path / "d.parquet")
-    import_table(
-        tmp_path / "run.mcap",
-        joints=["a", "b", "c"],
-        position=f"{tmp_path / 'd.parquet'}:observation.state",
-        rate=RATE,
+    (tmp_path / "map.yaml").write_text(
+        f"file: d.parquet\nrate: {RATE}\njoints:\n  a: {{position: 'observation.state[0]'}}\n"
+        "  b: {position: 'observation.state[1]'}\n  c: {position: 'observation.state[2]'}\n"
     )
+    import_table(tmp_path / "run.mcap", tmp_path / "map.yaml")
     (recording,) = read_recordings(tmp_path / "run.mcap", joints=["a", "b", "c"], effort="none")
     np.testing.assert_allclose(recording.position.values, states(0), atol=1e-9)
