@@ -1,6 +1,5 @@
 """Tables of any format become bags, so that everything enters by the same door."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +23,7 @@ class ImportSummary:
     """What was imported.
 
     `rate`, `duration`: mean rate in Hz, s. `warnings`: rows that hold no possible value, and were
-    written as missing; what was assumed.
+    written as missing.
     """
 
     samples: int
@@ -58,90 +57,40 @@ def import_table(
         Columns of different lengths, stamps that do not increase, or more than a few rows that hold
         no possible value.
     """
-    out = require_bag_place(out, force=force)
-    described, table = read_map(columns)
-    time, signals = mapped_columns(described, table)
-    source, samples = str(table), len(signals["position"])
-    if samples < 2:
-        raise DataError(f"{source}: {samples} samples: nothing to import")
-    if time is None:
-        assert described.rate is not None
-        time = _regular_stamps(described.rate, samples, f"{columns}: rate")
-    else:
-        _require_stamps(time, source)
-    joints = list(described.joints)
-    return write_import(
-        out, joints, time, signals, source, robot_description=robot_description, force=force
-    )
-
-
-def require_bag_place(out: FilePath, *, force: bool) -> Path:
-    """Refuse a bag that cannot be written.
-
-    Raises UsageError: one line with the bag.
-    """
     out = Path(out)
     if out.suffix.lower() != ".mcap":
         raise UsageError(f"{out}: the name of the bag must end in .mcap")
     require_file_place([out], force=force)
-    return out
-
-
-def write_import(
-    out: Path,
-    joints: Sequence[str],
-    time: FloatArray,
-    signals: Mapping[str, FloatArray],
-    source: str,
-    warnings: Sequence[str] = (),
-    *,
-    robot_description: str | None,
-    force: bool,
-) -> ImportSummary:
-    """Write the topics of an import, rows that hold no possible value as missing.
-
-    `time`: (n,) s. `signals`: (n, n_joints) of `table_map.SIGNALS`. `source`: what the table is
-    called.
-    """
-    possible, warnings = {}, list(warnings)
+    described, table = read_map(columns)
+    time, signals = mapped_columns(described, table)
+    if len(time) < 2:
+        raise DataError(f"{table}: {len(time)} samples: nothing to import")
+    _require_stamps(time, str(table))
+    joints, warnings = list(described.joints), []
     for name, values in signals.items():
-        possible[name], sentence = without_impossible(
+        signals[name], sentence = without_impossible(
             _KINDS.get(name, name),
             values,
             joints,
-            source,
+            str(table),
             "mend the table or leave these rows out",
             row="row",
             first=0,
             missing=True,
         )
         if sentence:
-            warnings.append(f"{source}: {sentence}; imported as missing")
-    measured = {name: possible[name] for name in QUANTITIES if name in possible}
+            warnings.append(f"{table}: {sentence}; imported as missing")
+    measured = {name: signals[name] for name in QUANTITIES if name in signals}
     topics = [JointTopic("/joint_states", joints, time, **measured)]
-    if "reference" in possible:
-        reference = {
-            "position": possible["reference"],
-            "velocity": possible.get("velocity_reference"),
-        }
-        topics.append(JointTopic("/joint_reference", joints, time, **reference))
-    if "link" in possible:
-        topics.append(JointTopic("/link_states", joints, time, position=possible["link"]))
+    if "reference" in signals:
+        speeds = signals.get("velocity_reference")
+        topics.append(JointTopic("/joint_reference", joints, time, signals["reference"], speeds))
+    if "link" in signals:
+        topics.append(JointTopic("/link_states", joints, time, signals["link"]))
     write_bag(out, topics, robot_description=robot_description, force=force)
     duration = float(time[-1] - time[0])
     rate = (len(time) - 1) / duration
-    return ImportSummary(len(time), rate, duration, tuple(possible), tuple(warnings))
-
-
-def _regular_stamps(rate: float, samples: int, key: str) -> FloatArray:
-    """Stamps (samples,) s at a rate, Hz, which `key` names in messages."""
-    with np.errstate(over="ignore"):
-        last = float(np.divide(samples - 1, rate))
-    if last > _LAST_STAMP or rate > 1e9:
-        raise UsageError(
-            f"{key}: {rate:g}: {samples} samples would take {last:.3g} s; give samples per second"
-        )
-    return np.arange(samples) / rate
+    return ImportSummary(len(time), rate, duration, tuple(signals), tuple(warnings))
 
 
 def _require_stamps(time: FloatArray, source: str) -> None:

@@ -3,7 +3,7 @@
 import csv
 import warnings
 import zipfile
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -56,8 +56,13 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     if suffix == ".npy":
         return {NPY: np.load(path, mmap_mode="r", allow_pickle=False).shape}
     if suffix == ".parquet":
-        parquet = needs_tables(path, "pyarrow.parquet")
-        return dict.fromkeys(parquet.read_schema(path).names, ())
+        file = needs_tables(path, "pyarrow.parquet").ParquetFile(path)
+        rows = next(file.iter_batches(1)).to_pylist() if file.metadata.num_rows else [{}]
+        first = {name: rows[0].get(name) for name in file.schema_arrow.names}
+        return {
+            name: (file.metadata.num_rows, len(value) if isinstance(value, list) else 1)
+            for name, value in first.items()
+        }
     if suffix == ".npz":
         return _npz_shapes(path)
     if suffix == ".mat":
@@ -80,7 +85,9 @@ def read_array(path: Path, name: str) -> FloatArray:
 
     Raises UsageError: no such variable, or it holds something else than real numbers.
     """
-    _require_name(path, array_shapes(path), name)
+    if name not in (names := array_shapes(path)):
+        listed = ", ".join(sorted(names)) or "none"
+        raise UsageError(f"{path}: no variable {name}; there are {listed}")
     array = np.asarray(_array(path, name))
     if array.dtype.kind not in _NUMBERS:
         kind = "complex numbers" if array.dtype.kind == "c" else str(array.dtype)
@@ -102,7 +109,7 @@ def _array(path: Path, name: str) -> Any:
         _require_size(path, array.nbytes)
         return array
     if suffix == ".parquet":
-        return parquet_columns([path], name)
+        return _parquet_column(path, name)
     if suffix == ".npz":
         with zipfile.ZipFile(path) as archive:
             _require_size(path, archive.getinfo(f"{name}.npy").file_size)
@@ -116,19 +123,13 @@ def _array(path: Path, name: str) -> Any:
         return file[name][()]
 
 
-def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatArray:
-    """One column of parquet files, (n_samples, n_columns): of lists several, of dates s since 1970.
-
-    `options`: of `pyarrow.parquet.read_table`, for example its `filters`.
-    Raises UsageError: pyarrow is not installed, or there is no such column.
-    """
-    parquet = needs_tables(paths[0], "pyarrow.parquet")
-    _require_name(paths[0], parquet.read_schema(paths[0]).names, name)
-    tables = [parquet.read_table(path, columns=[name], **options) for path in paths]
-    if tables[0].schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
-        stamps = [table[name].cast("timestamp[ns]").cast("int64").to_numpy() for table in tables]
-        return np.concatenate(stamps)[:, None] * 1e-9
-    rows = [row for table in tables for row in table[name].to_pylist()]
+def _parquet_column(path: Path, name: str) -> FloatArray:
+    """One column (n_samples, n_columns): of lists several, of dates s since 1970."""
+    table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
+    if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
+        stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
+        return 1e-9 * np.asarray(stamps, dtype=float)[:, None]
+    rows = table[name].to_pylist()
     return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
 
 
@@ -262,12 +263,6 @@ def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
                     shape, _, _ = np.lib.format.read_array_header_2_0(stream)
             shapes[name.removesuffix(".npy")] = shape
     return shapes
-
-
-def _require_name(path: Path, names: Collection[str], name: str) -> None:
-    if name not in names:
-        listed = ", ".join(sorted(names)) or "none"
-        raise UsageError(f"{path}: no variable {name}; there are {listed}")
 
 
 def _require_size(path: Path, size: int) -> None:

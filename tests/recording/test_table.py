@@ -53,7 +53,7 @@ def test_many_impossible_rows_are_refused_with_first_last_and_count(tmp_path, va
 
 @pytest.mark.parametrize("rate", [1e-300, 1e-7, 1e10, 1e300, 0.0, -5.0, np.nan, np.inf])
 def test_a_rate_that_no_stamp_can_hold_is_refused(tmp_path: Path, rate: float) -> None:
-    with pytest.raises(UsageError, match=r"map\.yaml: rate"):
+    with pytest.raises((UsageError, DataError), match=r"map\.yaml: rate|t\.npz: stamps"):
         convert(tmp_path, f"rate: {rate!r}".replace("inf", ".inf").replace("nan", ".nan"))
 
 
