@@ -35,7 +35,7 @@ def record_command(
 
     Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
-    _run("recorder", context, config, namespace, {"bag_directory": out, "record": True})
+    _run("recorder.node", context, config, namespace, {"bag_directory": out, "record": True})
 
 
 def serve_command(
@@ -54,7 +54,7 @@ def serve_command(
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
     parameters = {"bag_directory": bags, "output_directory": out, "auto": auto}
-    _run("identifier", context, config, namespace, parameters)
+    _run("identifier.node", context, config, namespace, parameters)
 
 
 def predict_command(
@@ -70,7 +70,7 @@ def predict_command(
 
     Example: idim-iv predict --config ur5.yaml --result results/result.json
     """
-    _run("predictor", context, config, namespace, _prediction(result, results))
+    _run("predictor.node", context, config, namespace, _prediction(result, results))
 
 
 def watch_command(
@@ -80,27 +80,19 @@ def watch_command(
     ),
     result: Result = None,
     results: Results = Path("results"),
-    web: int | None = Option(
-        None,
-        metavar="PORT",
-        min=0,
-        max=65535,
-        help="Show a page on this port of this machine, and no table; 0: any free port.",
-    ),
     namespace: Namespace = "",
 ) -> None:
     """Show measured and predicted efforts of a running robot until Ctrl-C.
 
-    A table on the terminal, or with --web a page with live plots that only this machine can open.
-    What recorder and identifier do is shown with it.
+    A table on the terminal, with what recorder and identifier do.
 
-    Example: idim-iv watch --config ur5.yaml --result results/result.json --web 8080
+    Example: idim-iv watch --config ur5.yaml --result results/result.json
     """
     if config is None and result is not None:
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
-    predictor = None if config is None else _node("predictor").Predictor
+    predictor = None if config is None else _node("predictor.node").Predictor
     parameters = {} if config is None else _prediction(result, results)
-    _run("watch", context, config, namespace, parameters, web, predictor)
+    _run("watch", context, config, namespace, parameters, predictor)
 
 
 def _prediction(result: Path | None, results: Path) -> dict[str, object]:
@@ -136,7 +128,7 @@ def _run(
 def _node(name: str) -> Any:
     """Import a node, or say what is missing."""
     try:
-        return importlib.import_module(f"idim_iv_ros.nodes.{name}.node")
+        return importlib.import_module(f"idim_iv_ros.nodes.{name}")
     except ModuleNotFoundError as error:
         raise UsageError(
             f"the Python package {error.name} is not installed: source a ROS 2 workspace with "

@@ -16,7 +16,7 @@ from idim_iv_ros.excitation.files import (
     write_joint_trajectory,
     write_motion,
 )
-from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, limit_use, motion_limits
+from idim_iv_ros.excitation.limits import LimitUse, MotionLimits, motion_limits
 from idim_iv_ros.excitation.passes import Passes, passes_of, plan_passes, slowed, stop
 from idim_iv_ros.excitation.trajectory import (
     Trajectory,
@@ -38,7 +38,6 @@ __all__ = [
     "design_excitation",
     "diagnosis_document",
     "excite",
-    "limit_use",
     "load_model",
     "motion_limits",
     "passes_of",

@@ -142,7 +142,7 @@ def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
     listed = reachable(system.ls, path, detail=True)
     files = [part for part in listed if is_bag_file(str(part["name"]))]
     if not files:
-        raise FileNotFoundError(0, "no .mcap, .db3 or .bag file in this folder")
+        raise FileNotFoundError(0, "no .mcap or .db3 file in this folder")
     return sorted(files, key=lambda part: (len(part["name"]), part["name"]))
 
 
@@ -190,7 +190,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
         for bag in _bags(files)
     ]
     if not entries:
-        raise UsageError(f"{source}: no bag found (.mcap, .db3, .bag or a rosbag2 folder)")
+        raise UsageError(f"{source}: no bag found (.mcap, .db3 or a rosbag2 folder)")
     return tuple(entries)
 
 

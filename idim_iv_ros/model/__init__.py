@@ -9,7 +9,6 @@ from idim_iv_ros.model.inverse_model import (
 )
 from idim_iv_ros.model.parameters import (
     DynamicParameters,
-    ParameterLayout,
     StandardParameter,
     parameter_layout,
 )
@@ -22,7 +21,6 @@ __all__ = [
     "DynamicParameters",
     "InverseModel",
     "JointLimits",
-    "ParameterLayout",
     "RobotModel",
     "StandardParameter",
     "StandardRegressor",

@@ -3,7 +3,7 @@
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import ClockQuality, FrozenStretches, Note, Recording, Signal
 from idim_iv_ros.recording.session import Session, SessionPart, in_recordings, session_of
-from idim_iv_ros.recording.table import ImportSummary, import_mapped, import_table
+from idim_iv_ros.recording.table import ImportSummary, import_table
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 __all__ = [
@@ -16,7 +16,6 @@ __all__ = [
     "Session",
     "SessionPart",
     "Signal",
-    "import_mapped",
     "import_table",
     "in_recordings",
     "read_recordings",

@@ -1,9 +1,8 @@
-"""Numbers in .csv, .npy, .npz, .mat, .parquet and .h5 files: ``FILE`` or ``FILE:KEY``."""
+"""Numbers in .csv, .npy, .npz, .mat, .parquet and .h5 files, by the names of their columns."""
 
 import csv
 import warnings
 import zipfile
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -15,33 +14,16 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.files import is_file
 from idim_iv_ros.types import FloatArray
 
 TEXT = (".csv", ".tsv", ".txt")
-ARRAYS = (".npz", ".mat", ".parquet", ".h5", ".hdf5", ".hdf")
-SUFFIXES = (*TEXT, ".npy", *ARRAYS)
+ARRAYS = (".npy", ".npz", ".mat", ".parquet", ".h5", ".hdf5", ".hdf")
+NPY = "array"  # what the numbers of a .npy file are called
 _EMPTY = {"", "NA", "N/A", "na", "nan", "NaN", "NAN", "null", "NULL", "None", "-", "#N/A"}
 _ROWS_AT_ONCE = 10_000  # of a text
 _COMMA = str.maketrans(",.", ".,")
 _NUMBERS = "iuf"  # kinds of numpy: integers, unsigned ones, floats
 _LARGEST = 1 << 30  # bytes of one array
-
-
-def read_table(spec: str) -> FloatArray:
-    """Two-dimensional numbers (n_samples, n_columns) of ``FILE[:KEY]``.
-
-    Raises UsageError: no such file, variable or column, or something else than real numbers.
-    """
-    path, key = _split(spec)
-    with one_line_errors(path):
-        values = _load(path, key)
-    array = real_numbers(values, spec)
-    if array.ndim == 1:
-        array = array[:, None]
-    if array.ndim != 2:
-        raise UsageError(f"{spec}: {array.ndim} dimensions; samples and joints are needed")
-    return samples_first(array)
 
 
 @contextmanager
@@ -68,30 +50,19 @@ def one_line_errors(path: Path) -> Iterator[None]:
         raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
 
 
-def real_numbers(values: Any, source: str) -> FloatArray:
-    """Numbers in double precision; beyond it they are infinite, which is refused later.
-
-    Raises UsageError: they are something else than real numbers.
-    """
-    array = np.asarray(values)
-    if array.dtype.kind not in _NUMBERS:
-        kind = "complex numbers" if array.dtype.kind == "c" else str(array.dtype)
-        raise UsageError(f"{source}: holds something else than real numbers ({kind})")
-    with np.errstate(over="ignore"):
-        return array.astype(float, copy=False)
-
-
-def samples_first(array: FloatArray) -> FloatArray:
-    """Two-dimensional numbers with as many rows as columns, or more."""
-    return array if array.shape[0] >= array.shape[1] else array.T
-
-
 def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """Names of the variables of a .npz, .mat, .parquet or HDF5 file, and their shapes."""
+    """Names of the variables of a file, and their shapes."""
     suffix = path.suffix.lower()
+    if suffix == ".npy":
+        return {NPY: np.load(path, mmap_mode="r", allow_pickle=False).shape}
     if suffix == ".parquet":
-        parquet = needs_tables(path, "pyarrow.parquet")
-        return dict.fromkeys(parquet.read_schema(path).names, ())
+        file = needs_tables(path, "pyarrow.parquet").ParquetFile(path)
+        rows = next(file.iter_batches(1)).to_pylist() if file.metadata.num_rows else [{}]
+        first = {name: rows[0].get(name) for name in file.schema_arrow.names}
+        return {
+            name: (file.metadata.num_rows, len(value) if isinstance(value, list) else 1)
+            for name, value in first.items()
+        }
     if suffix == ".npz":
         return _npz_shapes(path)
     if suffix == ".mat":
@@ -109,11 +80,36 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def read_array(path: Path, name: str) -> Any:
-    """One variable of a .npz, .mat, .parquet or HDF5 file."""
+def read_array(path: Path, name: str) -> FloatArray:
+    """Two-dimensional numbers (n_samples, n_columns) of one variable of a file.
+
+    Raises UsageError: no such variable, or it holds something else than real numbers.
+    """
+    if name not in (names := array_shapes(path)):
+        listed = ", ".join(sorted(names)) or "none"
+        raise UsageError(f"{path}: no variable {name}; there are {listed}")
+    array = np.asarray(_array(path, name))
+    if array.dtype.kind not in _NUMBERS:
+        kind = "complex numbers" if array.dtype.kind == "c" else str(array.dtype)
+        raise UsageError(f"{path}: {name} holds something else than real numbers ({kind})")
+    if array.ndim > 2:
+        dimensions = f"{array.ndim} dimensions; samples and joints are needed"
+        raise UsageError(f"{path}: {name}: {dimensions}")
+    # Beyond double precision they are infinite, which is refused later.
+    with np.errstate(over="ignore"):
+        columns = array.astype(float, copy=False).reshape(len(array) if array.ndim else 1, -1)
+    return columns if columns.shape[0] >= columns.shape[1] else columns.T
+
+
+def _array(path: Path, name: str) -> Any:
     suffix = path.suffix.lower()
+    if suffix == ".npy":
+        # Mapped, so that a header that claims more than the file holds is an error and no memory.
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        _require_size(path, array.nbytes)
+        return array
     if suffix == ".parquet":
-        return parquet_columns([path], name)
+        return _parquet_column(path, name)
     if suffix == ".npz":
         with zipfile.ZipFile(path) as archive:
             _require_size(path, archive.getinfo(f"{name}.npy").file_size)
@@ -127,19 +123,13 @@ def read_array(path: Path, name: str) -> Any:
         return file[name][()]
 
 
-def parquet_columns(paths: Sequence[Path], name: str, **options: Any) -> FloatArray:
-    """One column of parquet files, (n_samples, n_columns): of lists several, of dates s since 1970.
-
-    `options`: of `pyarrow.parquet.read_table`, for example its `filters`.
-    Raises UsageError: pyarrow is not installed, or there is no such column.
-    """
-    parquet = needs_tables(paths[0], "pyarrow.parquet")
-    _variables(paths[0], parquet.read_schema(paths[0]).names, name)
-    tables = [parquet.read_table(path, columns=[name], **options) for path in paths]
-    if tables[0].schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
-        stamps = [table[name].cast("timestamp[ns]").cast("int64").to_numpy() for table in tables]
-        return np.concatenate(stamps)[:, None] * 1e-9
-    rows = [row for table in tables for row in table[name].to_pylist()]
+def _parquet_column(path: Path, name: str) -> FloatArray:
+    """One column (n_samples, n_columns): of lists several, of dates s since 1970."""
+    table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
+    if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
+        stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
+        return 1e-9 * np.asarray(stamps, dtype=float)[:, None]
+    rows = table[name].to_pylist()
     return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
 
 
@@ -261,51 +251,6 @@ class TextTable:
         )
 
 
-def _split(spec: str) -> tuple[Path, str | None]:
-    """File and key of ``FILE[:KEY]``, all of which may be the name of a file."""
-    name, colon, key = spec.rpartition(":")
-    path, whole = Path(spec), not colon
-    with suppress(UsageError):  # too long for a name
-        whole = whole or is_file(path)
-    path = path if whole else Path(name)
-    if not is_file(path):
-        raise UsageError(f"{path}: no such file")
-    if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{path}: not a table ({', '.join(SUFFIXES)})")
-    return path, None if whole else key
-
-
-def _load(path: Path, key: str | None) -> Any:
-    suffix = path.suffix.lower()
-    if suffix in TEXT:
-        table = TextTable(path)
-        every = range(len(table.names))
-        wanted = list(every if key is None else map(table.number, key.split(",")))
-        _require_different(path, wanted)
-        return np.column_stack(table.columns(wanted))
-    if suffix == ".npy":
-        # Mapped, so that a header that claims more than the file holds is an error and no memory.
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-        _require_size(path, array.nbytes)
-        if key is None:
-            return array
-        columns = key.split(",")
-        for column in columns:
-            if not column.isdigit():
-                raise UsageError(f"{path}: no column {column}; columns are numbers from 0")
-        _require_different(path, columns)
-        return array[:, list(map(int, columns))]
-    arrays = [read_array(path, name) for name in _variables(path, list(array_shapes(path)), key)]
-    if len(arrays) == 1:
-        return arrays[0]
-    return np.column_stack([_columns_of(array) for array in arrays])
-
-
-def _columns_of(array: Any) -> Any:
-    """A row or column of numbers as one column, others with the samples first."""
-    return samples_first(array) if np.ndim(array) == 2 and min(array.shape) > 1 else np.ravel(array)
-
-
 def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     """Shapes by the headers of the variables, of which nothing is unpacked."""
     shapes = {}
@@ -325,28 +270,6 @@ def _require_size(path: Path, size: int) -> None:
         raise UsageError(
             f"{path}: {size / 1e9:.3g} GB in one array; split it into bags of less than 1 GB"
         )
-
-
-def _variables(path: Path, names: list[str], key: str | None) -> list[str]:
-    """Names of the wanted variables: the only one, the one that is named, or several."""
-    if key is None and len(names) == 1:
-        return names
-    listed = ", ".join(sorted(names)) or "none"
-    if key is None:
-        raise UsageError(f"{path}: say which variable, FILE:KEY; there are {listed}")
-    wanted = [key] if key in names else key.split(",")
-    for name in wanted:
-        if name not in names:
-            raise UsageError(f"{path}: no variable {name}; there are {listed}")
-    _require_different(path, wanted)
-    return wanted
-
-
-def _require_different(path: Path, wanted: Sequence[object]) -> None:
-    """Refuse what is asked for twice: it would be the signal of two joints."""
-    for column, times in Counter(wanted).items():
-        if times > 1:
-            raise UsageError(f"{path}: {column} is given twice; each joint has its own")
 
 
 def is_number(value: object) -> bool:

@@ -21,7 +21,7 @@ from idim_iv_ros.recording.table_file import (
     TextTable,
     array_shapes,
     one_line_errors,
-    read_table,
+    read_array,
 )
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
@@ -41,14 +41,26 @@ _UNITS = (("ns", r"ns\b|nano"), ("us", r"us\b|µs|micro"), ("ms", r"ms\b|milli")
 _BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]")
 # Words of a name that say which signal it is; what is left says which joint.
 _WORDS = {
-    "reference": r"ref|reference|des|desired|cmd|command|commanded|target|goal|set|setpoint",
+    "reference": r"ref|reference|des|desired|cmd|command|commanded|target|goal|set|setpoint|action",
     "velocity": r"dq|qd|qdot|vel|velocity|velocities|speed|omega",
     "effort": r"tau|torque|torques|effort|efforts|current|trq|eff|moment",
     "link": r"link|output|load|secondary",
-    "position": r"q|pos|position|positions|theta|angle|angles|act|actual|meas|measured",
+    "position": r"q|pos|position|positions|theta|angle|angles|act|actual|meas|measured|state",
 }
 # Words that tell no joint from another.
-_OF_ALL = ("j", "joint", "joints", "axis", "motor", "robot", "arm", "deg", "rad", "nm")
+_OF_ALL = (
+    "j",
+    "joint",
+    "joints",
+    "axis",
+    "motor",
+    "robot",
+    "arm",
+    "observation",
+    "deg",
+    "rad",
+    "nm",
+)
 
 
 class _Part(BaseModel):
@@ -87,12 +99,14 @@ class TableMap(_Part):
     `file`: the table, beside the map if it is no absolute path. `time`: None where `rate` says how
     fast rows follow one another. `rate`: Hz. `delimiter`, `decimal`, `comment`: of text: what
     stands between columns (empty: found), the decimal sign, what begins a line that is none of the
-    table (empty: nothing does).
+    table (empty: nothing does). `rows`: numbers of columns that the rows of this recording have in
+    common, where a table holds several.
     """
 
     file: str
     time: Stamps | None = None
-    rate: Annotated[float, Field(gt=0.0)] | None = None
+    rate: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    rows: dict[str, float] = {}
     joints: Annotated[dict[str, JointColumns], Field(min_length=1)]
     units: Units = Units()
     delimiter: Annotated[str, Field(max_length=1)] = ""
@@ -120,10 +134,8 @@ def read_map(path: FilePath) -> tuple[TableMap, Path]:
     return described, table
 
 
-def mapped_columns(
-    described: TableMap, table: Path
-) -> tuple[FloatArray | None, dict[str, FloatArray]]:
-    """Stamps (n,) s, None where there is a rate, and every signal (n, n_joints) in SI units.
+def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Stamps (n,) s and every signal (n, n_joints) in SI units.
 
     Raises UsageError or DataError: no such column, something else than numbers in one, or a signal
     of some joints only.
@@ -138,11 +150,17 @@ def mapped_columns(
             )
         if not missing:
             signals[signal] = list(columns.values())
-    wanted = [column for columns in signals.values() for column in columns]
+    wanted = [*described.rows, *(column for columns in signals.values() for column in columns)]
     time = described.time
     values = _read_columns(table, described, [*wanted, *([] if time is None else [time.column])])
-    stamps = None
-    if time is not None:
+    for column, number in described.rows.items():
+        chosen = values[column] == number
+        values = {name: numbers[chosen] for name, numbers in values.items()}
+    if time is None:
+        assert described.rate is not None
+        with np.errstate(over="ignore"):
+            stamps = np.arange(len(values[wanted[-1]])) / described.rate
+    else:
         stamps = values[time.column]
         if time.unit == "iso":
             stamps = stamps - stamps[0]
@@ -195,7 +213,7 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
     for name in wanted:
         whole, _, rest = name.partition("[")
         if whole not in arrays:
-            arrays[whole] = read_table(f"{table}:{whole}")
+            arrays[whole] = read_array(table, whole)
         values, number = arrays[whole], rest.rstrip("]")
         if number.isdigit() and int(number) < values.shape[1]:
             columns.append(values[:, int(number)])

@@ -141,7 +141,7 @@ def _require_servo(where: str, motion: Motion, column: int) -> None:
     if max(np.abs(command).max(), np.abs(position).max()) > LARGEST_ANGLE:
         raise DataError(
             f"{where} is at {np.abs(position).max():.3g} rad: these look like degrees; import them "
-            "with a scale of 0.0174533"
+            "with `position: deg` under `units:` of the map"
         )
     span = float(np.ptp(command))
     if span == 0.0:

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.file_text import file_text
+from idim_iv_ros.simulator_files.file_text import file_text, number_text
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.randomization import Ranges
 from idim_iv_ros.simulator_files.robot import ExportedRobot
-from idim_iv_ros.simulator_files.xml_text import number_text
 
 _SOURCES = {
     "recording": "recording",

@@ -16,10 +16,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
-from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
-from idim_iv_ros.simulator_files.named import Load
-from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
-from idim_iv_ros.simulator_files.xml_text import (
+from idim_iv_ros.simulator_files.file_text import (
     comment_text,
     elements,
     insert,
@@ -30,6 +27,9 @@ from idim_iv_ros.simulator_files.xml_text import (
     tag_text,
     written_xml,
 )
+from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
+from idim_iv_ros.simulator_files.named import Load
+from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
 # What puts other elements in its place, so that a body that moves is not one of this file's own.

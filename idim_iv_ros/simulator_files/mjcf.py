@@ -23,8 +23,8 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulation import SimulatedEffect
+from idim_iv_ros.simulator_files.file_text import number_text, numbers_text
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
-from idim_iv_ros.simulator_files.xml_text import number_text, numbers_text
 from idim_iv_ros.types import FloatArray
 
 

@@ -13,25 +13,25 @@ from tests.cli.conftest import refused, write_arm
 
 
 @pytest.fixture
-def table(record, tmp_path: Path) -> Path:
-    path = tmp_path / "run.npz"
-    np.savez(path, q=record.position, tau=record.effort, ref=record.position_reference)
+def columns(record, tmp_path: Path) -> Path:
+    """A table and its map."""
+    arrays = {"q": record.position, "tau": record.effort, "ref": record.position_reference}
+    np.savez(tmp_path / "run.npz", **arrays)
+    path = tmp_path / "map.yaml"
+    path.write_text(
+        "file: run.npz\nrate: 1000.0\njoints:\n"
+        "  joint_1: {position: 'q[0]', effort: 'tau[0]', reference: 'ref[0]'}\n"
+        "  joint_2: {position: 'q[1]', effort: 'tau[1]', reference: 'ref[1]'}\n"
+    )
     return path
 
 
-def importing(table: Path, out: Path) -> tuple[object, ...]:
-    return (
-        *("import", out, "--rate", 1000, "--joints", "joint_1,joint_2"),
-        *("--position", f"{table}:q", "--effort", f"{table}:tau", "--reference", f"{table}:ref"),
-    )
-
-
-def test_json_is_all_that_is_on_stdout(run, config, bag, table, tmp_path: Path) -> None:
+def test_json_is_all_that_is_on_stdout(run, config, bag, columns, tmp_path: Path) -> None:
     out, simulated = tmp_path / "results", tmp_path / "simulated.mcap"
     requests = {
         "identification": ("identify", bag, "--config", config(), "--out", out),
         "check": ("check", bag, "--config", config()),
-        "import": importing(table, tmp_path / "a.mcap"),
+        "import": ("import", tmp_path / "a.mcap", "--columns", columns),
         "simulation": ("simulate", "--config", config(), "--out", simulated, "--duration", 2),
     }
     for name, arguments in requests.items():
@@ -92,7 +92,7 @@ def test_tables_of_a_check_fit_the_terminal(run, config, bag, width: int) -> Non
         ("a.mcap", "simulate --out a.mcap --duration 1 --config arm2.yaml"),
         ("run.csv", "excite --out run --config arm2.yaml"),
         ("my_arm.yaml", "init no.mcap --out my_arm.yaml"),
-        ("b.mcap", "import b.mcap --rate 9 --joints a --position no.npz:q --effort no.npz:q"),
+        ("b.mcap", "import b.mcap --columns no.yaml"),
     ],
 )
 def test_no_command_replaces_what_it_did_not_write(
@@ -126,11 +126,11 @@ def test_place_that_cannot_be_used_is_refused_before_the_tables_are_read(
     monkeypatch.chdir(tmp_path)
     Path("folder.mcap").mkdir()
     place = Path("folder.mcap") if out == "." else Path(out)
-    outcome = run(*importing(tmp_path / "no.npz", place))
+    outcome = run("import", place, "--columns", tmp_path / "no.yaml")
     refused(outcome, 2, str(place))
 
 
-def test_functions_take_text_paths_and_one_or_many_bags(bag, record, tmp_path: Path) -> None:
+def test_functions_take_text_paths_and_one_or_many_bags(bag, columns, tmp_path: Path) -> None:
     path = simulated_arms.CONFIG / "arm2.yaml"
     configuration = idim_iv_ros.load_configuration(str(path))
     assert configuration == idim_iv_ros.load_configuration(path)
@@ -138,11 +138,11 @@ def test_functions_take_text_paths_and_one_or_many_bags(bag, record, tmp_path: P
     (one,) = idim_iv_ros.read_recordings(str(bag), **options)
     (same,) = idim_iv_ros.read_recordings([bag], **options)
     np.testing.assert_array_equal(one.position.values, same.position.values)
-    np.save(tmp_path / "q.npy", record.position)
-    np.save(tmp_path / "tau.npy", record.effort)
-    signals = {"position": tmp_path / "q.npy", "effort": str(tmp_path / "tau.npy")}
-    for out in (tmp_path / "a.mcap", str(tmp_path / "b.mcap")):
-        idim_iv_ros.import_table(out, joints=("joint_1", "joint_2"), rate=1000.0, **signals)
+    for out, described in (
+        (tmp_path / "a.mcap", columns),
+        (str(tmp_path / "b.mcap"), str(columns)),
+    ):
+        idim_iv_ros.import_table(out, described)
         assert Path(out).is_file()
     assert idim_iv_ros.check(str(bag), configuration) == idim_iv_ros.check((bag,), configuration)
     results = [

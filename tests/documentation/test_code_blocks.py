@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 
 from bags import simulated_arms
 from idim_iv_ros import load_configuration, propose_configuration, write_configuration
@@ -43,8 +42,6 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
         record = simulated_arms.record(arm, seed)
         topics = simulated_arms.joint_topics(arm, record)
         write_bag(folder / f"run{seed}.mcap", topics, robot_description=urdf)
-    axis = {"qm": record.position[:, 0], "vir": record.effort[:, 0]}
-    scipy.io.savemat(folder / "data.mat", {**axis, "qg": record.position_reference[:, 0]})
     table = np.column_stack([record.time, record.position, record.effort])
     header = "time,q1,q2,tau1,tau2"
     np.savetxt(folder / "run4.csv", table, delimiter=",", header=header, comments="")

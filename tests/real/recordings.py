@@ -8,35 +8,36 @@ import scipy
 import yaml
 from scipy.interpolate import CubicSpline
 
-from idim_iv_ros import Configuration, import_table, load_configuration, write_bag
+from idim_iv_ros import Configuration, load_configuration, write_bag
 from idim_iv_ros.recording.writing.write import JointTopic
 
 
 def emps_bag(data: Path, out: Path) -> Path:
     """EMPS: position, control signal and reference."""
-    mat = data / "emps" / "DATA_EMPS.mat"
-    import_table(
-        out,
-        joints=["axis"],
-        position=f"{mat}:qm",
-        effort=f"{mat}:vir",
-        reference=f"{mat}:qg",
-        time=f"{mat}:t",
+    table = scipy.io.loadmat(data / "emps" / "DATA_EMPS.mat")
+    time, position, effort, reference = (
+        table[key].reshape(-1, 1) for key in ("t", "qm", "vir", "qg")
     )
+    states = JointTopic("joint_states", ["axis"], time[:, 0], position=position, effort=effort)
+    asked = JointTopic("joint_reference", ["axis"], time[:, 0], position=reference)
+    write_bag(out, [states, asked])
     return out
+
+
+def _columns(path: Path, *prefixes: str) -> list[np.ndarray]:
+    """Numbers of a table, the columns that begin with each prefix together."""
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    chosen = ([n for n in table.dtype.names if n.startswith(prefix)] for prefix in prefixes)
+    return [np.column_stack([table[name] for name in names]) for names in chosen]
 
 
 def tx40_bag(data: Path, out: Path) -> Path:
     """TX40: motor positions and motor torques."""
     folder = data / "staubli_tx40"
-    columns = ",".join(f"Joint_{k}" for k in range(1, 7))
-    import_table(
-        out,
-        joints=[f"joint_{k}" for k in range(1, 7)],
-        position=f"{folder / 'pos_read_data.csv'}:{columns}",
-        effort=f"{folder / 'curr_data.csv'}:{columns}",
-        rate=5000.0,
-    )
+    (position,) = _columns(folder / "pos_read_data.csv", "Joint_")
+    (effort,) = _columns(folder / "curr_data.csv", "Joint_")
+    joints, time = [f"joint_{k}" for k in range(1, 7)], np.arange(len(position)) / 5000.0
+    write_bag(out, [JointTopic("joint_states", joints, time, position=position, effort=effort)])
     return out
 
 
@@ -74,18 +75,13 @@ def tx40_configuration(data: Path, folder: Path, text: str = TX40) -> Configurat
 def double_pendulum_bag(data: Path, out: Path) -> Path:
     """DFKI double pendulum: measured motion and reference."""
     folder = data / "dfki_double_pendulum"
-    measured, reference = folder / "measured.csv", folder / "reference.csv"
-    import_table(
-        out,
-        joints=["shoulder", "elbow"],
-        position=f"{measured}:pos1,pos2",
-        velocity=f"{measured}:vel1,vel2",
-        effort=f"{measured}:tau1,tau2",
-        time=f"{measured}:time",
-        reference=f"{reference}:pos1,pos2",
-        velocity_reference=f"{reference}:vel1,vel2",
-        reference_time=f"{reference}:time",
+    joints = ["shoulder", "elbow"]
+    time, position, velocity, effort = _columns(
+        folder / "measured.csv", "time", "pos", "vel", "tau"
     )
+    states = JointTopic("joint_states", joints, time[:, 0], position, velocity, effort)
+    time, position, velocity = _columns(folder / "reference.csv", "time", "pos", "vel")
+    write_bag(out, [states, JointTopic("joint_reference", joints, time[:, 0], position, velocity)])
     return out
 
 

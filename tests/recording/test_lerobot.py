@@ -1,6 +1,5 @@
 """Episodes of LeRobot data sets, written here by pyarrow as versions 2 and 3 lay them out."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +7,12 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import read_recordings
-from idim_iv_ros.recording.lerobot import import_lerobot
-from idim_iv_ros.recording.table import import_table
-from idim_iv_ros.recording.table_file import parquet_columns
+from idim_iv_ros.errors import DataError
+from idim_iv_ros.recording import ImportSummary, import_table, read_recordings
+from idim_iv_ros.recording.table_file import read_array
+from idim_iv_ros.recording.table_map import proposed_map
 
-NAMES = ["pan.pos", "lift.pos", "gripper.pos"]
+JOINTS = ["pan", "lift", "gripper"]
 FRAMES, RATE = 90, 30.0
 
 
@@ -36,71 +34,49 @@ def table(episode: int) -> pa.Table:
     )
 
 
-@pytest.fixture(params=[2, 3])
-def data_set(request, tmp_path: Path) -> Path:
-    folder = tmp_path / "set"
-    chunk = folder / "data" / "chunk-000"
-    chunk.mkdir(parents=True)
-    (folder / "meta").mkdir()
-    feature = {"dtype": "float32", "shape": [3], "names": NAMES}
-    features = {"observation.state": feature, "action": feature}
-    content = {"fps": RATE, "total_episodes": 2, "features": features}
-    (folder / "meta" / "info.json").write_text(json.dumps(content))
-    if request.param == 2:
-        for episode in (0, 1):
-            parquet.write_table(table(episode), chunk / f"episode_{episode:06d}.parquet")
-    else:
-        whole = pa.concat_tables([table(0), table(1)])
-        parquet.write_table(whole, chunk / "file-000.parquet")
-    return folder
-
-
-def test_episode_becomes_a_bag_in_rad(data_set, tmp_path):
-    scale = np.pi / 180.0
-    summary = import_lerobot(
-        tmp_path / "run.mcap", data_set, episode=1, joints=["j1=pan.pos", "lift.pos"], scale=scale
+def imported(tmp_path: Path, rows: str = "") -> ImportSummary:
+    joints = "".join(
+        f"  {name}: {{position: 'observation.state[{k}]', reference: 'action[{k}]'}}\n"
+        for k, name in enumerate(JOINTS)
     )
+    (tmp_path / "map.yaml").write_text(
+        f"file: d.parquet\n{rows}rate: {RATE}\nunits: {{position: deg}}\njoints:\n{joints}"
+    )
+    return import_table(tmp_path / "run.mcap", tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_episode_becomes_a_bag_in_rad(tmp_path: Path, version: int) -> None:
+    """Version 2 has a file for each episode, version 3 several episodes in one."""
+    whole = table(1) if version == 2 else pa.concat_tables([table(0), table(1)])
+    parquet.write_table(whole, tmp_path / "d.parquet")
+    summary = imported(tmp_path, "" if version == 2 else "rows: {episode_index: 1}\n")
     assert (summary.samples, summary.rate) == (FRAMES, pytest.approx(RATE))
-    assert "no measured times" in summary.warnings[0]
     (recording,) = read_recordings(
-        tmp_path / "run.mcap", joints=["j1", "lift.pos"], effort="none", reference="joint_reference"
+        tmp_path / "run.mcap", joints=JOINTS, effort="none", reference="joint_reference"
     )
-    np.testing.assert_allclose(recording.position.values, scale * states(1)[:, :2], atol=1e-9)
+    np.testing.assert_allclose(recording.position.values, np.radians(states(1)), atol=1e-9)
     command = recording.position_reference.values
-    np.testing.assert_allclose(command, scale * (states(1)[:, :2] + 1.0), atol=1e-9)
+    np.testing.assert_allclose(command, np.radians(states(1) + 1.0), atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "words"),
-    [
-        ({}, DataError, r"pan.pos is at .*--scale 0.0174533"),
-        ({"joints": ["elbow"]}, UsageError, r"no column elbow.*pan.pos, lift.pos, gripper.pos"),
-        ({"episode": 7}, UsageError, "episode 7"),
-    ],
-    ids=["degrees", "column", "episode"],
-)
-def test_what_is_not_there_or_no_angle_is_refused(data_set, tmp_path, options, error, words):
-    with pytest.raises(error, match=words):
-        import_lerobot(tmp_path / "run.mcap", data_set, **options)
+def test_an_episode_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    parquet.write_table(table(0), tmp_path / "d.parquet")
+    with pytest.raises(DataError, match="0 samples"):
+        imported(tmp_path, "rows: {episode_index: 7}\n")
     assert not (tmp_path / "run.mcap").exists()
 
 
-def test_dates_of_a_parquet_file_are_stamps(tmp_path):
+def test_a_map_of_an_episode_is_proposed(tmp_path: Path) -> None:
+    parquet.write_table(table(0), tmp_path / "d.parquet")
+    text = proposed_map(tmp_path / "d.parquet")
+    assert "joint_1: {position: 'observation.state[1]', reference: 'action[1]'}" in text
+    assert "column: 'timestamp'" in text
+
+
+def test_dates_of_a_parquet_file_are_stamps(tmp_path: Path) -> None:
     seconds = 1.7e9 + 0.01 * np.arange(5)
     stamps = pa.array(np.round(1e6 * seconds).astype("datetime64[us]"))
     parquet.write_table(pa.table({"t": stamps}), tmp_path / "d.parquet")
-    np.testing.assert_allclose(
-        parquet_columns([tmp_path / "d.parquet"], "t")[:, 0], seconds, rtol=0.0, atol=1e-6
-    )
-
-
-def test_columns_of_a_parquet_file(tmp_path):
-    parquet.write_table(table(0), tmp_path / "d.parquet")
-    import_table(
-        tmp_path / "run.mcap",
-        joints=["a", "b", "c"],
-        position=f"{tmp_path / 'd.parquet'}:observation.state",
-        rate=RATE,
-    )
-    (recording,) = read_recordings(tmp_path / "run.mcap", joints=["a", "b", "c"], effort="none")
-    np.testing.assert_allclose(recording.position.values, states(0), atol=1e-9)
+    read = read_array(tmp_path / "d.parquet", "t")[:, 0]
+    np.testing.assert_allclose(read, seconds, rtol=0.0, atol=1e-6)

@@ -77,14 +77,19 @@ def test_a_wrapped_encoder_is_in_the_turn_of_its_motor(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("samples", [2000, 1999])
 def test_import_writes_the_topic_or_refuses_another_length(tmp_path: Path, samples: int) -> None:
-    table, out = tmp_path / "d.npz", tmp_path / "out.mcap"
-    np.savez(table, q=motion(TIME), tau=motion(TIME) + 1.0, link=motion(TIME)[:samples] - 1e-3)
-    signals = {"position": f"{table}:q", "effort": f"{table}:tau", "link": f"{table}:link"}
+    described, out = tmp_path / "map.yaml", tmp_path / "out.mcap"
+    link = motion(TIME)[:samples] - 1e-3
+    np.savez(tmp_path / "d.npz", q=motion(TIME), tau=motion(TIME) + 1.0, link=link)
+    described.write_text(
+        "file: d.npz\nrate: 500.0\njoints:\n"
+        "  a: {position: 'q[0]', effort: 'tau[0]', link: 'link[0]'}\n"
+        "  b: {position: 'q[1]', effort: 'tau[1]', link: 'link[1]'}\n"
+    )
     if samples != len(TIME):
-        with pytest.raises(DataError, match="1999 samples, but 2000"):
-            import_table(out, joints=JOINTS, rate=500.0, **signals)
+        with pytest.raises(DataError, match=r"different lengths .*2000.* 1999"):
+            import_table(out, described)
         assert not out.exists()
         return
-    assert "link" in import_table(out, joints=JOINTS, rate=500.0, **signals).signals
+    assert "link" in import_table(out, described).signals
     recording = read(out)
     assert np.allclose(recording.position.values - recording.link_position.values, 1e-3)

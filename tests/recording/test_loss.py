@@ -47,10 +47,13 @@ def _by_the_recorder(folder: Path) -> Path:
 
 
 def _by_import(folder: Path) -> Path:
-    table = folder / "t.npz"
-    np.savez(table, position=VALUES, effort=1.0 + VALUES, reference=VALUES, time=TIME)
-    sources = {name: f"{table}:{name}" for name in ("position", "effort", "reference", "time")}
-    import_table(folder / "imported.mcap", joints=JOINTS, **sources)
+    np.savez(folder / "t.npz", q=VALUES, tau=1.0 + VALUES, time=TIME)
+    (folder / "map.yaml").write_text(
+        "file: t.npz\ntime: {column: time}\njoints:\n"
+        "  a: {position: 'q[0]', effort: 'tau[0]', reference: 'q[0]'}\n"
+        "  b: {position: 'q[1]', effort: 'tau[1]', reference: 'q[1]'}\n"
+    )
+    import_table(folder / "imported.mcap", folder / "map.yaml")
     return folder / "imported.mcap"
 
 

@@ -10,7 +10,7 @@ from pyarrow import parquet
 from scipy.io import savemat
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import import_mapped, read_recordings
+from idim_iv_ros.recording import import_table, read_recordings
 from idim_iv_ros.recording.table_map import proposed_map
 
 TIME = np.arange(1500) * 0.002
@@ -22,7 +22,7 @@ JOINTS = ["a", "b"]
 def _imported(folder: Path, text: str) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Positions and efforts of the bag that a map makes, and warnings."""
     (folder / "map.yaml").write_text(text)
-    summary = import_mapped(folder / "out.mcap", folder / "map.yaml", force=True)
+    summary = import_table(folder / "out.mcap", folder / "map.yaml", force=True)
     (recording,) = read_recordings([folder / "out.mcap"], joints=JOINTS)
     assert summary.rate == pytest.approx(500.0)
     return recording.position.values, recording.effort.values, summary.warnings
