@@ -142,8 +142,8 @@ def command_rows(
 ) -> CommandRows | None:
     """Evaluate the law on the measured motion; None where too few rows are left.
 
-    `period`: of the control, s: what the law sees, and is recorded, is about as late; `lag`: by which what
-    the law gives is taken later, s.
+    `period`: of the control, s: what the law sees, and is recorded, is about as late; `lag`: by
+    which what the law gives is taken later, s.
     """
     every = [comparable(motion, law, joint) for motion in motions]
     counts = [int(kept.sum()) for kept in every]
