@@ -70,7 +70,7 @@ def predict_command(
 
     Example: idim-iv predict --config ur5.yaml --result results/result.json
     """
-    _run("predictor.node", context, config, namespace, _prediction(result, results))
+    _run("predictor", context, config, namespace, _prediction(result, results))
 
 
 def watch_command(
@@ -90,7 +90,7 @@ def watch_command(
     """
     if config is None and result is not None:
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
-    predictor = None if config is None else _node("predictor.node").Predictor
+    predictor = None if config is None else _node("predictor").Predictor
     parameters = {} if config is None else _prediction(result, results)
     _run("watch", context, config, namespace, parameters, predictor)
 
