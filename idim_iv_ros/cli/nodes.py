@@ -35,7 +35,7 @@ def record_command(
 
     Example: idim-iv record --config ur5.yaml --out bags --namespace left
     """
-    _run("recorder.node", context, config, namespace, {"bag_directory": out, "record": True})
+    _run("recorder", context, config, namespace, {"bag_directory": out, "record": True})
 
 
 def serve_command(
@@ -54,7 +54,7 @@ def serve_command(
     Example: idim-iv serve --config ur5.yaml --bags bags --out results
     """
     parameters = {"bag_directory": bags, "output_directory": out, "auto": auto}
-    _run("identifier.node", context, config, namespace, parameters)
+    _run("identifier", context, config, namespace, parameters)
 
 
 def predict_command(
@@ -128,7 +128,7 @@ def _run(
 def _node(name: str) -> Any:
     """Import a node, or say what is missing."""
     try:
-        return importlib.import_module(f"idim_iv_ros.nodes.{name}")
+        return importlib.import_module(f"idim_iv_ros.nodes.{name}.node")
     except ModuleNotFoundError as error:
         raise UsageError(
             f"the Python package {error.name} is not installed: source a ROS 2 workspace with "

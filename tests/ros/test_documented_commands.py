@@ -16,9 +16,9 @@ from rclpy.qos import DurabilityPolicy
 from ruamel.yaml import YAML
 from sensor_msgs.msg import JointState
 
-from idim_iv_ros.nodes import predictor
 from idim_iv_ros.nodes.collector import node as collector
 from idim_iv_ros.nodes.identifier import node as identifier
+from idim_iv_ros.nodes.predictor import node as predictor
 from idim_iv_ros.nodes.recorder import node as recorder
 from idim_iv_ros.nodes.simulator import node as simulator
 from tests.ros.documented_commands import (

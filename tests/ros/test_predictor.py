@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from idim_iv_interfaces.msg import IdentificationResult, Prediction
-from idim_iv_ros.nodes.predictor import Predictor
+from idim_iv_ros.nodes.predictor.node import Predictor
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
 from tests.ros.conftest import another_context
 from tests.ros.processes import Observer

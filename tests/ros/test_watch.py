@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from idim_iv_interfaces.msg import Prediction, RecorderStatus
-from idim_iv_ros.nodes.watch import JointView, LiveView, live_table
+from idim_iv_ros.nodes.watch.node import JointView, LiveView, live_table
 from idim_iv_ros.prediction.rows import LIMIT, SHARE
 from tests.ros.processes import Observer, Process
 

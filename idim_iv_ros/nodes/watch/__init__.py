@@ -1,0 +1,1 @@
+"""A live view of what the nodes say, on the terminal."""
