@@ -80,19 +80,27 @@ def watch_command(
     ),
     result: Result = None,
     results: Results = Path("results"),
+    web: int | None = Option(
+        None,
+        metavar="PORT",
+        min=0,
+        max=65535,
+        help="Show a page on this port of this machine, and no table; 0: any free port.",
+    ),
     namespace: Namespace = "",
 ) -> None:
     """Show measured and predicted efforts of a running robot until Ctrl-C.
 
-    A table on the terminal, with what recorder and identifier do.
+    A table on the terminal, or with --web a page with live plots that only this machine can open.
+    What recorder and identifier do is shown with it.
 
-    Example: idim-iv watch --config ur5.yaml --result results/result.json
+    Example: idim-iv watch --config ur5.yaml --result results/result.json --web 8080
     """
     if config is None and result is not None:
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
     predictor = None if config is None else _node("predictor").Predictor
     parameters = {} if config is None else _prediction(result, results)
-    _run("watch", context, config, namespace, parameters, predictor)
+    _run("watch", context, config, namespace, parameters, web, predictor)
 
 
 def _prediction(result: Path | None, results: Path) -> dict[str, object]:

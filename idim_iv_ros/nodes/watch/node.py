@@ -1,11 +1,18 @@
 """`idim-iv watch`: what predictor, recorder and identifier say, until Ctrl-C."""
 
 import math
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from urllib.parse import parse_qs, urlsplit
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from pydantic import TypeAdapter
 from rclpy.node import Node
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -14,9 +21,107 @@ from rich.table import Table
 from rich.text import Text
 
 from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import LATCHED, Closable, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import refuse_unknown_parameters
 from idim_iv_ros.prediction.rows import LIMIT, SHARE
+
+ADDRESS = "127.0.0.1"
+_HISTORY = 600  # states that a page gets when it is opened
+_FILES = {
+    "/": ("live.html", "text/html"),
+    "/live.css": ("live.css", "text/css"),
+    "/live.js": ("live.js", "text/javascript"),
+}
+_POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:"
+
+
+class LivePage:
+    """A server on the loopback interface, in threads of its own; port 0 is any that is free.
+
+    Raises UsageError: the port is taken or not allowed.
+    """
+
+    def __init__(self, port: int) -> None:
+        try:
+            self._server = _Server((ADDRESS, port), _Handler)
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or "no such port"
+            raise UsageError(f"--web {port}: {reason}; name another port") from error
+        self.url = f"http://{ADDRESS}:{self._server.server_port}/"
+        threading.Thread(target=self._server.serve_forever, name="page", daemon=True).start()
+
+    def publish(self, state: bytes) -> None:
+        """Show a state, JSON, on all pages that are open."""
+        with self._server.lock:
+            self._server.count += 1
+            self._server.states.append((self._server.count, state))
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.shutdown()
+        self._server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    """Keeps the newest states with their numbers, which count from 1."""
+
+    daemon_threads = True
+
+    def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
+        super().__init__(address, handler)
+        self.lock = threading.Lock()
+        self.count = 0
+        self.states: deque[tuple[int, bytes]] = deque(maxlen=_HISTORY)
+
+    def later(self, number: int) -> bytes:
+        """States after a number as JSON; all where that is the number of an earlier server."""
+        with self.lock:
+            later = [state for place, state in self.states if not place <= number <= self.count]
+            return b'{"newest": %d, "states": [%s]}' % (self.count, b",".join(later))
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Nothing: a page that is closed while it is sent is no error."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    server_version, sys_version = "idim-iv", ""
+
+    def do_GET(self) -> None:
+        """Answer with a file, or with the states after the one that the page has."""
+        port = self.server.server_port
+        # Another name that leads here is a page of somebody else that reads this one.
+        if self.headers.get("Host") not in (f"{ADDRESS}:{port}", f"localhost:{port}"):
+            self.send_error(HTTPStatus.FORBIDDEN)
+            return
+        address = urlsplit(self.path)
+        after = parse_qs(address.query).get("after", ["0"])[0]
+        if address.path == "/states" and after.isdecimal():
+            self._send(self.server.later(int(after)), "application/json")
+        elif address.path == "/plotly.js":
+            from plotly.offline import get_plotlyjs
+
+            self._send(get_plotlyjs().encode(), "text/javascript")
+        elif address.path in _FILES:
+            name, kind = _FILES[address.path]
+            file = resources.files("idim_iv_ros.nodes.watch") / "assets" / name
+            self._send(file.read_bytes(), kind)
+        else:
+            self.send_error(HTTPStatus.NOT_FOUND)
+
+    def _send(self, content: bytes, kind: str) -> None:
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Content-Security-Policy", _POLICY)
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nothing: the terminal belongs to the user."""
+
 
 GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
 _STYLES = {GOOD: "green", BEYOND: "bold red"}
@@ -74,6 +179,10 @@ class LiveView:
     reason: str
     joints: tuple[JointView, ...]
     nodes: dict[str, str] = field(default_factory=dict)
+
+    def to_json(self) -> bytes:
+        """Return it as JSON; numbers that do not exist are null."""
+        return TypeAdapter(LiveView).dump_json(self)
 
 
 def _parsed(text: str) -> float:
@@ -133,14 +242,17 @@ def _text(number: float, form: str) -> str:
 class Watcher:
     """Subscriptions to what the nodes of a robot say, in the namespace of this node.
 
-    `predictor` makes one that runs in this process.
+    `web` is the port of the page (None: a table on the terminal); `predictor` makes one that runs
+    in this process.
     """
 
     def __init__(
         self,
         arguments: Sequence[str],
+        web: int | None = None,
         predictor: Callable[[Sequence[str]], Closable] | None = None,
     ) -> None:
+        self._page = None if web is None else LivePage(web)
         self._predictor = None if predictor is None else predictor(arguments)
         self.node = node = Node("watch")
         if self._predictor is None:  # what is given is else the predictor's
@@ -157,7 +269,9 @@ class Watcher:
         steady_timer(node, _DRAWN, self._draw)
         self._console = Console()
         self._live: Live | None = None
-        if self._console.is_terminal:
+        if self._page is not None:
+            self._console.print(f"{self._page.url}  (this machine only; Ctrl-C ends)")
+        elif self._console.is_terminal:
             self._live = Live(console=self._console, auto_refresh=False, screen=True)
             self._live.start()
 
@@ -165,6 +279,8 @@ class Watcher:
         """Give the terminal back, with one line."""
         if self._live is not None:
             self._live.stop()
+        if self._page is not None:
+            self._page.close()
         if self._predictor is not None:
             self._predictor.close()
         self.node.destroy_node()
@@ -172,6 +288,8 @@ class Watcher:
 
     def _predicted(self, message: Prediction) -> None:
         self._prediction, self._heard_at = message, time.monotonic()
+        if self._page is not None:
+            self._page.publish(self._view().to_json())
 
     def _diagnosed(self, message: DiagnosticArray) -> None:
         namespace = self.node.get_namespace().rstrip("/")
@@ -228,15 +346,21 @@ class Watcher:
             executor.add_node(self._predictor.node)  # does nothing for one that is there
         self._predictors = self.node.count_publishers(self.node.resolve_topic_name(_TOPIC))
         now = time.monotonic()
+        since_drawn, silent_for = now - self._printed, now - self._heard_at
         if self._live is not None:
             self._live.update(live_table(self._view()), refresh=True)
-        elif now - self._printed > _PRINTED:
+        elif self._page is None and since_drawn > _PRINTED:
             self._printed = now
             self._console.print(live_table(self._view()))
+        elif self._page is not None and silent_for > _SILENT and since_drawn > 1.0:
+            self._printed = now
+            self._page.publish(self._view().to_json())
 
 
 def run(
-    arguments: Sequence[str], predictor: Callable[[Sequence[str]], Closable] | None = None
+    arguments: Sequence[str],
+    web: int | None = None,
+    predictor: Callable[[Sequence[str]], Closable] | None = None,
 ) -> int:
     """Run a `Watcher` until a signal and return the exit status; `arguments` begin with a name."""
-    return run_node("watch", lambda given: Watcher(given, predictor), ABOUT, arguments)
+    return run_node("watch", lambda given: Watcher(given, web, predictor), ABOUT, arguments)
