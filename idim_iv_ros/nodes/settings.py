@@ -57,6 +57,9 @@ class RecorderSettings(Settings):
     snapshot_memory: int = parameter(
         200_000_000, "memory for them; what is older goes earlier, B", (1_000_000, _LARGEST)
     )
+    snapshot_on_error: bool = parameter(
+        False, "whether a new ERROR of another node on /diagnostics writes a snapshot"
+    )
     chunk_duration: float = parameter(1.0, "what a crash can lose at most, s", (0.1, 10.0))
     max_file_size: int = parameter(
         0, "a new file begins when one has so many bytes; 0: never", (0, _LARGEST)
@@ -231,6 +234,9 @@ class PredictorSettings(Settings):
         "results", "where the identifier of this robot writes its results", read_only=True
     )
     rate: float = parameter(20.0, "predictions per second, Hz", (1.0, 100.0), read_only=True)
+    frame_prefix: str = parameter(
+        "", "in front of the names of links in ~/residual_markers, as of robot_state_publisher"
+    )
     false_warnings: float = parameter(
         1.0,
         "warnings a day of motion that are accepted while the model fits, all joints together",

@@ -1,8 +1,10 @@
-"""Layouts for Foxglove and PlotJuggler name topics and fields that there are."""
+"""Layouts for Foxglove, PlotJuggler and RViz name topics and fields that there are."""
 
 import json
 import re
 from xml.etree import ElementTree
+
+import yaml
 
 from idim_iv_interfaces.msg import Prediction
 from tests.ros.processes import ROOT
@@ -41,3 +43,11 @@ def test_plotjuggler_names_fields_of_the_message() -> None:
     for curve in curves:
         match = re.fullmatch(r"/predictor/prediction/(\w+)\[[0-6]\]", curve)
         assert match and match[1] in FIELDS
+
+
+def test_rviz_shows_the_markers() -> None:
+    document = yaml.safe_load((LAYOUTS / "residual.rviz").read_text())
+    displays = document["Visualization Manager"]["Displays"]
+    (markers,) = [display for display in displays if display["Class"].endswith("MarkerArray")]
+    assert markers["Topic"]["Value"] == "/predictor/residual_markers"
+    assert set(markers["Namespaces"]) == {"residual", "share"}

@@ -10,9 +10,10 @@ from builtin_interfaces.msg import Time
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
 
 from idim_iv_interfaces.msg import IdentificationResult, Prediction
-from idim_iv_ros.nodes.predictor.node import Predictor
+from idim_iv_ros.nodes.predictor.node import Predictor, colour_of, residual_markers
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
 from tests.ros.conftest import another_context
 from tests.ros.processes import Observer
@@ -78,8 +79,11 @@ class Heard:
         self.observer = observer
         self.predictions: list[Prediction] = []
         self.said = 0
-        topic = f"/{self.name}/prediction"
-        observer.node.create_subscription(Prediction, topic, self._prediction, 100)
+        self.markers: list[MarkerArray] = []
+        node = observer.node
+        subscribe, markers = node.create_subscription, f"/{self.name}/residual_markers"
+        subscribe(Prediction, f"/{self.name}/prediction", self._prediction, 100)
+        subscribe(MarkerArray, markers, self.markers.append, 10)
 
     def _prediction(self, message: Prediction) -> None:
         self.said += 1
@@ -182,6 +186,9 @@ def test_a_result_is_predicted_with_as_soon_as_it_is_announced(
     level, sentence = predictor.diagnosis(JOINTS[0])
     assert level == OK
     assert "N m RMS" in sentence or "no motion" in sentence
+    predictor.until(robot, lambda: predictor.markers, "markers")
+    markers = predictor.markers[-1].markers
+    assert [marker.header.frame_id for marker in markers[::2]] == [f"link_{k}" for k in range(1, 7)]
     observer.node.destroy_publisher(publisher)
 
 
@@ -229,3 +236,14 @@ def test_a_robot_that_falls_silent_is_said_to_be(
     robot.silent = False
     robot.restart()
     predictor.until(robot, lambda: predictor.last.valid, "the robot again")
+
+
+def test_colours_say_how_large_the_residual_is() -> None:
+    green, amber, red = colour_of(1.0), colour_of(2.0), colour_of(4.0)
+    assert green[1] > green[0] and red[0] > 4 * red[1]
+    assert amber[0] > amber[2] and amber[1] > amber[2]
+    assert colour_of(0.2) == green and colour_of(50.0) == red
+    grey = colour_of(math.nan)
+    assert max(grey) - min(grey) < 0.1
+    markers = residual_markers(["link"], ["joint"], [math.nan]).markers
+    assert [marker.text for marker in markers] == ["", "joint –"]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosbags.highlevel import AnyReader
 
 from idim_iv_ros.nodes.recorder.session import SnapshotRing
@@ -91,8 +92,10 @@ def test_recording_goes_on_without_loss_while_a_snapshot_is_written(
     assert np.array_equal(numbers(snapshot), np.arange(float(len(numbers(snapshot)))))
 
 
-def test_a_snapshot_of_nothing_is_refused(mortal_recorder, robot, observer, bags: Path) -> None:
-    mortal_recorder()
+def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_one(
+    mortal_recorder, robot, observer, bags: Path
+) -> None:
+    mortal_recorder(snapshot_on_error=True)
     answer = observer.call("snapshot")
     assert not answer.success
     assert "snapshot_duration is 0" in answer.message
@@ -101,7 +104,18 @@ def test_a_snapshot_of_nothing_is_refused(mortal_recorder, robot, observer, bags
     robot.begin(count=200)
     robot.run()
     observer.received(200)
+    publisher = observer.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    status = DiagnosticStatus(name="drive 3", level=DiagnosticStatus.ERROR, message="too hot")
+
+    def announced() -> list:
+        publisher.publish(DiagnosticArray(status=[status]))
+        return observer.closed
+
+    observer.until(announced, "the snapshot")
+    assert np.array_equal(numbers(Path(observer.closed[0].bag)), np.arange(200.0))
+    # The error goes on: the next snapshot is the one that is asked for.
     answer = observer.call("snapshot")
     assert answer.success, answer.message
-    observer.until(lambda: observer.closed, "the snapshot")
-    assert np.array_equal(numbers(Path(observer.closed[0].bag)), np.arange(200.0))
+    observer.until(lambda: len(observer.closed) > 1, "the second")
+    assert len(observer.closed) == 2
+    observer.node.destroy_publisher(publisher)

@@ -1,5 +1,6 @@
 """The node `predictor`: what the last identification predicts of a robot that runs."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,13 +10,14 @@ from pathlib import Path
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
-from std_msgs.msg import String
+from std_msgs.msg import ColorRGBA, String
+from visualization_msgs.msg import Marker, MarkerArray
 
 from idim_iv_interfaces import msg
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError
 from idim_iv_ros.files import RESULT
-from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
+from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.nodes.entry import LATCHED, run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import EstimateHistory
 from idim_iv_ros.nodes.identifier.job import ESTIMATORS
@@ -33,11 +35,12 @@ _ADVICE = "output_directory must be that of the identifier, on the same machine"
 
 @dataclass(frozen=True)
 class _Described:
-    """A URDF as a model."""
+    """A URDF as a model; `links` are the links that the joints carry."""
 
     text: str
     source: str
     model: InverseModel
+    links: tuple[str, ...]
 
 
 class ModelSource:
@@ -61,6 +64,11 @@ class ModelSource:
         if path is not None:
             self._describe(read_urdf_file(path), str(path))
         self._announce_kept()
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Link that each joint carries; empty before there is a URDF."""
+        return () if self._described is None else self._described.links
 
     def describe(self, text: str, source: str) -> None:
         """Take the URDF of a topic."""
@@ -112,7 +120,13 @@ class ModelSource:
 
     def _describe(self, text: str, source: str) -> None:
         model = build_inverse_model(self._configuration, text, source)
-        self._described = _Described(text, source, model)
+        carried = {
+            joint.name: link
+            for link, joint in read_urdf_text(text, source).outward()
+            if joint is not None
+        }
+        links = tuple(carried[joint] for joint in self._configuration.robot.joints)
+        self._described = _Described(text, source, model, links)
 
     def _announce_kept(self) -> None:
         """Find the newest result that the identifier's history keeps of its own kind."""
@@ -127,6 +141,12 @@ class ModelSource:
 
 
 _LOOK = 0.5  # s between two looks for publishers and for a new result
+_MARKERS = 0.2  # s between two messages for RViz
+_DIAMETER, _TEXT, _LIFT = 0.14, 0.05, 0.12  # m
+_GREY = (0.55, 0.55, 0.58)
+# As good as the identification, twice its noise floor, four times or more.
+_COLOURS = ((0.13, 0.60, 0.33), (0.95, 0.68, 0.10), (0.80, 0.12, 0.16))
+_ALPHA = 0.75
 _DESCRIPTIONS = ("robot_description", "/robot_description")
 
 ABOUT = """predictor: what the last identification predicts of the efforts of a running robot.
@@ -135,7 +155,7 @@ ABOUT = """predictor: what the last identification predicts of the efforts of a 
   ros2 topic echo /predictor/prediction
 
 Without the parameter result it takes the newest result of the identifier, whose output directory
-is the parameter output_directory. Topics: ~/prediction, /diagnostics.
+is the parameter output_directory. Topics: ~/prediction, ~/residual_markers, /diagnostics.
 Parameters: ros2 param describe /predictor NAME."""
 
 
@@ -154,6 +174,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._newest = self._nothing("nothing has arrived")
         self._said = ""
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
+        self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
         self._diagnostics = Diagnostics(node)
         node.create_subscription(
             msg.IdentificationResult, "identifier/result", self._announced, LATCHED
@@ -163,6 +184,7 @@ class Predictor(NodeProgram[PredictorSettings]):
                 node.create_subscription(String, name, self._described, LATCHED)
         steady_timer(node, 1.0 / self._settings.rate, self._predict)
         steady_timer(node, _LOOK, self._look)
+        steady_timer(node, _MARKERS, self._mark)
         steady_timer(node, self._settings.status_period, self._report)
         self._follow_changes()
         names = ", ".join(topic.name for topic in self._topics)
@@ -245,6 +267,12 @@ class Predictor(NodeProgram[PredictorSettings]):
         absent = np.full(len(self._joints), np.nan)
         return Prediction(0, reason, absent, absent, absent, absent)
 
+    def _mark(self) -> None:
+        links = [self._settings.frame_prefix + link for link in self._source.links]
+        if links and self._markers.get_subscription_count():
+            shares = self._newest.noise_share.tolist()
+            self._markers.publish(residual_markers(links, self._joints, shares))
+
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         live, identified = self._live, self._source.identified
@@ -285,6 +313,44 @@ def joint_diagnosis(name: str, level: JointLevel) -> DiagnosticStatus:
     return diagnostic_status(
         severity, f"{name}: {level.joint}", level.joint, level.sentence, values
     )
+
+
+def colour_of(share: float) -> tuple[float, float, float]:
+    """Red, green, blue of a share of the noise floor: green at 1, amber at 2, red from 4 on."""
+    if not math.isfinite(share):
+        return _GREY
+    place = math.log2(max(share, 1e-9))
+    red, green, blue = (
+        np.interp(place, range(3), column) for column in zip(*_COLOURS, strict=True)
+    )
+    return float(red), float(green), float(blue)
+
+
+def residual_markers(
+    links: Sequence[str], joints: Sequence[str], shares: Sequence[float]
+) -> MarkerArray:
+    """Return a sphere and a text for each joint, in the frame of its link, at its newest place."""
+    markers = []
+    for number, (link, joint, share) in enumerate(zip(links, joints, shares, strict=True)):
+        red, green, blue = colour_of(share)
+        sphere = _marker(link, "residual", number, Marker.SPHERE)
+        sphere.scale.x = sphere.scale.y = sphere.scale.z = _DIAMETER
+        sphere.color = ColorRGBA(r=red, g=green, b=blue, a=_ALPHA)
+        text = _marker(link, "share", number, Marker.TEXT_VIEW_FACING)
+        text.pose.position.z = _LIFT
+        text.scale.z = _TEXT
+        text.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
+        text.text = f"{joint} {share:.1f}×" if math.isfinite(share) else f"{joint} –"
+        markers += [sphere, text]
+    return MarkerArray(markers=markers)
+
+
+def _marker(frame: str, namespace: str, number: int, kind: int) -> Marker:
+    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD, frame_locked=True)
+    marker.header.frame_id = frame  # its stamp stays zero: where the link is now
+    marker.pose.orientation.w = 1.0
+    marker.lifetime.sec = 2
+    return marker
 
 
 run = partial(run_node, "predictor", Predictor, ABOUT)

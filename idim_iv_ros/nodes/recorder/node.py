@@ -6,6 +6,7 @@ from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import ROSClock
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -61,7 +62,7 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
         self._fault = self._sentence = ""
-        self._snapshot: Future[None] | None = None
+        self._snapshots = SnapshotService(node, self._writer, self._intake.drain, self._announce)
         self._actions: dict[str, Callable[[], str]] = {
             "start": self._start,
             "stop": self._stop,
@@ -71,7 +72,7 @@ class Recorder(NodeProgram[RecorderSettings]):
             "pause": lambda: self._call(partial(self._session.go_on, State.PAUSED)),
             "resume": lambda: self._call(partial(self._session.go_on, State.RECORDING)),
             "split": lambda: f"closed {self._call(self._session.split)}",
-            "snapshot": self._take_snapshot,
+            "snapshot": self._snapshots.take,
         }
         for name in self._actions:
             node.create_service(Trigger, f"~/{name}", partial(self._answer, name))
@@ -94,8 +95,7 @@ class Recorder(NodeProgram[RecorderSettings]):
             if self._session.bag is not None:
                 self.act("stop")
         finally:
-            if self._snapshot is not None:
-                self._snapshot.exception()  # waits until it is written
+            self._snapshots.close()
             self._writer.end()
             self._topics.close()
             super().close()
@@ -126,22 +126,6 @@ class Recorder(NodeProgram[RecorderSettings]):
         if self._call(self._session.stop).lost:
             raise UsageError(self._session.fault)
         return self._sentence
-
-    def _take_snapshot(self) -> str:
-        """Begin to write a snapshot and say into which folder."""
-        if self._snapshot is not None and not self._snapshot.done():
-            raise UsageError("the last snapshot is still being written")
-        folder, write = self._call(self._session.snapshot)
-
-        def work() -> None:
-            try:
-                self._announce(write())
-            except OSError as error:
-                reason = error.strerror or error
-                self.node.get_logger().error(f"the snapshot could not be written: {reason}")
-
-        self._snapshot = in_thread(work, "snapshot")
-        return f"the last {self._session.ring.span:.1f} s go into {folder}"
 
     def act(self, name: str) -> str:
         """Do what the service of that name does, and say what was done."""
@@ -219,6 +203,77 @@ class Recorder(NodeProgram[RecorderSettings]):
         elif given & {"extra_topics", "extra_topics_regex"}:
             self._topics.extend(settings)
         self._intake.topics = self._topics.topics
+
+
+class SnapshotService:
+    """Takes snapshots, one at a time.
+
+    `drain` hands everything that has arrived to the writer; `announce` takes the bag when it is
+    complete.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        writer: WriterThread,
+        drain: Callable[[], None],
+        announce: Callable[[ClosedBag], object],
+    ) -> None:
+        self._node, self._writer = node, writer
+        self._drain, self._announce = drain, announce
+        self._writing: Future[None] | None = None
+        self._errors: set[str] = set()
+        self._taken = float("-inf")
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
+
+    @property
+    def _session(self) -> RecordingSession:
+        return self._writer.session
+
+    def take(self) -> str:
+        """Begin to write a snapshot and say into which folder."""
+        if self._writing is not None and not self._writing.done():
+            raise UsageError("the last snapshot is still being written")
+        self._drain()
+        folder, write = self._writer.call(self._session.snapshot)
+
+        def work() -> None:
+            try:
+                closed = write()
+            except OSError as error:
+                reason = error.strerror or error
+                self._node.get_logger().error(f"the snapshot could not be written: {reason}")
+            else:
+                self._announce(closed)
+
+        self._taken = time.monotonic()
+        self._writing = in_thread(work, "snapshot")
+        return f"the last {self._session.ring.span:.1f} s go into {folder}"
+
+    def close(self) -> None:
+        """Wait for a snapshot that is being written."""
+        if self._writing is not None:
+            self._writing.exception()
+
+    def _diagnosed(self, array: DiagnosticArray) -> None:
+        # Not the recorder's own: a full disk takes no snapshot.
+        mine = (self._node.get_name(), self._node.get_fully_qualified_name())
+        errors = {
+            status.name: f"{status.name}: {status.message}"
+            for status in array.status
+            if status.level == DiagnosticStatus.ERROR and not status.name.startswith(mine)
+        }
+        new = [error for name, error in errors.items() if name not in self._errors]
+        self._errors = self._errors - {status.name for status in array.status} | errors.keys()
+        settings = self._session.settings
+        recent = time.monotonic() - self._taken < settings.snapshot_duration
+        if not new or recent or not (settings.snapshot_on_error and settings.snapshot_duration):
+            return
+        log = self._node.get_logger()
+        try:
+            log.error(f"{new[0]}: {self.take()}")
+        except (IdimError, TimeoutError) as error:
+            log.error(f"{new[0]}: {error}")
 
 
 run = partial(run_node, "recorder", Recorder, ABOUT)
