@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.fleet.arms import DRIFTING, PLANTED, TYPE, payload
-from benchmarks.fleet.make import fleet_of, make
-from benchmarks.fleet.synthetic import MEAN, NAMES, SIGMA, bag_factor
+from benchmarks.fleet.arms import TYPE, payload
+from benchmarks.fleet.make import make
 from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.fleet.statistics.quantities import regression
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import read_recordings
 
@@ -34,13 +32,6 @@ def test_a_small_fleet_has_bags_a_manifest_and_the_truth(tmp_path: Path) -> None
             assert recording.duration == pytest.approx(3.0, abs=0.01)
 
 
-def test_fifty_robots_have_five_planted_and_three_other_drifting_ones() -> None:
-    robots = fleet_of(50, 1)
-    assert sum(robot.planted is not None for robot in robots) == len(PLANTED) == 5
-    assert sum(robot.drifting is not None for robot in robots) == len(DRIFTING) == 3
-    assert not any(robot.planted and robot.drifting for robot in robots)
-
-
 def test_a_payload_changes_the_base_parameters_as_a_body_on_the_last_link_does() -> None:
     configuration = load_configuration(Path(__file__).parents[2] / "config" / "arm2.yaml")
     urdf = configuration.robot.urdf
@@ -55,13 +46,3 @@ def test_a_payload_changes_the_base_parameters_as_a_body_on_the_last_link_does()
     expected = dict(zip(model.base.names, model.base.from_standard(vector), strict=True))
     for name in TYPE:
         assert payload(mass, x, z).get(name, 0.0) == pytest.approx(expected[name], abs=1e-12)
-
-
-def test_a_drawn_factor_scatters_as_it_says() -> None:
-    random = np.random.default_rng(4)
-    fits = [regression(bag_factor(MEAN, 0.4 * SIGMA, 300, random), 300) for _ in range(300)]
-    errors = np.array([(fit.values - MEAN) / (0.4 * SIGMA) for fit in fits])
-    claimed = np.array([np.sqrt(np.diag(fit.covariance)) / (0.4 * SIGMA) for fit in fits])
-    assert np.abs(errors.mean(axis=0)).max() < 4.0 / np.sqrt(300)
-    assert errors.std(axis=0) == pytest.approx(np.ones(len(NAMES)), abs=0.2)
-    assert claimed.mean() == pytest.approx(1.0, abs=0.02)

@@ -1,7 +1,6 @@
 """Bad input: one line with file and place, the right exit status, nothing half-written."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -105,20 +104,6 @@ def test_contradictory_cutoffs(identify, bag, config, processing, words) -> None
 def test_gains_that_hardly_move_the_robot_end_in_an_answer(run, bag, config, tmp_path) -> None:
     weak = config(("kp: [1200.0, 250.0]", "kp: [1.0e-6, 1.0e-6]"))
     run("identify", bag, "--config", weak, "--out", tmp_path / "results", status=0)
-
-
-def test_file_in_the_way_of_the_output_folder(run, config, bag, tmp_path: Path) -> None:
-    (tmp_path / "results").write_text("mine")
-    outcome = run("identify", bag, "--config", config(), "--out", tmp_path / "results")
-    refused(outcome, 2, "results")
-    assert (tmp_path / "results").read_text() == "mine"
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_folder_that_must_not_be_written(run, config, bag, tmp_path: Path) -> None:
-    (tmp_path / "locked").mkdir(mode=0o500)
-    outcome = run("identify", bag, "--config", config(), "--out", tmp_path / "locked" / "results")
-    refused(outcome, 2, "results")
 
 
 def test_truncated_bag_is_read_as_far_as_it_goes_and_the_loss_is_said(run, config, bag, tmp_path):

@@ -47,11 +47,3 @@ def test_init_proposes_a_map_that_imports(run, record, tmp_path: Path) -> None:
     (recording,) = read_recordings([bag], joints=["joint_1", "joint_2"])
     np.testing.assert_allclose(recording.position.values, record.position, atol=1e-9)
     assert recording.unused_references == ("/joint_reference",)
-
-
-def test_least_squares_on_request(run, config, bag, tmp_path: Path) -> None:
-    out = tmp_path / "results"
-    run(f"identify {bag} --config {config()} --out {out} --estimator idim-ls", status=0)
-    document = json.loads((out / "result.json").read_text())
-    assert document["estimator"] == "idim-ls"
-    assert document["instruments"]["tests"][0]["reason"]

@@ -19,9 +19,9 @@ def _written(path: Path, result: IdentificationResult) -> Path:
     return path
 
 
-def _drawn(seed: int, **changes: float) -> IdentificationResult:
+def _drawn(seed: int, joints: int = 6, **changes: float) -> IdentificationResult:
     """A result whose estimates scatter by their deviations; `changes` in deviations."""
-    random, result = np.random.default_rng(seed), sample_result(6)
+    random, result = np.random.default_rng(seed), sample_result(joints)
     parameters = [
         replace(
             parameter,
@@ -36,8 +36,8 @@ def _drawn(seed: int, **changes: float) -> IdentificationResult:
 def test_parameters_of_one_robot_differ_by_chance_only(tmp_path: Path) -> None:
     called = 0
     for seed in range(100):
-        first = _written(tmp_path / "a.json", _drawn(2 * seed))
-        second = _written(tmp_path / "b.json", _drawn(2 * seed + 1))
+        first = _written(tmp_path / "a.json", _drawn(2 * seed, 2))
+        second = _written(tmp_path / "b.json", _drawn(2 * seed + 1, 2))
         called += any(pair.differs for pair in compare_results(first, second).pairs)
     assert called <= 11  # 5 % of 100, and two and a half standard deviations
 

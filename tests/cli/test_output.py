@@ -119,17 +119,6 @@ def test_edited_motion_is_kept_and_an_untouched_one_replaced(run, config, tmp_pa
     assert run(*design, *quick, "--force").status == 0
 
 
-@pytest.mark.parametrize("out", ["missing/a.mcap", ".", f"{'a' * 300}.mcap"])
-def test_place_that_cannot_be_used_is_refused_before_the_tables_are_read(
-    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("folder.mcap").mkdir()
-    place = Path("folder.mcap") if out == "." else Path(out)
-    outcome = run(*importing(tmp_path / "no.npz", place))
-    refused(outcome, 2, str(place))
-
-
 def test_functions_take_text_paths_and_one_or_many_bags(bag, record, tmp_path: Path) -> None:
     path = simulated_arms.CONFIG / "arm2.yaml"
     configuration = idim_iv_ros.load_configuration(str(path))

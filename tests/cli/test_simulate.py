@@ -140,23 +140,3 @@ def test_a_wrong_file_of_effects_is_refused_in_one_line(run, tmp_path, content, 
     config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
     refused(run("simulate", "--config", config, "--out", bag, "--effects", file), 2, words)
     assert not bag.exists()
-
-
-def test_bags_of_several_seeds_are_written_all_or_none(config, tmp_path, monkeypatch, run) -> None:
-    """The disk is full when the last of them is written."""
-    path, seeds = config(), ("--seed", 1, "--seed", 2, "--seed", 3)
-    written: list[Path] = []
-    opened = Path.open
-
-    def full(self: Path, mode: str = "r", *arguments, **named):
-        if "w" in mode:
-            written.append(self)
-            if len(written) == 4 + 3:  # each file is tried before, the truth too
-                raise OSError(28, "No space left on device")
-        return opened(self, mode, *arguments, **named)
-
-    monkeypatch.setattr(Path, "open", full)
-    done = run("simulate", "--config", path, "--out", tmp_path / "s.mcap", "--duration", 1, *seeds)
-    assert done.status == 2
-    assert "No space left" in done.error
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]

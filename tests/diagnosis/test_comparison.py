@@ -64,7 +64,7 @@ def test_one_effect_is_selected_alone(number: int) -> None:
 
 def test_nothing_is_selected_in_autocorrelated_noise(data: Baseline) -> None:
     """In white noise: `test_nothing_is_wrong_where_nothing_was_changed`."""
-    for seed in range(5):
+    for seed in range(3):
         assert names_of(selected(data, world(data, 100 + seed, pole=0.7))) == []
 
 

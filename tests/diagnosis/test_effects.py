@@ -402,17 +402,6 @@ def test_motion_that_cannot_show_an_effect(name, poor, reason) -> None:
     assert reason in BY_NAME[name].cannot_show(1, replace(rich, **arrays))
 
 
-def test_spans_end_beyond_the_rows_beside_a_reversal_where_joints_may_stick() -> None:
-    covered, place = operating_range_of(synthetic()), Place(1)
-    told, untold = (
-        BY_NAME["presliding"].grid(place, replace(covered, sticking=sticking))
-        for sticking in (True, False)
-    )
-    acceleration = 2.0 * covered.fastest[1] ** 2 / covered.span(1)
-    assert untold[0].spans[0] >= 2.0 * acceleration / covered.row_rate**2 > told[0].spans[0]
-    assert untold[-1] == told[-1]
-
-
 IN_ORDER = (
     "payload", "gravity_direction", "torque_gain", "torque_offset", "friction_level",
     "drive_inertia", "link_inertia",

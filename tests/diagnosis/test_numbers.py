@@ -51,7 +51,7 @@ def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
 
 
 def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
-    for seed in range(5):
+    for seed in range(3):
         regression = world(data, seed)
         explanation = explanation_of(data, regression)
         assert (explanation.effects, explanation.numbers) == ((), ())
@@ -110,7 +110,7 @@ def test_errors_of_everything_are_no_gain_and_no_payload(data: Baseline) -> None
     """Ten percent of all links, drives and frictions: no one number is to blame."""
     said = [
         cause.effect
-        for seed in range(5)
+        for seed in range(3)
         for cause in causes_of(
             data, world(data, seed, change=errors_of_everything(data, seed, 0.1))
         )
@@ -118,6 +118,7 @@ def test_errors_of_everything_are_no_gain_and_no_payload(data: Baseline) -> None
     assert {"torque_gain", "payload"}.isdisjoint(said)
 
 
+@pytest.mark.slow
 def test_a_payload_scatters_as_its_interval_says_though_other_numbers_are_wrong(data) -> None:
     """In twelve draws the rms of (estimate - mass) / deviation was 1.08."""
     mass, lever = 2.0, 0.28  # m: about the end of the last link
@@ -172,7 +173,7 @@ DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²
 ROW_NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m
 
 
-@pytest.fixture(scope="module", params=[2, 6])
+@pytest.fixture(scope="module")
 def bare(request: pytest.FixtureRequest) -> Baseline:
     """An arm whose configuration says nothing of drive inertia."""
     arm = arm2(seconds=12.0) if request.param == 2 else arm6(seconds=15.0)
@@ -189,6 +190,7 @@ def without_drives(data: Baseline, seed: int, torques: list[np.ndarray]) -> list
     return causes_of(data, world(data, seed, torques=torques, noise=noise))
 
 
+@pytest.mark.parametrize("bare", [2, 6], indirect=True)
 def test_drives_without_inertia_are_one_cause_with_the_value_of_each(bare: Baseline) -> None:
     (cause,) = without_drives(bare, 1, of_drives(bare))
     assert (cause.effect, cause.joint) == ("drive_inertia", None)
@@ -198,12 +200,14 @@ def test_drives_without_inertia_are_one_cause_with_the_value_of_each(bare: Basel
     assert cause.sentence.count("kg m²") == len(bare.joints)
 
 
+@pytest.mark.parametrize("bare", [6], indirect=True)
 def test_a_payload_alone_is_not_told_as_missing_drive_inertia(bare: Baseline) -> None:
     torques = point_mass(bare, 0.8, (0.06, 0.02, 0.05))
     said = [cause.effect for cause in without_drives(bare, 5, torques)]
     assert "drive_inertia" not in said
 
 
+@pytest.mark.parametrize("bare", [2], indirect=True)
 def test_direct_drives_without_inertia_have_no_cause(bare: Baseline) -> None:
     nothing = [np.zeros(len(bare.motions[0].time)) for _ in bare.joints]
     assert without_drives(bare, 1, nothing) == []

@@ -8,7 +8,7 @@ from idim_iv_ros.effects.registry import EFFECTS as CATALOGUE
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation import design_diagnosis, motion_limits
 from idim_iv_ros.excitation.diagnosis import loop_bandwidth
-from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED, multisine
+from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
 
 
@@ -72,11 +72,6 @@ def test_plateaus_fall_in_speed_at_two_postures(diagnosis) -> None:
     assert np.abs(middles[0] - middles[5]).max() > 0.2
 
 
-def test_joints_move_in_the_same_and_in_opposite_directions(diagnosis) -> None:
-    signs = {tuple(np.sign(segment.speed[:2])) for segment, *_ in of_kind(diagnosis[2], "plateau")}
-    assert signs == {(1.0, 1.0), (1.0, -1.0)}
-
-
 def test_reversals_have_the_amplitude_of_their_label(diagnosis) -> None:
     amplitudes = []
     for segment, position, velocity, _ in of_kind(diagnosis[2], "reversals"):
@@ -122,12 +117,6 @@ def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
     strong = lines > 0.3 * lines.max(axis=0)
     assert np.all(strong.sum(axis=0) >= 5)
     assert strong.sum(axis=1).max() == 1
-
-
-def test_slow_loops_keep_lines_of_their_own() -> None:
-    plan = multisine(np.full(7, 0.3), 0.005, 6.0, 200.0, seed=1)
-    position = plan.shape[0]
-    np.testing.assert_allclose(np.abs(position).max(axis=0), 0.005, rtol=1e-9)
 
 
 def test_repeats_are_identical_and_spread_over_the_session(diagnosis) -> None:

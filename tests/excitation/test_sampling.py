@@ -10,7 +10,6 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation import (
     load_model,
     motion_limits,
-    random_motion,
     require_sampling,
     servo_motion,
 )
@@ -33,12 +32,6 @@ def configuration():
 def test_sampling_that_cannot_be_computed_is_refused(rate, duration, words) -> None:
     with pytest.raises(UsageError, match=words):
         require_sampling(rate, duration, "the motion")
-
-
-@pytest.mark.parametrize("duration", [math.inf, 1e300, 1001.0, 0.5, math.nan])
-def test_random_motion_of_any_duration_is_made_or_refused(configuration, duration: float) -> None:
-    with pytest.raises(UsageError, match="duration"):
-        random_motion(configuration, duration=duration, rate=100.0, seed=1)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ import pytest
 from pyarrow import parquet
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.commands import BAGS, identify_bags, identify_task, owned_by
 from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.robots import Robot, configuration_digest, content_of, robots_of
@@ -153,10 +152,3 @@ def test_a_robot_is_its_description_wherever_the_file_lies() -> None:
     assert configuration_digest(moved, robot.description) == robot.digest
     path = Robot(moved, robot.description, robot.digest).local().robot.urdf
     assert path is not None and path.read_bytes() == robot.description
-
-
-def test_workers_and_scheduler_exclude_each_other() -> None:
-    with pytest.raises(UsageError, match="--workers is for this machine"):
-        FleetRun("bags", CONFIG, "out", scheduler="tcp://x:1", workers=2)
-    with pytest.raises(UsageError, match="--workers 0: at least one"):
-        FleetRun("bags", CONFIG, "out", workers=0)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.simulated_arms import arm2, joint_topics, record
+from bags.simulated_arms import arm2, record
 from idim_iv_ros.identification.check import check, count_reversals
 from idim_iv_ros.recording import JointTopic, write_bag
 from tests.configurations import changed
@@ -51,15 +51,3 @@ def test_the_noise_of_a_joint_at_rest_is_no_reversal(tmp_path: Path) -> None:
     assert all(3 <= count <= 40 for count in moving)
     resting = reversals(tmp_path, REST)
     assert all(abs(more - count) <= 1 for more, count in zip(resting, moving, strict=True))
-
-
-def test_progress_moves_while_a_recording_is_checked(tmp_path: Path) -> None:
-    stages: list[tuple[str, float]] = []
-    arm = arm2(seconds=4.0)
-    bag = tmp_path / "motion.mcap"
-    write_bag(bag, joint_topics(arm, record(arm, 1)))
-    check([bag], arm.configuration, lambda stage, share: stages.append((stage, share)))
-    shares = [share for _, share in stages]
-    assert shares == sorted(shares)
-    assert len({stage for stage, _ in stages}) >= 4
-    assert shares[-1] > 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from idim_iv_ros.model import DynamicParameters, StandardRegressor, load_robot, parameter_layout
+from idim_iv_ros.model import StandardRegressor, load_robot, parameter_layout
 
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com}"/>'
@@ -97,20 +97,6 @@ def test_coupled_motor_turns_with_both_joints() -> None:
     coulomb = regressor[:, :, names.index("Fcm2")]
     sign = np.sign(dq[:, 0] + dq[:, 1])
     np.testing.assert_allclose(coulomb, np.column_stack([sign, sign, 0 * sign]))
-
-
-def test_layout_writes_and_reads_the_same_values() -> None:
-    layout = parameter_layout(
-        ["revolute"] * 3,
-        friction=["viscous", "coulomb", "offset"],
-        drive_inertia=True,
-        couplings=[(1, 2)],
-    )
-    vector = np.arange(1.0, len(layout.parameters) + 1.0)
-    values = layout.dynamic_parameters(vector)
-    assert isinstance(values, DynamicParameters)
-    np.testing.assert_array_equal(layout.vector(values), vector)
-    assert values.coupling_inertia[0] == values.drive_inertia[2]
 
 
 @pytest.mark.parametrize(

@@ -43,13 +43,6 @@ def test_a_result_of_another_urdf_is_refused(result, configuration) -> None:
         identified_model(result, configuration, model, source)
 
 
-def test_a_file_that_is_no_result_is_refused(tmp_path, configuration, identified) -> None:
-    path = tmp_path / "result.json"
-    path.write_text("{}")
-    with pytest.raises(UsageError, match="not an identification"):
-        identified_model(path, configuration, identified.model, "arm6.urdf")
-
-
 @pytest.mark.parametrize("processing", [{"colour": 1}, {"decimation_edge": -1.0}, 5])
 def test_a_result_of_unknown_processing_is_refused(
     tmp_path, result, configuration, identified, processing

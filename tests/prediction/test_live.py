@@ -313,14 +313,6 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
         assert "250 Hz" in level.sentence and "1000 Hz" in level.sentence
 
 
-def test_a_rate_below_the_filter_is_refused_with_both_numbers(identified, recording) -> None:
-    pair = samples(recording, slice(0, 3), every=40)
-    last = play(LivePrediction(identified), *pair)[-1]
-    cutoff = identified.result.processing.position_cutoff
-    for number in (25.0, cutoff, 2 * cutoff):
-        assert f"{number:g} Hz" in last.reason
-
-
 def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(identified, recording):
     positions, efforts = samples(recording, slice(0, 4))
     time = positions.time.copy()
@@ -348,23 +340,6 @@ def test_positions_that_wrap_are_unwrapped(identified, recording) -> None:
     for a, b in zip(one, other, strict=True):
         assert a.reason == b.reason
         assert b.predicted == pytest.approx(a.predicted, abs=1e-6, nan_ok=True)
-
-
-def test_nothing_is_said_before_anything_arrives(identified) -> None:
-    live = LivePrediction(identified)
-    assert live.newest(START).reason == "no position has arrived"
-    nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, 6)))
-    live.add(nothing, nothing, START)
-    assert live.newest(START).reason == "no position has arrived"
-    assert np.isnan(live.newest(START).predicted).all()
-
-
-def test_a_joint_without_any_position_is_named(identified, recording) -> None:
-    positions, efforts = samples(recording, slice(0, 1))
-    values = positions.values.copy()
-    values[:, 1] = np.nan
-    last = play(LivePrediction(identified), JointSamples(positions.time, values), efforts)[-1]
-    assert "position of joint_2" in last.reason
 
 
 def test_memory_stays_flat(identified, recording) -> None:

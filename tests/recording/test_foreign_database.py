@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from idim_iv_ros.errors import DataError, IdimError
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording, read_recordings
 from tests.recording.bag_writer import float_array, joint_state, steady, write
 
@@ -40,17 +40,6 @@ def test_rows_that_are_no_message_are_left_out(tmp_path: Path, column: str, valu
     assert accepted or any(note.limits for note in recording.notes)
     time_ = recording.start + np.arange(300) / recording.rate
     np.testing.assert_allclose(recording.position.values[:, 0], time_, atol=1e-6)
-
-
-@pytest.mark.parametrize("value", ["NULL", "'text'", "17"])
-@pytest.mark.parametrize("column", ["name", "type", "serialization_format", "id"])
-def test_topics_without_names_end_in_one_line(tmp_path: Path, column: str, value: str) -> None:
-    folder = write(tmp_path / "bag", steady(300), StoragePlugin.SQLITE3)
-    (path,) = folder.glob("*.db3")
-    change(path, "topics", f"UPDATE topics SET {column} = {value}")
-    with pytest.raises(IdimError) as caught:
-        read(folder)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("field", ["position", "effort"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
 from tests.recording.bag_writer import STORE, float_array, joint_state, steady, write
@@ -60,9 +60,3 @@ def test_two_types_on_one_topic_are_named(tmp_path: Path, swapped: bool) -> None
     with pytest.raises(DataError, match="several types") as caught:
         read_recordings(path, joints=("a", "b"))
     assert all(kind in str(caught.value) for kind in kinds)
-
-
-def test_a_field_that_a_joint_state_has_is_not_denied(tmp_path: Path) -> None:
-    bag = write(tmp_path / "run", steady())
-    with pytest.raises(UsageError, match="leave #velocity out"):
-        read_recordings(bag, joints="a", joint_states="/joint_states#velocity")

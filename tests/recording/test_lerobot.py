@@ -11,7 +11,6 @@ from pyarrow import parquet
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.lerobot import import_lerobot
-from idim_iv_ros.recording.table import import_table
 from idim_iv_ros.recording.table_file import parquet_columns
 
 NAMES = ["pan.pos", "lift.pos", "gripper.pos"]
@@ -92,15 +91,3 @@ def test_dates_of_a_parquet_file_are_stamps(tmp_path):
     np.testing.assert_allclose(
         parquet_columns([tmp_path / "d.parquet"], "t")[:, 0], seconds, rtol=0.0, atol=1e-6
     )
-
-
-def test_columns_of_a_parquet_file(tmp_path):
-    parquet.write_table(table(0), tmp_path / "d.parquet")
-    import_table(
-        tmp_path / "run.mcap",
-        joints=["a", "b", "c"],
-        position=f"{tmp_path / 'd.parquet'}:observation.state",
-        rate=RATE,
-    )
-    (recording,) = read_recordings(tmp_path / "run.mcap", joints=["a", "b", "c"], effort="none")
-    np.testing.assert_allclose(recording.position.values, states(0), atol=1e-9)

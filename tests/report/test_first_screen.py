@@ -136,15 +136,6 @@ def test_the_first_screen_lists_what_the_simulator_lacks_and_counts_wrong_number
     assert wrong.replace(THIN, " ") in shown.replace(THIN, " ")
 
 
-def test_a_share_beyond_all_is_said_as_all() -> None:
-    result = _arm6("structural")
-    gap = replace(result.causes[0].torque_gap, shrinkage=1.3, ci95=(0.68, 1.3))
-    assert (
-        lacking_row(result, replace(result.causes[0], torque_gap=gap))[2]
-        == percent(100.0) + " (68 to 100)"
-    )
-
-
 def test_the_page_draws_the_robot_with_the_share_of_each_joint() -> None:
     result = _arm6()
     page = Page(gap_report_html(result))

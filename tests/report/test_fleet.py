@@ -72,12 +72,6 @@ def test_what_was_not_judged_is_not_said_to_be_well() -> None:
     assert headline(few).endswith("too few bags at different times to say whether one changed.")
 
 
-def test_a_fleet_without_a_usable_bag_has_a_page() -> None:
-    bags, _ = fleet(Drawn(robots=1, bags=1), np.random.default_rng(1))
-    nothing = fleet_result([replace(bags[0], status="unusable", reason="no effort")])
-    assert "No bag of this fleet could be used." in fleet_html(nothing)
-
-
 def test_numbers_and_page_are_written_and_replaced_but_not_files_of_others(result, tmp_path):
     numbers, page = write_report(result, tmp_path)
     assert numbers.name == "fleet.json" and page is not None and page.name == "fleet.html"

@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.diagnosis.result import EffectParameter
-from idim_iv_ros.effects.effect import in_words
 from idim_iv_ros.excitation.segments import separating_motion
-from idim_iv_ros.recording import SessionPart
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.figures import typed
-from idim_iv_ros.report.gap_words import duration, stage_words
 from idim_iv_ros.report.sections.torque import tracking_figure
 from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page
@@ -47,35 +44,12 @@ def _numbers(packed: dict) -> np.ndarray:
     return np.where(levels == 65535, np.nan, packed["low"] + packed["step"] * levels)
 
 
-def test_pauses_between_recordings_are_not_recorded() -> None:
-    result = replace(sample_gap(2, "none"), session=(SessionPart("a", 0.0, 42.0),))
-    assert duration(result) == 42.0
-
-
-def test_a_smallest_size_is_a_number_with_its_name_and_unit() -> None:
-    words = in_words({"sine_2": EffectParameter(0.0032, 0.0, "rad")}, 0.04)
-    assert words == "sine 2 = 0.0032 rad (up to 0.04 N m)"
-
-
 def test_a_parameter_without_interval_is_explained() -> None:
     result = sample_gap(2, "structural")
     first = result.causes[0]
     grid = replace(first, parameters={"speed": EffectParameter(0.12, None, "rad/s")})
     assert "Without ±" not in Page(gap_report_html(result)).text
     assert "Without ±" in Page(gap_report_html(replace(result, causes=(grid,)))).text
-
-
-@pytest.mark.parametrize(
-    ("stage", "words"),
-    [
-        ("given", "nominal model"),
-        ("+position_ripple[joint_2]", "+ position ripple at joint_2"),
-        ("+payload", "+ payload"),
-        ("+stribeck[a[1]]", "+ stribeck at a[1]"),
-    ],
-)
-def test_stages_are_named_in_words(stage: str, words: str) -> None:
-    assert stage_words(stage) == words
 
 
 @pytest.mark.parametrize(

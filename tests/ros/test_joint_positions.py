@@ -59,26 +59,6 @@ def test_old_news_is_no_news(observer: Observer, stack: ExitStack) -> None:
     assert places.last is first
 
 
-def test_a_gripper_on_the_topic_hides_no_arm(observer: Observer, stack: ExitStack) -> None:
-    node = observer.node
-    publisher = node.create_publisher(JointState, "/arm/both", 10)
-    stack.callback(node.destroy_publisher, publisher)
-    places = JointPositions(node, "/arm/both", JOINTS)
-    stack.callback(places.close)
-
-    def heard() -> bool:
-        for names, position in ((["b"], [2.0]), (["a"], [1.0]), (["gripper"], [0.04])):
-            message = JointState(name=names, position=position)
-            message.header.stamp = node.get_clock().now().to_msg()
-            publisher.publish(message)
-        return places.last is not None
-
-    observer.until(heard, "positions")
-    assert places.last is not None
-    assert places.last.position.tolist() == [1.0, 2.0]
-    assert places.problem == ""
-
-
 def test_reason_is_named(observer: Observer, stack: ExitStack) -> None:
     places = JointPositions(observer.node, "/arm/nothing", JOINTS)
     stack.callback(places.close)

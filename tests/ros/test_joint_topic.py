@@ -9,10 +9,9 @@ import pytest
 from idim_iv_ros.nodes import joint_topic
 from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.recording.writing.write import Definition, TopicChannel
-from tests.recording.control_messages import DYNAMIC, LBR, STATE, ControlBag
+from tests.recording.control_messages import ControlBag
 
 JOINTS = ["a", "b"]
-FLOATS = "std_msgs/msg/Float64MultiArray"
 
 
 class Waiting:
@@ -107,70 +106,6 @@ def test_stamps_that_are_not_filled_in_are_those_of_the_middleware(topic) -> Non
     bag = ControlBag()
     bag.joint_state(0.0, JOINTS, [1.0, 2.0], effort=[1.0, 2.0])
     assert topic(bag, BOTH).take()["position"].time.tolist() == [5]
-
-
-def test_states_of_a_controller_are_read_by_field(topic) -> None:
-    bag = ControlBag()
-    for stamp in (1.0, 1.01):
-        bag.state(
-            stamp,
-            ["b", "a"],
-            feedback=bag.point(stamp, [2.0, 1.0]),
-            output=bag.point(stamp, effort=[20.0, 10.0]),
-            reference=bag.point(stamp, [7.0, 7.0]),
-        )
-    assert bag.messages[0][2].__msgtype__ == STATE
-    for fields in (BOTH, {"position": "feedback", "effort": "output"}):
-        taken = topic(bag, fields).take()
-        assert np.array_equal(taken["position"].values, [[1.0, 2.0]] * 2)
-        assert np.array_equal(taken["effort"].values, [[10.0, 20.0]] * 2)
-
-
-def test_reference_of_a_controller_is_what_it_was_asked_for(topic) -> None:
-    bag = ControlBag()
-    asked, measured = bag.point(1.0, [7.0, 8.0]), bag.point(1.0, [1.0, 2.0])
-    bag.state(1.0, JOINTS, reference=asked, feedback=measured)
-    for reference, expected in ((True, [7.0, 8.0]), (False, [1.0, 2.0])):
-        taken = topic(bag, {"position": None}, reference=reference, newest=True).take()
-        assert taken["position"].values.tolist() == [expected]
-
-
-def test_field_of_a_driver_s_own_type_is_read_by_its_definition(topic) -> None:
-    bag = ControlBag()
-    commanded, measured = np.array([1.0, 2.0]), np.array([10.0, 20.0])
-    bag.add("/states", 1.0, bag.store.types[LBR](0, 0.01, commanded, measured, 0))
-    taken = topic(bag, {"position": "commanded_joint_position", "effort": "measured_torque"}).take()
-    assert taken["position"].values.tolist() == [[1.0, 2.0]]
-    assert taken["effort"].values.tolist() == [[10.0, 20.0]]
-    made = topic(bag, {"position": "joint_position"})
-    assert len(made.take()["position"]) == 0
-    assert made.problem.startswith(
-        "/states: it is lbr_fri_idl/msg/LBRState, which has no numbers in joint_position; its "
-        "fields are session_state,"
-    )
-
-
-def test_dynamic_joint_states_are_read_by_interface(topic) -> None:
-    bag = ControlBag()
-    names = [["position", "effort"], ["effort", "position"]]
-    bag.dynamic(1.0, JOINTS, names, [[1.0, 10.0], [20.0, 2.0]])
-    assert bag.messages[0][2].__msgtype__ == DYNAMIC
-    taken = topic(bag, BOTH).take()
-    assert np.array_equal(taken["position"].values, [[1.0, 2.0]])
-    assert np.array_equal(taken["effort"].values, [[10.0, 20.0]])
-
-
-def test_an_array_of_another_length_is_said(topic) -> None:
-    bag = ControlBag()
-    types = bag.store.types
-    layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
-    for numbers in ([1.0, 2.0], [1.0, 2.0, 3.0]):
-        bag.add("/efforts", 1.0, types[FLOATS](layout, np.array(numbers)))
-    good = ControlBag(messages=bag.messages[:1])
-    assert topic(good, {"effort": None}).take()["effort"].values.tolist() == [[1.0, 2.0]]
-    bad = topic(ControlBag(messages=bag.messages[1:]), {"effort": None})
-    assert len(bad.take()["effort"]) == 0
-    assert bad.problem == "/states: 3 numbers in a message for 2 joints"
 
 
 def test_damaged_messages_are_counted(topic) -> None:

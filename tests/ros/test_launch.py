@@ -245,16 +245,6 @@ def test_file_with_all_defaults_gives_each_robot_folders_of_its_own(tmp_path) ->
     assert given["/left/identifier"]["output_directory"] == "results/left"
 
 
-def test_one_robot_has_the_folders_that_the_file_names(tmp_path, mine) -> None:
-    file = mine("left: {recorder: {ros__parameters: {bag_directory: /data/1}}}")
-    one = {**GIVEN, "namespace": "left", "params_file": file}
-    given = resolved(tmp_path, "robot", **one)
-    assert given["/left/recorder"]["bag_directory"] == "/data/1"
-    assert given["/left/identifier"]["output_directory"] == "results/left"
-    given = resolved(tmp_path, "robot", **one, bags="elsewhere")
-    assert given["/left/recorder"]["bag_directory"] == "elsewhere"
-
-
 def test_collector_of_a_simulated_robot_waits_longer_unless_the_file_says_otherwise(
     tmp_path, mine
 ) -> None:

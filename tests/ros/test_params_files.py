@@ -1,13 +1,12 @@
 """The files of parameters that are installed beside the launch files."""
 
-import math
 from dataclasses import MISSING, fields
 
 import pytest
 from ruamel.yaml import YAML
 
 from idim_iv_ros.nodes.parameters import Settings, declare
-from idim_iv_ros.nodes.settings import CollectorSettings, RecorderSettings
+from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.node_alone import node_alone
 from tests.ros.processes import ROOT, SETTINGS
 
@@ -53,11 +52,6 @@ def test_file_is_for_nodes_in_any_namespace_and_arguments_win(tmp_path) -> None:
     given = ["--params-file", str(mine)]
     assert settings_of(RecorderSettings, *given).bag_prefix == "mine"
     assert settings_of(RecorderSettings, *given, "-p", "bag_prefix:=other").bag_prefix == "other"
-
-
-def test_rcl_reads_that_there_is_no_floor() -> None:
-    whole = ["-r", "__node:=collector", "--params-file", str(FILE)]
-    assert math.isnan(settings_of(CollectorSettings, *whole).floor)
 
 
 def test_groups_of_the_aggregator_hold_every_status() -> None:

@@ -120,18 +120,6 @@ def test_requests_out_of_order_and_wrong_parameters_are_refused_in_one_line(
         assert words in result.reason.lower(), result.reason
 
 
-def test_configuration_is_reloaded_without_restart(
-    recorder, robot, observer, configuration: Path
-) -> None:
-    recorder()
-    assert observer.topic("/joint_reference") is None
-    assert observer.set(configuration=str(configuration))[0].successful
-    observer.until(lambda: observer.topic("/joint_reference") is not None, "the new topic")
-    robot.begin(topics=BOTH, count=100)
-    robot.run()
-    observer.received(100, "/joint_reference")
-
-
 def test_idim_iv_record_is_the_recorder_and_an_interrupt_closes_its_bag(
     robot, observer, tmp_path: Path, mortal: tuple[Path, str]
 ) -> None:

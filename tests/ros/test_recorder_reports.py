@@ -27,13 +27,6 @@ def message(*names: str, effort: Sequence[float] | None = None) -> bytes:
     return bytes(STORE.serialize_cdr(made, JOINT_STATE))
 
 
-def test_a_gripper_of_its_own_lacks_no_joint() -> None:
-    content = JointContent(JOINT_STATE, ["a", "b"], BOTH)
-    for latest in (message("a", "b"), message("finger", effort=[])) * 3:
-        content.look([latest])
-        assert content.problems == []
-
-
 def test_an_arm_in_two_messages_holds_all_joints_and_what_one_lacks_is_named() -> None:
     content = JointContent(JOINT_STATE, ["a", "b", "c"], BOTH)
     content.look([message("a", "b"), message("c")])

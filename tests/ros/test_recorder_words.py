@@ -12,7 +12,6 @@ from rosgraph_msgs.msg import Clock
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.nodes.recorder.node import Recorder
-from idim_iv_ros.nodes.recorder.topic_monitor import TopicMonitor
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from tests.ros.processes import only_bag
 
@@ -116,31 +115,6 @@ def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
     assert "nobody publishes /told/joint_states" in answer
     assert math.isnan(said.closed[0].arrived)
     assert "[WARN]" in capfd.readouterr().err
-
-
-def test_a_whole_bag_is_none(told, capfd) -> None:
-    said = told()
-    said.recorder.act("start")
-    said.arrive(JOINTS, *range(1, 51))
-    assert "100 % arrived" in said.recorder.act("stop")
-    assert "[WARN]" not in capfd.readouterr().err
-
-
-def test_of_a_million_with_one_lost_not_all_arrived(told) -> None:
-    said = told()
-    said.recorder.act("start")
-    said.arrive(JOINTS, 1, 2, 4)
-    said.recorder._topics.topics[0].monitor.received = 999_997
-    assert "99.99 % arrived" in said.recorder.act("stop")
-
-
-def test_lost_messages_of_several_publishers_are_not_known() -> None:
-    monitor = TopicMonitor(None, has_header=False)
-    assert not monitor.counts_lost
-    monitor.received, monitor._sequence = 5, 5
-    assert monitor.counts_lost
-    monitor.new_publishers(2)
-    assert not monitor.counts_lost
 
 
 def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:

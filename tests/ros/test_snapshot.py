@@ -38,12 +38,6 @@ def test_a_ring_keeps_no_more_than_its_memory() -> None:
     assert kept[-1][4] == 4999
 
 
-def test_nothing_is_kept_where_none_is_asked_for() -> None:
-    ring = SnapshotRing(0.0, 10**9)
-    ring.add([TOPIC], messages(0, 100))
-    assert (ring.content(), ring.size) == (([], []), 0)
-
-
 def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
     recorder, robot, observer, bags: Path
 ) -> None:

@@ -108,15 +108,6 @@ def test_bristles_are_springs_until_they_slide():
     assert 0.5 * 2.0 * slid.velocity[-1, 0] ** 2 == pytest.approx(work, rel=1e-4)
 
 
-def test_bristles_too_stiff_for_an_explicit_step_hold():
-    """Pulsation times step is 7; they swing to twice the deflection at rest and no further."""
-    robot, parameters = disc(0.05, coulomb=1.0)
-    bristle = on(robot, "presliding", span_1=1e-7, level_1=1.0)
-    result = driven(robot, parameters, np.full(2000, 0.2), bristle)
-    assert np.all(result.position >= 0.0)
-    assert np.all(result.position <= 0.4e-7)
-
-
 def test_load_friction_holds_what_it_can_and_lets_go_of_the_rest():
     """A pendulum under gravity: friction of 0.5 of the load and none besides."""
     robot, parameters = disc(2.0)
@@ -231,15 +222,6 @@ def test_backlash_moves_the_motor_alone_until_the_gap_is_closed():
     assert 0.01 < twist.max() < 0.0105
 
 
-def test_flanks_with_damping_take_the_energy_of_the_bounces():
-    robot, parameters = disc(2.0, drive=0.4)
-    result = driven(robot, parameters, np.full(3000, 1.0), on(robot, "backlash", gap=0.02))
-    both = 3.0 / 2.0
-    assert result.velocity[-1, 0] == pytest.approx(both, rel=5e-3)
-    assert result.link_velocity[-1, 0] == pytest.approx(both, rel=5e-3)
-    assert np.all(np.diff(result.link_velocity[:, 0]) >= -1e-12), "flanks only push"
-
-
 def test_each_joint_has_its_own_delay():
     robot, parameters = disc(1.0, joints=2)
     push = np.zeros(40)
@@ -335,17 +317,3 @@ def test_discs_slow_down_under_a_coupling_that_goes_with_the_root_of_their_speed
     np.testing.assert_allclose(relative, expected, atol=1e-3)
     np.testing.assert_allclose(result.velocity.sum(axis=1), -0.2, atol=1e-9)
     assert np.all(relative[1450:] == 0.0)
-
-
-def test_a_pair_that_only_the_coupling_holds_moves_together():
-    """Two discs, one pushed: below the coupling's level they turn as one."""
-    robot, parameters = disc(1.0, joints=2)
-    push = np.zeros((500, 2))
-    push[:, 0] = 1.0
-    geared = on(robot, "joint_coupling", 1, direction=-1.0, coulomb=0.6)
-    result = driven(robot, parameters, push, geared)
-    np.testing.assert_array_equal(result.velocity[:, 0], result.velocity[:, 1])
-    assert result.velocity[-1, 0] == pytest.approx(0.5 * 0.499)
-    weak = on(robot, "joint_coupling", 1, direction=-1.0, coulomb=0.3)
-    result = driven(robot, parameters, push, weak)
-    np.testing.assert_allclose(result.velocity[-1], np.array([0.7, 0.3]) * 0.499)

@@ -89,12 +89,6 @@ def test_coupling_resists_with_the_sum_of_its_parts(arm, direction, coulomb, vis
     np.testing.assert_allclose(extra[slipping], expected[slipping], atol=accuracy)
 
 
-def test_bristles_take_no_more_than_the_coulomb_friction(arm):
-    most = on(1, "presliding", span_1=1e-3, level_1=float(arm.truth.coulomb[1]))
-    more = on(1, "presliding", span_1=1e-3, level_1=50.0)
-    np.testing.assert_allclose(followed(arm, more).position, followed(arm, most).position)
-
-
 def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
     """A refit may give Fv < 0 beside a drag that more than makes up for it."""
     viscous = np.array([-0.4, arm.truth.viscous[1]])

@@ -15,14 +15,6 @@ def arm():
     return arm2(seconds=4.0)
 
 
-def test_same_seed_gives_the_same_recording(arm):
-    first, second, other = record(arm, 7), record(arm, 7), record(arm, 8)
-    np.testing.assert_array_equal(first.position, second.position)
-    np.testing.assert_array_equal(first.effort, second.effort)
-    assert np.all(first.position[0] != other.position[0])
-    np.testing.assert_array_equal(first.truth.position, other.truth.position)
-
-
 def test_noise_has_the_size_that_was_asked_for(arm):
     recording = record(arm, 1, position_noise=3e-4, torque_noise=[0.5, 0.2])
     quiet = record(arm, 1, position_noise=0.0, torque_noise=0.0)
@@ -80,9 +72,3 @@ def test_effort_is_in_phase_with_the_motion_whatever_the_control_rate(arm, ratio
     slope = np.gradient(needed, axis=0)[middle]
     shift = np.sum(error * slope, axis=0) / np.sum(slope * slope, axis=0)
     assert np.all(np.abs(shift) < 0.02), "samples of delay"
-
-
-def test_control_period_must_divide_the_sample_period(arm):
-    law = dataclasses.replace(arm.law, period=0.0007)
-    with pytest.raises(ValueError, match="does not divide"):
-        record(dataclasses.replace(arm, law=law), 0)

@@ -105,29 +105,6 @@ def test_what_an_inertial_is_written_as_stays(tmp_path: Path) -> None:
     assert abs(quat @ given) > 0.9
 
 
-def test_other_ways_to_turn_an_inertial_become_a_quaternion(tmp_path: Path) -> None:
-    text, joints, _ = ARMS["ur5e"]
-    turned = text.replace('quat="0.9 0.1 0.2 0.1"', 'euler="0.1 0.4 0.2"')
-    assert turned != text
-    arm = arm_of(tmp_path, turned, joints)
-    written = arm.export(tmp_path / "out").mjcf.read_text()
-    assert "euler" not in written
-    assert_same_torques(arm, written, turned)
-
-
-def test_values_of_a_default_class_are_written_at_the_joint(tmp_path: Path) -> None:
-    text, joints, _ = ARMS["ur5e"]
-    arm = arm_of(tmp_path, text, joints)
-    after = arm.export(tmp_path / "out").mjcf.read_text()
-    defaults = [ElementTree.fromstring(content).find("default") for content in (text, after)]
-    assert ElementTree.tostring(defaults[0]) == ElementTree.tostring(defaults[1])
-    joint = re.search(r'<joint name="elbow_joint"[^>]*>', after)
-    assert joint is not None
-    values = dict(re.findall(r'(\w+)="([^"]*)"', joint[0]))
-    assert float(values["armature"]) == pytest.approx(arm.standard["Ia3"], rel=1e-7)
-    assert float(values["frictionloss"]) == pytest.approx(arm.standard["Fc3"], rel=1e-7)
-
-
 def test_as_nominal_model_it_has_the_base_parameters_of_the_result(tmp_path: Path) -> None:
     text, joints, _ = ARMS["panda"]
     arm = arm_of(tmp_path, text, joints)

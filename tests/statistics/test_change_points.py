@@ -76,11 +76,6 @@ def test_few_values_are_not_judged(count: int) -> None:
     assert change_of(np.arange(count) * 1.0, np.ones(count), np.arange(count) * 1.0) is None
 
 
-def test_equal_values_and_equal_times_are_not_judged() -> None:
-    assert change_of(np.full(8, 3.7), np.ones(8), np.arange(8.0)) is None
-    assert change_of(np.arange(8.0), np.ones(8), np.zeros(8)) is None
-
-
 def test_a_change_begins_where_a_time_does() -> None:
     """Bags with dates by the day: within a day their order means nothing."""
     values = np.array([0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 5.1, 5.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.statistics.drift import drifts_of, in_deviations
+from idim_iv_ros.statistics.drift import drifts_of
 
 NAMES = [f"p{k}" for k in range(20)]
 Estimates = dict[str, tuple[float, float]]
@@ -20,10 +20,6 @@ def test_statistic_is_difference_over_combined_deviation() -> None:
     assert [drift.parameter for drift in drifts if drift.drifts] == ["p3"]
     assert drifts[3].statistic == pytest.approx(2.0 / 0.5)
     assert (drifts[3].first, drifts[3].value, drifts[3].since) == (1.0, 3.0, ("a",))
-
-
-def test_two_exact_estimates_do_not_differ() -> None:
-    assert in_deviations(1.0, 0.0, 2.0, 0.0) == 0.0
 
 
 def test_unchanged_parameters_are_flagged_as_often_as_asked() -> None:

@@ -83,10 +83,3 @@ def test_what_cannot_be_tested_is_a_value_with_a_reason():
     empty = with_columns(rows, [], np.zeros(0, int))
     assert "no parameter" in wald_test_of_instruments([empty], np.ones(4))[0].reason
     assert wald_test_of_instruments([], np.ones(4))[0].accepted is None
-
-
-def test_a_joint_that_cannot_be_tested_does_not_keep_the_others_from_it():
-    joints = [white_joint(10, joint="good"), white_joint(11, n_rows=12, joint="short", first=4)]
-    everything, good, short = wald_test_of_instruments(joints, np.ones(8))
-    assert everything.accepted and good.accepted
-    assert short.accepted is None

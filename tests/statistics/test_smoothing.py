@@ -29,9 +29,3 @@ def test_the_band_holds_the_mean_in_about_95_percent_though_samples_are_correlat
         certain = np.isfinite(curve.low) & (np.abs(curve.x) < 1.1)
         inside.append(np.mean((curve.low[certain] < 0.0) & (curve.high[certain] > 0.0)))
     assert 0.85 < np.mean(inside) < 0.99
-
-
-def test_a_curve_of_nothing_is_empty() -> None:
-    none = np.zeros(0)
-    assert len(smooth(none, none, none).x) == 0
-    assert len(smooth(np.ones(50), np.ones(50), np.arange(50.0)).x) == 0

@@ -99,11 +99,6 @@ def test_a_round_has_the_promised_kinds_and_so_has_every_beginning_of_it() -> No
     assert all(10.0 <= min(cell.seconds) <= max(cell.seconds) <= 60.0 for cell in cells)
 
 
-def test_same_seed_draws_the_same_cells_and_another_seed_others() -> None:
-    assert hostile_cells(40, SEED) == hostile_cells(40, SEED)
-    assert hostile_cells(40, SEED) != hostile_cells(40, SEED + 1)
-
-
 @pytest.mark.bench
 @pytest.mark.parametrize("plant", ["time_stepping", "mujoco"])
 def test_a_cell_can_be_read_and_its_configuration_does_not_tell_the_truth(
@@ -219,20 +214,6 @@ def test_an_effect_that_is_too_weak_is_not_asked_for_and_one_of_no_strength_is_n
     assert "one effect, 2 joints: hit | — |" in page and "| backlash |" not in page
     said = answer(("backlash", "structural", "joint_1", []))
     assert judge(absent, said, 1.0).false_names == ("backlash[joint_1]",)
-
-
-def test_the_page_counts_false_causes_and_hits() -> None:
-    wrong = answer(("spring", "structural", "joint_1", []))
-    cells = {
-        "a": judge(label(BACKLASH), answer(("backlash", "structural", "joint_1", [])), 1.0),
-        "b": judge(label(BACKLASH), wrong, 1.0),
-        "c": judge(label(group="none"), wrong, 1.0),
-        "d": judge(label(group="none"), answer(), 1.0),
-    }
-    page = {line.split("|")[1].strip(): line for line in page_lines(cells, {}) if line[:1] == "|"}
-    assert "(1/2;" in page["one effect, 2 joints: hit"]
-    assert "(1/2;" in page["false cause, nothing wrong"]
-    assert "0.50" in page["false causes a recording"]
 
 
 def test_two_versions_differ_by_the_cells_that_only_one_has_right() -> None:

@@ -80,12 +80,6 @@ def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> No
     assert estimate["mean_high"] - estimate["mean"] == pytest.approx(half)
 
 
-def test_one_robot_is_no_sample() -> None:
-    estimate = estimate_of(np.array([1.0]), np.array([0.1]))
-    assert estimate.pop("mean") == 1.0
-    assert np.isnan(list(estimate.values())).all()
-
-
 def test_mean_and_interval_are_those_of_statsmodels_on_the_vaccine_trials() -> None:
     values, variances = risk_ratios()
     theirs = combine_effects(values, variances, method_re="iterated", use_t=True)
@@ -109,8 +103,3 @@ def test_variance_common_to_groups_is_not_moved_by_a_third_of_them() -> None:
     alone = common_between_variance(ordinary)[0]
     assert alone == pytest.approx(1.0, abs=0.35)
     assert common_between_variance(groups)[0] < 2.2 * alone
-
-
-def test_groups_of_one_say_nothing_of_the_variance_within() -> None:
-    groups = [(np.ones((1, 2)), np.ones((1, 2)))] * 5
-    assert np.isnan(common_between_variance(groups)).all()
