@@ -95,13 +95,6 @@ def test_nothing_but_a_file_is_ever_replaced(tmp_path: Path, make, words: str, n
     assert (tmp_path / name).lstat().st_ino == before
 
 
-def test_a_file_may_have_the_longest_name_that_the_system_allows(tmp_path: Path) -> None:
-    path = tmp_path / ("x" * 250 + ".mcap")
-    write_bag(path, [TOPIC])
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    assert written_by_program(path)
-
-
 def test_a_report_beside_a_file_of_the_user_is_not_written(tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("<html>my thesis</html>")
     with pytest.raises(UsageError, match=r"report\.html: exists"):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import refused
-from tests.gap_files import gap_content
+from tests.inputs import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 

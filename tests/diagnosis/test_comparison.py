@@ -13,7 +13,6 @@ from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.answer.causes import signal_notes, structural_causes
 from idim_iv_ros.diagnosis.answer.explained import explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
-from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors
 from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
@@ -153,13 +152,6 @@ def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None
     assert f"{100 * cause.probability:.0f} %" in cause.sentence
 
 
-def test_the_search_without_a_part_of_the_time_chooses_what_is_there() -> None:
-    _, selection = single(0)
-    chosen = chosen_without(selection)
-    assert chosen.times(selection.terms[0]) == len(chosen.keys) == 4
-    assert chosen.gains.shape == (4, 1) and np.all(chosen.gains > 0.0)
-
-
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
     explanation = explained(data, regression, selected(data, regression))
@@ -170,12 +162,6 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     listed = [float(time) for time in re.findall(r"([0-9.]+) s of simulated", rest.where)]
     assert len(listed) == sentences.MOST_EVENTS
     assert max(np.abs(np.array(PULSES) - time).min() for time in listed) < 0.3
-
-
-def test_a_wave_of_time_is_not_named(data: Baseline) -> None:
-    regression = world(data, 3, 0, lambda m: 1.0 * np.sin(2.0 * np.pi * 3.3 * m.time))
-    explanation = explained(data, regression, selected(data, regression))
-    assert (explanation.effects, explanation.numbers) == ((), ())
 
 
 def test_evidence_of_a_model_is_that_of_the_dense_formula() -> None:

@@ -8,7 +8,6 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.identifiability import (
-    floor_noise_models,
     not_shown_by_motion,
 )
 from idim_iv_ros.diagnosis.likelihood import Regression
@@ -18,8 +17,8 @@ from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, t
 from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.simulation import SimulatedEffect
-from tests.configurations import changed
 from tests.estimation.test_simulated_arms import recorded
+from tests.inputs import changed
 
 
 @pytest.fixture(scope="module")
@@ -80,18 +79,6 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(data, 
     assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
     units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
     assert units <= {"A"}
-
-
-def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Regression) -> None:
-    fit = regression.fit()
-    noise_models = floor_noise_models(fit, [None, None])
-    blind = Regression(
-        tuple(replace(joint, torque=np.zeros_like(joint.torque)) for joint in regression.joints),
-        regression.parameters,
-    )
-    refused = not_shown_by_motion(data, regression, STRUCTURAL, noise_models)
-    assert refused == not_shown_by_motion(data, blind, STRUCTURAL, noise_models)
-    assert refused
 
 
 def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:

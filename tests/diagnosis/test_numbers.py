@@ -17,9 +17,9 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regr
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from idim_iv_ros.effects.effect import OperatingRange
-from tests.configurations import changed
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
+from tests.inputs import changed
 
 
 def explanation_of(data: Baseline, regression: Regression) -> Explained:

@@ -17,8 +17,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.report import write_report
-from tests.report.sample_contrast import sample_contrast
-from tests.report.sample_gap import CASES, sample_gap
+from tests.report.sample_gap import CASES, sample_contrast, sample_gap
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
 

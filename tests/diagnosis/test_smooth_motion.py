@@ -14,9 +14,9 @@ from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
-from tests.configurations import changed
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
+from tests.inputs import changed
 
 
 def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baseline) -> None:
@@ -211,12 +211,3 @@ def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
     np.testing.assert_allclose(
         still.slope(1), (ends[0] - ends[1]) / (2 * step), atol=1e-3 * np.abs(ends[0]).max()
     )
-
-
-def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm, data: Baseline) -> None:
-    nobody = {"type": "unknown", "kp": None, "kd": None}
-    configuration = changed(arm.configuration, "controller", **nobody)
-    fitted = baseline([recorded(arm, 1)], configuration)
-    assert fitted.sticking
-    assert beside_reversals(fitted) > 0
-    assert fitted.row_rate == data.row_rate

@@ -17,7 +17,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.recording import Recording, Signal
 from idim_iv_ros.simulation import SimulatedRecording
-from tests.configurations import changed
+from tests.inputs import changed
 
 SEEDS = 50
 NOISY = {"arm2": 1e-3, "arm6": 5e-4, "arm7": 5e-4}  # rad

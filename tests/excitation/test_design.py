@@ -61,13 +61,6 @@ def test_quintics_between_points_of_the_message_follow_the_motion(design) -> Non
     assert np.abs(quintics(motion.time) - motion.position).max() < 1e-6
 
 
-def test_spectrum_ends_at_the_last_harmonic(design) -> None:
-    wave = design.period.position
-    lines = np.abs(np.fft.rfft(wave, axis=0)) / len(wave)
-    assert lines[1 : SETTINGS.harmonics + 1].max() > 0.05
-    assert lines[SETTINGS.harmonics + 1 :].max() < 1e-9
-
-
 def test_condition_numbers_are_those_of_the_regressor(arm2, design) -> None:
     _, model, limits = arm2
     motion = design.period

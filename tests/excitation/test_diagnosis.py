@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import BPoly
 
 from idim_iv_ros.effects.registry import EFFECTS as CATALOGUE
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation import design_diagnosis, motion_limits
+from idim_iv_ros.excitation import design_diagnosis
 from idim_iv_ros.excitation.diagnosis import loop_bandwidth
 from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
@@ -97,17 +96,6 @@ def test_multisine_reaches_two_to_three_bandwidths_at_small_amplitude(diagnosis)
     assert segment.frequency[1] == pytest.approx(2.5 * made.bandwidth.max())
 
 
-def test_quintics_between_five_points_a_period_follow_the_fastest_segment(diagnosis) -> None:
-    made = diagnosis[2]
-    ((_, position, velocity, acceleration),) = of_kind(made, "multisine")
-    step = int(made.trajectory.rate / (5.0 * made.highest_frequency))
-    time = np.arange(len(position)) / made.trajectory.rate
-    knots = np.stack([s[::step] for s in (position, velocity, acceleration)], axis=1)
-    quintics = BPoly.from_derivatives(time[::step], knots)
-    inside = time <= time[::step][-1]
-    assert np.abs(quintics(time) - position)[inside].max() < 0.01 * np.ptp(position)
-
-
 def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
     made = diagnosis[2]
     rate = made.trajectory.rate
@@ -146,14 +134,6 @@ def test_bandwidth_of_each_law(robots) -> None:
     np.testing.assert_allclose(cascade, 160.18 / (2.0 * np.pi))
     assert configured
     assert not loop_bandwidth(robots("double_pendulum")[0].controller, np.ones(2))[1]
-
-
-def test_one_joint_reveals_no_coupling(robots) -> None:
-    configuration, model = robots("emps")
-    limits = motion_limits(model, configuration)
-    made = design_diagnosis(model, limits, configuration, duration=90.0, rate=500.0)
-    assert_limits_hold(model, limits, made.trajectory)
-    assert not any("joint_coupling" in segment.effects for segment in made.segments)
 
 
 @pytest.mark.parametrize(

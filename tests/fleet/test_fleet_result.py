@@ -65,12 +65,6 @@ def test_changes_are_dated(answer: FleetResult) -> None:
         assert abs(change.size - size) < change.size_high - change.size_low
 
 
-def test_what_needs_attention_comes_first(answer: FleetResult) -> None:
-    ranks = ("differs", "changed", "unsteady", "recordings", "none")
-    order = [ranks.index(robot.attention) for robot in answer.robots]
-    assert order == sorted(order) and (order[0], order[-1]) == (0, 4)
-
-
 def test_every_bag_is_listed_and_a_corrupt_one_with_its_reason(answer, bags) -> None:
     assert [bag.uri for bag in answer.bags] == [bag.uri for bag in bags]
     (unused,) = (bag for bag in answer.bags if not bag.used)
@@ -103,14 +97,6 @@ def test_one_robot_is_estimated_and_compared_with_nobody(bags: Sequence[BagResul
     )
     assert all(np.isnan(quantity.p_value) for quantity in robot.quantities)
     assert any("nothing says what is ordinary" in note for note in alone.types[0].notes)
-
-
-def test_one_bag_a_robot_says_that_days_are_unknown(bags: Sequence[BagResult]) -> None:
-    single = fleet_result([bag for bag in bags if bag.uri.endswith("01.mcap")])
-    assert any("no robot has two bags" in note for note in single.types[0].notes)
-    assert np.isnan(single.types[0].quantities[0].between_bags)
-    assert np.isfinite(single.types[0].quantities[0].sigma)
-    assert all(not robot.changes for robot in single.robots)
 
 
 def test_bags_of_another_model_are_left_out(bags: Sequence[BagResult]) -> None:

@@ -27,7 +27,7 @@ from tests.fuzz.case import (
     write_configuration,
     write_text,
 )
-from tests.gap_files import gap_content
+from tests.inputs import gap_content
 from tests.test_configuration import keys
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])")

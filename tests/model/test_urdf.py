@@ -162,12 +162,6 @@ def test_joints_without_limits_are_unlimited_and_said() -> None:
     assert robot.doubts == ("arm.urdf: joint j1: no <limit>: taken as unlimited",)
 
 
-def test_a_limit_of_any_size_is_none() -> None:
-    huge = LIMIT.replace('"-2"', '"-1e300"').replace('"2"', '"1e300"').replace('"3"', '"1e12"')
-    limits = load_robot(arm().replace(LIMIT, huge, 1), ["j1"]).limits
-    assert (limits.lower[0], limits.upper[0], limits.velocity[0]) == (-np.inf, np.inf, np.inf)
-
-
 def test_continuous_joint_has_one_coordinate_and_no_position_limit() -> None:
     robot = load_robot(arm(), ["j1", "j2", "j3"])
     assert robot.pinocchio.nq == 3

@@ -9,7 +9,7 @@ import pytest
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.prediction import LivePrediction, identified_model
-from tests.configurations import changed
+from tests.inputs import changed
 from tests.prediction.arm6 import play, samples, urdf_of
 
 

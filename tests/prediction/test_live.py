@@ -1,7 +1,6 @@
 """What is predicted live is what the identification would say of the same samples."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -250,15 +249,6 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(identified
     assert split.rows.share(1e9, 50) == pytest.approx(expected, rel=0.05)
 
 
-def test_a_part_of_the_robot_that_falls_silent_is_not_predicted_any_more(identified, recording):
-    pair = [in_two_messages(stream, apart=0) for stream in samples(recording, slice(0, 4))]
-    for stream in pair:
-        stream.named[4000:, 3:] = False
-    predictions = play(LivePrediction(identified), *pair)
-    assert any(not prediction.reason for prediction in predictions)
-    assert predictions[-1].reason.startswith("no position for")
-
-
 def test_an_effort_that_is_nan_silences_its_joint_alone(identified, recording) -> None:
     positions, efforts = samples(recording, slice(0, 4))
     values = efforts.values.copy()
@@ -340,14 +330,3 @@ def test_positions_that_wrap_are_unwrapped(identified, recording) -> None:
     for a, b in zip(one, other, strict=True):
         assert a.reason == b.reason
         assert b.predicted == pytest.approx(a.predicted, abs=1e-6, nan_ok=True)
-
-
-def test_memory_stays_flat(identified, recording) -> None:
-    live = LivePrediction(identified)
-    positions, efforts = samples(recording, slice(0, 2))
-    sizes = []
-    for number in range(3):
-        time = positions.time + number * 2_000_000_000
-        play(live, JointSamples(time, positions.values), JointSamples(time, efforts.values))
-        sizes.append(len(live._positions.samples) + len(live._efforts.samples))
-    assert all(after <= before + 100 for before, after in pairwise(sizes[1:]))

@@ -59,16 +59,6 @@ def test_a_clock_that_jumps_is_named_and_the_longest_stretch_is_used(tmp_path, j
     assert f"to {stamps[400]:.3f} s" in said
 
 
-def test_of_several_jumps_the_longest_stretch_is_used(tmp_path: Path) -> None:
-    stamps = STAMPS.copy()
-    stamps[200:] += 1e9
-    stamps[500:] += 1e8
-    stamps[900:] -= 5e8
-    recording, said = read(tmp_path, stamps)
-    assert_measured(recording, VALUES[500:900])
-    assert "3 jumps: of 1000 messages 600 " in said
-
-
 def test_a_jump_of_all_topics_keeps_the_same_stretch_of_each(tmp_path: Path) -> None:
     stamps = STAMPS.copy()
     stamps[400:] += 1.7e9

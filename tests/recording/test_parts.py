@@ -63,11 +63,6 @@ def test_a_gripper_changes_nothing_of_the_arm(tmp_path, rate, stamped, arrives) 
     assert not passed.limits
 
 
-def test_efforts_of_the_gripper_are_not_those_of_the_arm(tmp_path: Path) -> None:
-    zero = messages(("finger",), position=[0.04], effort=[0.0], arrives=-LATER)
-    assert_every_joint_is_at_its_own_time(read(tmp_path, zero, messages(ARM)))
-
-
 @pytest.mark.parametrize("joints", [ARM, ("c", "a", "b")])
 @pytest.mark.parametrize(
     ("stamped", "arrives"), [(0.0, -LATER), (0.0, LATER), (-0.003, 0.0), (0.003, 0.0)]

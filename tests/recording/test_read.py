@@ -103,16 +103,6 @@ def test_time_that_runs_backward_is_refused(tmp_path: Path) -> None:
         read(write(tmp_path / "bag", messages))
 
 
-def test_gap_is_bridged_and_marked(tmp_path: Path) -> None:
-    messages = steady(300)
-    del messages[100:150]
-    recording = read(write(tmp_path / "bag", messages))
-    assert recording.samples == 300
-    assert recording.position.invented[100:150].all()
-    assert recording.position.invented.sum() == 2 * 50
-    assert recording.clocks[0].gaps == 1
-
-
 def test_jittered_stamps_are_interpolated_on_the_grid(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     stamps = 1.0 + np.arange(500) / 100 + random.uniform(-2e-3, 2e-3, 500)

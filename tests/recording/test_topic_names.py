@@ -125,10 +125,3 @@ def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
         == whole
         == dict.fromkeys(LEFT[:2], JOINT_STATE) | {"/left/robot_description": "std_msgs/msg/String"}
     )
-
-
-def test_only_topics_that_can_hold_joints_are_candidates(tmp_path: Path) -> None:
-    stamps = [0.01 * k for k in range(99)]
-    messages = [("/left/joint_states", 6.0 + stamp, joint_state(stamp)) for stamp in stamps]
-    messages.append(("/words/joint_states", 6.0, described("not these")))
-    assert read(write(tmp_path / "bag", messages), reference=None).samples == 99

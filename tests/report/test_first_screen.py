@@ -25,8 +25,7 @@ from idim_iv_ros.report.advice import (
 from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import THIN, percent
 from idim_iv_ros.report.section import Files, Report
-from tests.report.sample_contrast import sample_contrast
-from tests.report.sample_gap import CASES, Case, sample_gap
+from tests.report.sample_gap import CASES, Case, sample_contrast, sample_gap
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
 from tests.report.test_html import Page
@@ -156,15 +155,6 @@ def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
     page = Page(gap_report_html(replace(_arm6(), configuration={**ARM6, "robot": robot})))
     assert "The robot is not drawn: " in page.text
     assert "robot" not in [attributes.get("id") for _, attributes in page.elements]
-
-
-def test_sizes_of_a_step_on_all_samples_do_not_stand_beside_those_held_out() -> None:
-    result = sample_gap(2, "parametric")
-    gap = replace(result.causes[0].torque_gap, before=98.7, after=1.23)
-    result = replace(result, causes=(replace(result.causes[0], torque_gap=gap),))
-    text = Page(gap_report_html(result)).text
-    assert "98.7" not in text
-    assert "on all samples" in text
 
 
 def test_every_colour_of_a_figure_is_one_of_both_schemes() -> None:

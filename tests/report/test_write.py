@@ -122,6 +122,12 @@ def test_a_diagnosis_does_not_replace_the_report_of_an_identification(tmp_path: 
     assert _files(tmp_path) == before
 
 
+def test_a_folder_in_the_place_of_a_file_is_refused_early(tmp_path: Path) -> None:
+    (tmp_path / "result.json").mkdir()
+    with pytest.raises(UsageError, match="is a folder"), require_writable(tmp_path):
+        pytest.fail("the work was started")
+
+
 @pytest.mark.parametrize("existing", [False, True])
 def test_failed_work_leaves_what_was_there_before(tmp_path: Path, existing: bool) -> None:
     out = tmp_path / "a" / "b"

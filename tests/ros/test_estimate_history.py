@@ -84,14 +84,6 @@ def stamped(bag: str, first: float, stamp: int, **other: object) -> PastEstimate
     return replace(entry(bag, values), stamp=stamp, **other)
 
 
-def test_since_begins_anew_where_a_drift_has_gone(tmp_path: Path) -> None:
-    history = EstimateHistory(tmp_path)
-    for stamp, first in enumerate((0.0, 2.0, 0.0, 2.0, 2.0)):
-        history.add(stamped(f"bag{stamp}", first, stamp), length=20)
-    (comparison,) = history.comparisons(0.01)
-    assert comparison.since == 3
-
-
 def test_a_baseline_that_is_set_is_kept(tmp_path: Path) -> None:
     history = EstimateHistory(tmp_path)
     for stamp, first in enumerate((0.0, 2.0)):

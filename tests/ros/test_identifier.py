@@ -201,23 +201,6 @@ def test_announced_bag_is_identified(served, simulated_bags: Path) -> None:
     served.node.destroy_publisher(publisher)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("when_busy", "perhaps", "neither wait nor refuse"),
-        ("job_timeout", 0.0, "range"),
-        ("queue_limit", 0, "range"),
-        ("drift_significance", 2.0, "range"),
-        ("output_directory", "/tmp", "read-only"),
-        ("configuration", "/nonexistent.yaml", "cannot read the configuration"),
-    ],
-)
-def test_wrong_values_are_refused(served, name: str, value: object, words: str) -> None:
-    answer = served.set(**{name: value})
-    assert not answer.successful
-    assert words in answer.reason
-
-
 def test_configuration_is_read_anew_when_it_is_set(served, tmp_path: Path) -> None:
     path = tmp_path / "arm.yaml"
     text = ARM2.read_text().replace("urdf: ", f"urdf: {ARM2.parent}/")

@@ -238,13 +238,6 @@ def test_folders_of_several_robots_are_in_those_that_the_file_names(tmp_path, mi
     assert given["/left/recorder"]["bag_directory"] == "x/left"
 
 
-def test_file_with_all_defaults_gives_each_robot_folders_of_its_own(tmp_path) -> None:
-    file = str(ROOT / "params" / "nodes.yaml")
-    given = resolved(tmp_path, "robots", robots="left,right", **GIVEN, params_file=file)
-    assert given["/right/recorder"] == {"configuration": "arm.yaml", "bag_directory": "right"}
-    assert given["/left/identifier"]["output_directory"] == "results/left"
-
-
 def test_collector_of_a_simulated_robot_waits_longer_unless_the_file_says_otherwise(
     tmp_path, mine
 ) -> None:

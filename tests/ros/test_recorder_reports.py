@@ -102,14 +102,6 @@ def test_recent_incidents_are_warnings(clock: Clock, what: str) -> None:
     assert (level, sentence[:2]) == (WARN, "3 ")
 
 
-def test_notes_and_several_publishers_are_warnings(clock: Clock) -> None:
-    topic = topic_of_period(clock, 0.002)
-    topic.note, topic.publishers = "subscribed anew", 2
-    level, sentence = diagnosed(topic)
-    assert level == WARN
-    assert sentence.startswith("subscribed anew; 2 publishers")
-
-
 def test_an_incident_counts_for_a_while_and_from_zero_in_a_new_recording() -> None:
     recent = RecentCounts()
     assert recent.since(TopicStatus(received=10, gaps=2), 0.0).gaps == 2

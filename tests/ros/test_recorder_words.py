@@ -138,32 +138,3 @@ def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
     times = logged(only_bag(tmp_path))
     assert times["/told/joint_states"] == [seven, seven, eight]
     assert times["/told/robot_description"] in ([seven], [eight])
-
-
-def test_a_recording_that_waits_can_be_stopped_and_begun_again(told, capfd) -> None:
-    said = told(use_sim_time="true")
-    said.recorder.act("start")
-    said.arrive(LATCHED, 1)
-    said.arrive(JOINTS, 1, 2, 3)
-    said.recorder.act("pause")
-    said.recorder.act("resume")
-    assert "/clock" in said.recorder.act("stop")
-    assert "[WARN]" in capfd.readouterr().err
-    assert said.closed[0].messages == 0
-    assert said.status().state == RecorderStatus.IDLE
-    assert said.status().fault == ""
-    said.recorder.act("start")
-    said.clock(9)
-    said.recorder.act("stop")
-    assert said.closed[1].messages == 1
-    assert logged(Path(said.closed[1].bag)) == {"/told/robot_description": [9 * 10**9]}
-
-
-def test_a_snapshot_holds_nothing_from_before_the_clock(told) -> None:
-    said = told(use_sim_time="true", snapshot_duration="60.0")
-    said.arrive(JOINTS, 1, 2)
-    said.clock(3)
-    said.arrive(JOINTS, 3)
-    said.recorder.act("snapshot")
-    said.recorder._snapshots.close()
-    assert logged(Path(said.closed[0].bag)) == {"/told/joint_states": [3 * 10**9]}

@@ -101,13 +101,6 @@ def test_torque_is_the_law_evaluated_at_the_sample(arm):
     np.testing.assert_allclose(result.applied_torque[1:], mean, atol=1e-9)
 
 
-def test_missing_velocity_reference_is_the_central_difference_of_the_position(arm):
-    slope = np.gradient(arm.position_reference, 1.0 / arm.rate, axis=0)
-    given = followed(arm, velocity_reference=slope)
-    missing = followed(arm, velocity_reference=None, initial_velocity=np.zeros(7))
-    np.testing.assert_array_equal(given.position, missing.position)
-
-
 def test_cascade_is_a_pd_law_without_velocity_reference(arm):
     law = dataclasses.replace(arm.law, velocity_reference=False)
     gain = np.full(7, 2.5)

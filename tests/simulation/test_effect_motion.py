@@ -11,7 +11,7 @@ from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
-from tests.simulation.laws import commanded, driven, followed, pd, torque
+from tests.simulation.laws import commanded, driven, followed, pd
 from tests.simulation.trees import random_robot
 
 
@@ -222,24 +222,6 @@ def test_backlash_moves_the_motor_alone_until_the_gap_is_closed():
     assert 0.01 < twist.max() < 0.0105
 
 
-def test_each_joint_has_its_own_delay():
-    robot, parameters = disc(1.0, joints=2)
-    push = np.zeros(40)
-    push[4:] = 1.0
-    result = driven(
-        robot, parameters, push, on(robot, "time_delay", joint=1, delay=0.025), rate=100.0
-    )
-    time = np.arange(40) * 0.01
-    np.testing.assert_array_equal(result.torque[:, 0], push)
-    expected = [np.maximum(time - 0.04 - late, 0.0) for late in (0.0, 0.025)]
-    np.testing.assert_allclose(result.velocity, np.column_stack(expected), atol=1e-12)
-    both = SimulatedEffect("time_delay", None, {"delay": 0.01})
-    law = dataclasses.replace(torque(np.tile(push[:, None], (1, 2))), delay=0.005)
-    result = driven(robot, parameters, push, both, rate=100.0, law=law)
-    expected = np.maximum(time - 0.04 - 0.015, 0.0)
-    np.testing.assert_allclose(result.velocity[:, 1], expected, atol=1e-12)
-
-
 def test_the_motor_gives_what_gain_and_saturation_leave_of_the_command():
     robot, parameters = disc(1.0)
     push = np.linspace(-8.0, 8.0, 401)
@@ -288,19 +270,6 @@ def test_the_command_lags_behind_the_law_as_through_a_first_order_filter():
         expected[k, 1] = kept * expected[k - 1, 1] + (1.0 - kept) * law[k, 1]
     np.testing.assert_allclose(result.torque, expected, atol=1e-9)
     assert np.abs(expected - law).max() > 0.1
-
-
-@pytest.mark.parametrize(("driving", "breaks_at"), [(0.0, 2.0), (0.5, 3.0)])
-def test_friction_that_follows_the_motor_holds_up_to_its_share_of_what_the_model_needs(
-    driving, breaks_at
-):
-    """Fc = 2 on a disc without gravity: at rest the model needs 2, and half of it comes on top."""
-    robot, parameters = disc(coulomb=2.0)
-    load = on(robot, "load_dependent_friction", driving=driving, driven=driving, motor_torque=1.0)
-    result = driven(robot, parameters, np.linspace(1.0, 3.2, 3000), load)
-    first = np.flatnonzero(result.velocity)[0]
-    assert result.torque[first - 1, 0] == pytest.approx(breaks_at, abs=2e-3)
-    assert np.all(np.diff(result.velocity[first:, 0]) > 0.0)
 
 
 def test_discs_slow_down_under_a_coupling_that_goes_with_the_root_of_their_speed():

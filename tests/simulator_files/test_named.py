@@ -150,7 +150,7 @@ def test_what_remains_is_not_spread_beside_what_is_no_number_of_a_body(effect, t
 
 def test_a_users_mjcf_gets_a_body_and_nothing_else(tmp_path: Path) -> None:
     """Wherever its joint's anchor is: the body is placed at the anchor."""
-    text, joints, _ = ARMS["panda"]
+    text, joints, _ = ARMS["iiwa14"]
     arm = arm_of(tmp_path, text, joints, [payload(joints[-1])])
     kept = arm.export(tmp_path / "out", refit=False)
     plain = arm.export(tmp_path / "plain", refit=False, without=["payload"])

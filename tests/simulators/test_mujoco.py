@@ -54,12 +54,6 @@ def opposing(model: mujoco.MjModel, effects: Effects, q: float, dq: float) -> fl
     return -float(balance[0])
 
 
-def test_constant_torques_leave_dry_friction_as_the_file_has_it() -> None:
-    model = pendulum()
-    Effects(model, [on("torque_offset", 0, offset=0.1), on("spring", 1, linear=1.0)])
-    np.testing.assert_allclose(model.dof_solref[:, 0], [0.02, 2.0 * model.opt.timestep])
-
-
 @pytest.mark.parametrize("name", FORMULAS)
 def test_the_torque_of_an_effect_is_that_of_its_formula(name: str) -> None:
     numbers, formula = FORMULAS[name]

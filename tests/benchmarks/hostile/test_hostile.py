@@ -189,21 +189,6 @@ def test_a_cause_that_has_nothing_to_do_with_the_truth_is_no_hit() -> None:
     assert score.outcome == "missed + false"
 
 
-def test_what_errors_of_the_nominal_model_make_true_counts_for_nothing_either_way() -> None:
-    also = (("link_inertia", "joint_1"),)
-    inertia = ("link_inertia", "parametric", "joint_1")
-    alone = judge(label(also_true=also), answer((*inertia, [])), 1.0)
-    assert alone.right and not alone.sets
-    elsewhere = judge(
-        label(also_true=also), answer(("torque_gain", "parametric", "joint_1", [])), 1.0
-    )
-    assert elsewhere.false_names == ("torque_gain[joint_1]",)
-    excused = answer(("spring", "structural", "joint_1", [("link_inertia", "joint_1")]))
-    assert judge(label(also_true=also), excused, 1.0).false_names
-    unknown = judge(label(), answer((*inertia, [])), 1.0)
-    assert unknown.false_names == ("link_inertia[joint_1]",)
-
-
 def test_an_effect_that_is_too_weak_is_not_asked_for_and_one_of_no_strength_is_not_there() -> None:
     weak, absent = label(BACKLASH), label(BACKLASH)
     weak["effects"][0]["rho"] = 0.5

@@ -46,16 +46,6 @@ def test_without_effects_the_torque_is_pinocchios_inverse_dynamics(robot):
         assert np.sqrt(np.mean(gap[moving, j] ** 2)) < 0.04 * noise[j]
 
 
-def test_a_joint_under_less_than_its_dry_friction_does_not_move_at_all():
-    true = silent(world())
-    drive = true.drive._replace(
-        dry_forward=np.array([60.0, 25.0]), dry_backward=np.array([60.0, 25.0])
-    )
-    still = np.tile(true.given.centre, (500, 1))
-    recorded = record(with_drive(true, drive), still, np.zeros_like(still), seed=1)
-    assert np.abs(recorded.link - still).max() < 1e-10
-
-
 def test_a_delay_shifts_the_torque_by_itself():
     true = silent(world())
     late = with_drive(true, altered(true.drive, 0, delay=3.4e-3))

@@ -96,18 +96,6 @@ def test_parametric_causes_are_true_of_an_altered_robot_only():
     assert score_of(label(group="none", altered=False), payload).false_alarms
 
 
-def test_naming_something_outside_the_catalogue_is_a_false_alarm():
-    outside = label(truth("contact_pulses", None, kind="outside"), group="outside")
-    assert score_of(outside, gap(cause("position_ripple"))).false_alarms
-    assert not score_of(outside, gap(verdict="unknown")).false_alarms
-
-
-def test_saying_that_a_recording_cannot_tell_is_an_admission():
-    poor = label(truth("elasticity"), group="poor")
-    assert score_of(poor, gap(verdict="none", not_testable=["elasticity"])).admitted
-    assert not score_of(poor, gap(verdict="none")).admitted
-
-
 @pytest.fixture
 def benchmark(tmp_path):
     labels = {"a" * 12: label(truth("stribeck")), "b" * 12: label(group="none", altered=False)}
