@@ -12,6 +12,7 @@ import yaml
 from bags.demo import demo
 from idim_iv_ros.identification.compare import compare_results
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.report import page
 from tests.report.sample_result import sample_result
 
@@ -122,3 +123,18 @@ def test_results_of_another_robot_are_refused(run, tmp_path: Path, joints: int) 
     done = run("compare", first, second, "--out", tmp_path / "out", status=2)
     assert done.error.startswith(f"idim-iv: {second}: cannot be compared with {first}")
     assert not (tmp_path / "out").exists()
+
+
+def test_init_proposes_a_map_that_imports(run, record, tmp_path: Path) -> None:
+    header = "Time (ms),Pos J1,Pos J2,q_ref1,q_ref2,Vel J1,Vel J2,Tau J1,Tau J2,mode"
+    table = np.column_stack(
+        [1e3 * record.time, *[record.position] * 2, *[record.effort] * 2, 0.0 * record.time]
+    )
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="")
+    map_path, bag = tmp_path / "map.yaml", tmp_path / "log.mcap"
+    run("init", tmp_path / "log.csv", "--out", map_path, status=0)
+    assert "# Not used: mode" in map_path.read_text()
+    run("import", bag, "--columns", map_path, status=0)
+    (recording,) = read_recordings([bag], joints=["joint_1", "joint_2"])
+    np.testing.assert_allclose(recording.position.values, record.position, atol=1e-9)
+    assert recording.unused_references == ("/joint_reference",)

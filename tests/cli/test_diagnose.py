@@ -64,16 +64,6 @@ def test_every_verdict_is_written_and_fits_on_a_screen(diagnose, tmp_path, capsy
     assert 5 < len(capsys.readouterr().out.splitlines()) <= 40
 
 
-def test_effects_are_left_out_once(diagnose) -> None:
-    stand_in = StandIn()
-    bags = [Path("a.mcap"), Path("b.mcap")]
-    diagnose(stand_in, bags, without=["stribeck", "payload", "stribeck"])
-    ((bags, joints, without),) = stand_in.calls
-    assert bags == (Path("a.mcap"), Path("b.mcap"))
-    assert joints == ["joint_1", "joint_2"]
-    assert without == ("stribeck", "payload")
-
-
 def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_path: Path) -> None:
     stand_in = StandIn()
     with pytest.raises(UsageError, match=r"strybeck.*payload.*stribeck") as refusal:

@@ -233,23 +233,3 @@ def test_unused_reference_is_answered_with_the_line_to_write(run, config, record
     right = config(("reference: joint_reference", "reference: /arm/joint_command"))
     followed = run("check", bag, "--config", right)
     assert "no reference" not in followed.out
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_a_gripper_on_the_topic_of_the_arm_changes_no_proposal(run, record, urdf, tmp_path, first):
-    finger = np.full((len(record.time) // 2, 1), 0.01)
-    gripper = JointTopic(
-        "/joint_states", ["left_finger_joint"], record.time[::2], finger, None, 0.0 * finger
-    )
-    proposals = []
-    for name, topics in (("arm", [states(record)]), ("both", [states(record), gripper])):
-        bag = tmp_path / f"{name}.mcap"
-        write_bag(bag, [*topics[:: -1 if first else 1], reference(record)])
-        done = run("init", bag, "--urdf", urdf, "--out", tmp_path / "arm.yaml", "--force", "--json")
-        proposals.append(json.loads(done.out))
-    alone, both = proposals
-    assert both["configuration"] == alone["configuration"]
-    assert both["reasons"]["signals.joint_states"].startswith(
-        f"{len(record.time)} messages at 1000"
-    )
-    assert "left_finger_joint" in both["left_out"]

@@ -123,20 +123,3 @@ def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) ->
     truth = json.loads((tmp_path / "soft.truth.json").read_text())
     assert truth["Fv1"] == 9.0
     assert truth["effects"][0]["effect"] == "elasticity"
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ({"base_parameters": {"ZZ9": 1.0}}, "base_parameters.ZZ9"),
-        ({"effects": [{"effect": "rope", "joint": "joint_1"}]}, "rope"),
-        ({"effects": [{"effect": "stribeck", "joint": "joint_1", "size": 1.0}]}, "size"),
-        ({"effects": 3}, "soft.json: effects: "),
-    ],
-)
-def test_a_wrong_file_of_effects_is_refused_in_one_line(run, tmp_path, content, words) -> None:
-    file = tmp_path / "soft.json"
-    file.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
-    config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
-    refused(run("simulate", "--config", config, "--out", bag, "--effects", file), 2, words)
-    assert not bag.exists()

@@ -45,18 +45,6 @@ def test_a_name_and_a_terminal_of_other_encodings(run, config, bag, tmp_path) ->
     assert r'"b\\xe9.mcap"' in document
 
 
-def test_a_result_of_a_bag_whose_name_is_no_text_is_written_and_read(run, config, bag, tmp_path):
-    named = tmp_path / os.fsdecode(b"b\xe9.mcap")
-    shutil.copy(bag, named)
-    run("identify", named, "--config", config(), "--out", tmp_path / "out", status=0)
-    document = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert [Path(used["path"]).name for used in document["bags"]] == [r"b\xe9.mcap"]
-    assert r"b\xe9.mcap" in (tmp_path / "out" / "report.html").read_text()
-    first = run("init", named, "--urdf", document["configuration"]["robot"]["urdf"],
-                "--out", tmp_path / "first.yaml")  # fmt: skip
-    assert first.status == 0, first.error
-
-
 @pytest.mark.parametrize("option", ["--version", "--help"])
 @pytest.mark.parametrize(
     ("stdout", "status", "words"),

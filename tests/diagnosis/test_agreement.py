@@ -94,17 +94,5 @@ def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
         assert abs(mass.value - 0.5) < 3.0 * mass.std
 
 
-def test_another_friction_is_a_friction(data: Baseline) -> None:
-    motion = data.motions[1]
-    friction = [2.0 * np.sign(motion.velocity[:, 0]), np.zeros(len(motion.time))]
-    agreements = differing(data, 3, {1: friction})
-    assert set(agreements) == {1}
-    (cause,) = agreements[1].differences
-    assert (cause.effect, cause.joint) == ("friction_level", data.joints[0])
-    level = cause.parameters["change_of_coulomb"]
-    assert level.std is not None and level.std < 0.2
-    assert level.value == pytest.approx(2.0, abs=3.0 * level.std)
-
-
 def test_one_recording_is_held_against_nothing(data: Baseline) -> None:
     assert agreement(replace(data, motions=data.motions[:1]), smooth_regression(data)) == ()

@@ -16,18 +16,15 @@ from idim_iv_ros.diagnosis.result import (
     Cause,
     Evidence,
     Gap,
-    Hint,
     JointChange,
     JointGap,
     Stage,
     Unexplained,
 )
-from idim_iv_ros.diagnosis.sentences import largest_gap, not_in_catalogue
-from idim_iv_ros.effects.controller_mismatch import ControllerMismatch
+from idim_iv_ros.diagnosis.sentences import largest_gap
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.effects.torque_gain import TorqueGain
-from tests.diagnosis.test_effects import UNITS
 
 REST = Unexplained("joint_2", "velocity", 0.37, "joint_2: a curve")
 GAPS = [
@@ -67,27 +64,6 @@ PAYLOAD, STRIBECK = cause("payload", "parametric"), cause("stribeck", "structura
 )
 def test_verdict_of_causes_and_what_is_outside(causes, rest, word) -> None:
     assert verdict_of(causes, rest) == word
-
-
-def test_what_may_be_of_the_catalogue_is_not_said_to_be_outside_it() -> None:
-    def hint(effect: str, joint: str, probability: float | None) -> Hint:
-        return Hint(
-            effect=effect,
-            joint=joint,
-            sentence="",
-            parameters={},
-            reason="",
-            chosen_in_folds="3 of 4",
-            torque_gap=Gap(2.0, 1.0, None, None, None),
-            probability=probability,
-        )
-
-    elsewhere, misfit = hint("stribeck", "joint_1", 0.5), hint("backlash", "joint_2", None)
-    assert "not in the catalogue" in not_in_catalogue(REST, [elsewhere, misfit])
-    likely = [hint("spring", "joint_2", 0.2), hint("torque_saturation", "joint_2", 0.33)]
-    text = not_in_catalogue(REST, [elsewhere, misfit, *likely])
-    assert "not in the catalogue" not in text
-    assert "torque saturation (33 %)" in text
 
 
 def test_the_largest_gap_is_that_of_the_model_that_is_given() -> None:
@@ -175,17 +151,6 @@ def delay(joint: str | None) -> Cause:
 )
 def test_causes_are_in_the_order_of_their_weight(causes, effects) -> None:
     assert [cause.effect for cause in strongest_first(causes, DATA)] == effects
-
-
-@pytest.mark.parametrize("effect", [*UNITS, "controller_mismatch"])
-def test_numbers_of_structural_effects_have_words(effect: str) -> None:
-    of_law = [spec.name for spec in ControllerMismatch.specs]
-    names = of_law if effect == ControllerMismatch.name else list(UNITS[effect])
-    words = [parameter_words(effect, name) for name in names]
-    assert len(set(words)) == len(names)  # in a table each has its own row
-    for name, word in zip(names, words, strict=True):
-        assert "_" not in word
-        assert word != name.replace("_", " ") or name in ("time_constant", "wave_number_1")
 
 
 def test_a_gain_of_1_25_is_a_factor_of_1_25() -> None:

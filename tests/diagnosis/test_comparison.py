@@ -15,14 +15,12 @@ from idim_iv_ros.diagnosis.answer.explained import explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors
-from idim_iv_ros.diagnosis.comparison.probability import FEATURES, probability, table
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, operating_range
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.contribution import Load
-from idim_iv_ros.effects.effect import Place
-from idim_iv_ros.effects.friction_drift import DriftShape, FrictionDrift
+from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from tests.diagnosis.simulated_sessions import arm2_session
@@ -136,11 +134,6 @@ def test_friction_that_starts_anew_is_told_from_that_of_the_session(two_recordin
     assert term.shape.time_constant == pytest.approx(4.0 if restarts else 60.0, rel=0.3)
 
 
-def test_one_recording_has_one_clock(data: Baseline) -> None:
-    grid = FrictionDrift().grid(Place(0), operating_range(data))
-    assert {shape.restarts for shape in grid} == {False}
-
-
 def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
     (cause,) = structural_causes(data, explained(data, *single(0)), [None])
     assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
@@ -194,15 +187,6 @@ def test_evidence_of_a_model_is_that_of_the_dense_formula() -> None:
 def _ranges(lengths: list[int]) -> list[tuple[int, int]]:
     ends = np.cumsum([0, *lengths])
     return [(int(a), int(b)) for a, b in pairwise(ends)]
-
-
-def test_the_table_of_probabilities_says_from_what_it_was_made() -> None:
-    assert "recordings" in table().origin
-    assert set(table().weights) == set(FEATURES)
-    certain = [6.0, 1.0, 4.0, 2.0, 1.0, 2.0, 0.0, 0.0]
-    doubtful = [1.0, 0.0, -3.0, -1.0, 0.3, -1.5, 1.0, 1.0]
-    for effect in ("spring", "an effect that the table has not"):
-        assert probability(certain, effect) > 0.8 > 0.2 > probability(doubtful, effect)
 
 
 def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_acts_there(data):

@@ -3,14 +3,13 @@
 The closed-loop simulator records the robot; the check sees positions, references and efforts.
 """
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm
-from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
+from idim_iv_ros.diagnosis.controller import check_law
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
@@ -20,7 +19,6 @@ from idim_iv_ros.simulation import control_law, simulate_closed_loop
 from tests.diagnosis.simulated_sessions import with_signals
 from tests.diagnosis.test_answer import cause
 from tests.estimation.test_simulated_arms import recorded
-from tests.inputs import changed
 
 
 def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
@@ -73,24 +71,6 @@ def test_a_gain_of_the_recorded_effort_is_no_other_law(arm, joint, factor, left)
     gain = {"factor": EffectParameter(factor, 0.004, "")}
     gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
     assert len(law.not_shown_by_torque(data, [gained], ()).causes) == left
-
-
-def test_another_law_stays_beside_a_gain(arm: SimulatedArm) -> None:
-    """Only the position gain is larger, by the inverse of the factor."""
-    data = diagnosed(arm, 1, kp=arm.law.kp * [1.0, 1.3])
-    gain = {"factor": EffectParameter(1 / 1.3, 0.01, "")}
-    gained = replace(cause("torque_gain", "parametric"), joint="joint_2", parameters=gain)
-    causes = check_law(data).not_shown_by_torque(data, [gained], ()).causes
-    assert [cause.joint for cause in causes] == ["joint_2"]
-
-
-def test_what_cannot_be_compared_is_said(arm: SimulatedArm) -> None:
-    data = diagnosed(arm, 1)
-    assert why_not_checked(data) == ""
-    lawless = changed(arm.configuration, "controller", type="unknown")
-    blind = replace(data, prepared=replace(data.prepared, configuration=lawless))
-    assert why_not_checked(blind) != ""
-    assert check_law(blind).causes == ()
 
 
 def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
@@ -214,23 +194,6 @@ def test_another_gain_beside_a_filtered_speed_is_found(arm: SimulatedArm, data: 
         assert finding.parameters["kd"].value == pytest.approx(1.4 * arm.law.kd[joint], rel=0.05)
 
 
-def test_pulses_beside_the_law_are_said_with_their_size_and_times(arm, data) -> None:
-    signals = data.prepared.motions[0].signals
-    effort, _ = commands(arm, signals, 0.3)
-    time = np.arange(len(effort)) / signals.rate
-    pulse = (np.abs(time - 4.0) < 0.2) | (np.abs(time - 8.5) < 0.2)
-    size = np.sqrt(np.mean(effort[:, 1] ** 2))
-    effort[:, 1] += 3.0 * size * pulse
-    check = check_law(commanded(data, effort))
-    (sentence,) = check.beyond
-    assert "joint_2" in sentence
-    times = re.findall(r"from (\S+) to (\S+) s of", sentence)
-    assert sorted((float(first), float(last)) for first, last in times) == [
-        (pytest.approx(3.8, abs=0.05), pytest.approx(4.2, abs=0.05)),
-        (pytest.approx(8.3, abs=0.05), pytest.approx(8.7, abs=0.05)),
-    ]
-
-
 def delayed(effort: np.ndarray, periods: list[float]) -> np.ndarray:
     """Each joint's effort recorded as many samples late."""
     time = np.arange(len(effort), dtype=float)
@@ -265,20 +228,6 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data) -> None:
     (finding,) = check_law(late, shift=-3.0 / signals.rate).causes
     assert finding.joint == data.joints[1]
     assert finding.parameters["lag"].value == pytest.approx(3.5 / signals.rate, rel=0.1)
-
-
-def test_efforts_of_one_joint_that_are_much_off_do_not_decide(arm, data) -> None:
-    """A joint whose effort is also what another signal makes it, as a later speed would."""
-    signals = data.prepared.motions[0].signals
-    effort, _ = commands(arm, signals, 0.3)
-    _, later = commands(arm, signals, 0.12)
-    _, speed = commands(arm, signals, 0.3)
-    time = np.arange(len(effort)) / signals.rate
-    wrong = 1.0 + np.sin(3.0 * time)
-    effort[:, 1] -= 3.0 * arm.law.kd[1] * (later - speed)[:, 1] * wrong
-    chosen = law_speed(commanded(data, effort).prepared.motions, arm.law)
-    assert chosen.kind == "filtered"
-    assert chosen.factor == pytest.approx(0.3, rel=0.1)
 
 
 def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(arm, data) -> None:

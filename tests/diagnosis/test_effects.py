@@ -26,7 +26,6 @@ from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves, wave_columns
-from idim_iv_ros.excitation.segments import KINDS
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 
@@ -388,22 +387,6 @@ def test_the_catalogue_has_every_file_in_the_order_that_they_give() -> None:
         for effect in kind:
             assert type(effect).__module__ == f"idim_iv_ros.effects.{effect.name}"
             assert set(effect.confounders) <= set(EFFECTS) - {effect.name}
-
-
-@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.name)
-def test_every_file_declares_each_part(cause: Cause) -> None:
-    assert type(cause).__doc__ and len(type(cause).__doc__ or "") > 20
-    assert cause.excitation
-    # Segments of the designed motion show it, or it says what else does.
-    assert set(cause.segments) <= set(KINDS)
-    assert bool(cause.segments) != bool(cause.beyond_motion)
-    names = [spec.name for spec in cause.specs]
-    assert len(set(names)) == len(names)
-    assert names or cause.name == "link_inertia"  # named by its link, in the base parameters
-    for spec in cause.specs:
-        if spec.default is not None and np.isfinite(spec.default):
-            spec.check(spec.default, spec.name)
-        assert "_" not in cause.parameter_words(spec.name.replace("_k", "_1"))
 
 
 def default_numbers(cause: Cause) -> GivenNumbers:

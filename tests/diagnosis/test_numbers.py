@@ -11,12 +11,10 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.identifiability import too_little
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
-from idim_iv_ros.effects.effect import OperatingRange
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
 from tests.inputs import changed
@@ -136,37 +134,6 @@ def test_a_payload_scatters_as_its_interval_says_though_other_numbers_are_wrong(
                 errors.append((number.value - mass) / number.std)
     assert named >= 5  # of a two-joint arm a link's error may be as good
     assert 0.01 < chi2.cdf(np.sum(np.square(errors)), len(errors)) < 0.99
-
-
-def test_parameter_errors_by_joint(data: Baseline) -> None:
-    """√(gap² − refit²) of each joint, whatever the causes."""
-    regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
-    for error in parametric_causes(data, explanation_of(data, regression))[1]:
-        rest = np.sqrt(max(error.named**2 - error.refit**2, 0.0))
-        assert error.remaining == pytest.approx(rest)
-        assert error.named < 1.1 * error.refit < 1.2 * error.given
-
-
-def covered(span: float, fastest: float, lever: float = 1.0) -> OperatingRange:
-    one = np.ones(1)
-    return OperatingRange(
-        low=0.0 * one, high=span * one, slowest=0.001 * one, fastest=fastest * one, load=one,
-        torque=one, inertia=one, duration=10.0, longest=10.0, row_rate=50.0, lever=lever * one,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("span", "fastest", "lever", "little"),
-    [
-        (0.02, 0.03, 1.0, True),  # a tremble
-        (2.0, 0.03, 1.0, False),  # slow, through many postures
-        (0.05, 0.5, 1.0, False),  # small and fast
-        (0.005, 0.5, 1.0, True),
-        (0.05, 0.03, 0.1, False),  # 5 cm of a prismatic joint
-    ],
-)
-def test_too_little_motion(span: float, fastest: float, lever: float, little: bool) -> None:
-    assert too_little(0, covered(span, fastest, lever)) == little
 
 
 DRIVES = {2: (0.25, 0.1), 6: (0.9, 1.1, 0.55, 0.16, 0.12, 0.06)}  # kg m²

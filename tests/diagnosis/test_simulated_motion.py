@@ -70,19 +70,6 @@ def test_what_another_loop_does_to_the_motion_is_taken_over_without_its_noise(no
     assert difference(real, corrected) <= max(0.2 * difference(real, measured), 1e-3)
 
 
-def test_with_few_rows_each_joint_alone_counts() -> None:
-    """21 rows do not hold six numbers of each joint."""
-    states = sines(seconds=1.0)
-    measured = [other_loop(states, order) for order in range(3)]
-    decimation = ParallelDecimation(24, len(states[0]), 0.8)
-    (corrected,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
-    changed = [states[2].copy() for _ in (0, 1)]
-    changed[1][:, 1] = 0.0
-    twisted = [*states[:2], changed[1]]
-    (other,) = corrected_motions([measured], [twisted], [decimation], [RATE], CUTOFF)
-    np.testing.assert_allclose(corrected[2][:, 0], other[2][:, 0])
-
-
 FACTOR = 0.25  # 3.5 ms late at 1 kHz
 
 
@@ -121,18 +108,6 @@ def test_the_filter_is_found_and_the_loop_moves_as_the_robot(data: Baseline) -> 
     factor = law_of(data).speed_factor
     assert factor == pytest.approx(FACTOR, rel=0.1)
     assert np.all(tracking(data) < 0.25 * tracking(with_exact_speed(data)))
-
-
-def test_a_recorded_velocity_that_the_law_uses_is_imitated(arm, late) -> None:
-    position = late.position.values
-    speed = np.zeros_like(position)
-    for k in range(1, len(position)):
-        step = (position[k] - position[k - 1]) * late.rate
-        speed[k] = speed[k - 1] + FACTOR * (step - speed[k - 1])
-    shown = replace(late, velocity=replace(late.position, values=speed))
-    assert law_of(baseline([shown], arm.configuration)).speed_factor == pytest.approx(
-        FACTOR, rel=0.1
-    )
 
 
 def test_a_law_with_the_exact_speed_keeps_it(arm: SimulatedArm) -> None:

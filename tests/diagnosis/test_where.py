@@ -14,7 +14,6 @@ from idim_iv_ros.diagnosis.refit.held_out import (
     held_out,
     interval,
     resampled,
-    shrinkage,
     time_blocks,
 )
 from idim_iv_ros.diagnosis.refit.noise_floor import (
@@ -85,22 +84,6 @@ def test_energy_in_one_bin_is_found_there() -> None:
     assert limits[0, 0] < 5.0 < limits[0, 1]
     assert regimes_of("joint_2", axis, bins, "rad/s")[0].low == 0.0
     assert energy.sum() == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "words"),
-    [(0.0, 0.1, "below 0.1"), (0.9, 1.0, "above 0.9"), (0.4, 0.5, "between 0.4 and 0.5")],
-)
-def test_an_end_of_the_axis_is_left_out_of_the_words(low: float, high: float, words: str) -> None:
-    random = np.random.default_rng(6)
-    speed = random.uniform(0.0, 1.0, 4000)
-    residual = random.standard_normal(4000) * np.where((speed > low) & (speed < high), 3.0, 1.0)
-    axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
-    bins = split(axis, residual**2, np.arange(4000) // 100)
-    best = joined(regimes_of("joint_2", axis, bins, "rad/s"))
-    assert best is not None
-    sentence = in_words(best, axis.edges)
-    assert sentence.startswith(f"joint_2, {words} rad/s: ")
 
 
 def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
@@ -251,15 +234,3 @@ def test_shrinkage_reaches_the_floor_and_its_interval_covers_the_truth() -> None
         assert gap.ci95 is not None
         hits += gap.ci95[0] <= 1.0 <= gap.ci95[1]
     assert hits >= 34
-
-
-def test_an_effect_that_is_not_there_gains_nothing() -> None:
-    regression = _regression(3, 7, 0.0)
-    floor = NoiseFloor(None, "lower bound", "")
-    tested = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], [floor])
-    assert abs(tested.gain(0)[0]) < 0.01
-    gap = tested.gap(0, 1, 0)
-    assert gap.noise_floor is None
-    assert gap.shrinkage is not None
-    assert abs(gap.shrinkage) < 0.01
-    assert np.isnan(shrinkage(np.array(0.5), np.array(0.5), 0.5))

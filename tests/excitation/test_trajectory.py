@@ -124,6 +124,12 @@ def test_yaml_becomes_the_message() -> None:
     np.testing.assert_allclose(velocities[:-1], trajectory.velocity[:200:10], atol=1e-7)
 
 
+@pytest.mark.parametrize("rate", [0.0, 101.0, float("nan")])
+def test_impossible_rate_of_points_is_refused(rate: float) -> None:
+    with pytest.raises(UsageError, match="points per second"):
+        write_joint_trajectory(wave(), io.StringIO(), rate=rate)
+
+
 def test_columns_follow_the_order_of_the_robots_joints() -> None:
     written = wave()
     turned = written.in_order(("elbow", "shoulder"))

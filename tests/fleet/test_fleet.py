@@ -210,3 +210,10 @@ def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monke
         answers_of(client, reciprocal, 2)
     for words in (client.scheduler.address, its, "0.1+other"):
         assert words in str(refused.value)
+
+
+def test_workers_and_scheduler_exclude_each_other() -> None:
+    with pytest.raises(UsageError, match="--workers is for this machine"):
+        FleetRun("bags", CONFIG, "out", scheduler="tcp://x:1", workers=2)
+    with pytest.raises(UsageError, match="--workers 0: at least one"):
+        FleetRun("bags", CONFIG, "out", workers=0)

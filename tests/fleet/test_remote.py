@@ -15,7 +15,7 @@ from idim_iv_ros.fleet.source import FetchedFile, find_bags, open_bag
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_bag
-from tests.fleet.conftest import CONFIG
+from tests.fleet.conftest import CONFIG, BagFolder
 
 TOPICS = {"/joint_states", "/joint_reference"}
 
@@ -110,6 +110,15 @@ def test_only_the_chunks_of_the_topics_are_fetched(bucket, folder, tmp_path) -> 
     assert np.array_equal(far.position.values, near.position.values)
     assert np.array_equal(far.effort.values, near.effort.values)
     assert far.notes == near.notes == ()
+
+
+def test_a_torn_bag_is_read_as_far_as_it_goes(bucket: str, folder: BagFolder) -> None:
+    whole = folder.bags[0].read_bytes()
+    uri = put(bucket, "torn/run.mcap", whole[: len(whole) // 2])
+    request = configured_request(load_configuration(CONFIG))
+    recording = read_bag(open_bag(uri), request)
+    assert 2.0 < recording.duration < 6.0
+    assert any("ends in the middle" in note.sentence for note in recording.notes)
 
 
 def test_a_bag_in_a_bucket_has_the_result_of_the_same_bag_on_disk(bucket, folder) -> None:

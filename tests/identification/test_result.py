@@ -52,18 +52,6 @@ def test_what_is_written_is_read_back(tmp_path: Path, case: str) -> None:
     assert read.residuals[0].acf.size == 0
 
 
-def test_what_follows_from_other_keys_is_that_of_the_other_keys(tmp_path: Path) -> None:
-    """A file whose derived values were edited does not deceive."""
-    result = sample_result(1, "white")
-    document = result.to_document()
-    document["parameters"][0]["remark"] = "physically impossible"
-    document["parameters"][0]["relative_std_percent"] = 0.0
-    document["instruments"]["tests"][0]["accepted"] = False
-    document["exogeneity"]["accepted"] = None
-    read = IdentificationResult.from_json(json.dumps(document), "result.json")
-    assert read == result
-
-
 def test_a_gap_json_is_no_identification(tmp_path: Path) -> None:
     path = tmp_path / "gap.json"
     path.write_text('{"format": "idim_iv_ros/gap/1"}')

@@ -102,25 +102,6 @@ def test_coupled_motor_turns_with_both_joints() -> None:
 
 
 @pytest.mark.parametrize(
-    ("unit", "kind", "expected"),
-    [
-        ("N m", "ZZ1", "kg m²"),
-        ("N m", "Fv2", "N s/m"),
-        ("A", "MX1", "A s²/m"),
-    ],
-)
-def test_units_follow_the_effort_unit_and_the_joint_type(unit, kind, expected) -> None:
-    layout = parameter_layout(
-        ["revolute", "prismatic"],
-        friction=["viscous", "coulomb"],
-        drive_inertia=True,
-        effort_unit=unit,
-    )
-    units = {parameter.name: parameter.unit for parameter in layout.parameters}
-    assert units[kind] == expected
-
-
-@pytest.mark.parametrize(
     ("unit", "joint_type", "effort_unit", "expected"),
     [
         ("N m s/rad", "revolute", "N m", "N m s/rad"),

@@ -180,28 +180,6 @@ def test_a_payload_is_beyond_the_limit(identified, recording) -> None:
     assert "identify anew" in sentence
 
 
-def test_stamps_that_jitter_change_little(identified, recording) -> None:
-    positions, efforts = samples(recording, FIVE)
-    # The driver samples when it stamps, 0.1 ms early or late: by linear interpolation.
-    shift = np.random.default_rng(5).uniform(-1e-4, 1e-4, len(positions))
-    time = positions.time + np.round(shift * 1e9).astype(np.int64)
-
-    def at(stream: JointSamples) -> JointSamples:
-        columns = [
-            np.interp(time - START, stream.time - START, column) for column in stream.values.T
-        ]
-        return JointSamples(time, np.stack(columns, axis=1))
-
-    live = LivePrediction(identified)
-    assert not play(live, at(positions), at(efforts))[-1].reason
-    assert live.rate == RATE
-    calm = LivePrediction(identified)
-    play(calm, positions, efforts)
-    # White noise of the efforts loses up to a third of its power between two samples.
-    ratio = live.rows.share(1e9, 50) / calm.rows.share(1e9, 50)
-    assert np.all((ratio > 0.8) & (ratio < 1.1))
-
-
 def in_two_messages(stream: JointSamples, *, apart: int, reverse: bool = False) -> JointSamples:
     """Each sample as two: three joints, and the other three from `apart` samples later."""
     count = len(stream) - apart
@@ -303,6 +281,14 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
         assert "250 Hz" in level.sentence and "1000 Hz" in level.sentence
 
 
+def test_a_rate_below_the_filter_is_refused_with_both_numbers(identified, recording) -> None:
+    pair = samples(recording, slice(0, 3), every=40)
+    last = play(LivePrediction(identified), *pair)[-1]
+    cutoff = identified.result.processing.position_cutoff
+    for number in (25.0, cutoff, 2 * cutoff):
+        assert f"{number:g} Hz" in last.reason
+
+
 def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(identified, recording):
     positions, efforts = samples(recording, slice(0, 4))
     time = positions.time.copy()
@@ -330,3 +316,11 @@ def test_positions_that_wrap_are_unwrapped(identified, recording) -> None:
     for a, b in zip(one, other, strict=True):
         assert a.reason == b.reason
         assert b.predicted == pytest.approx(a.predicted, abs=1e-6, nan_ok=True)
+
+
+def test_a_joint_without_any_position_is_named(identified, recording) -> None:
+    positions, efforts = samples(recording, slice(0, 1))
+    values = positions.values.copy()
+    values[:, 1] = np.nan
+    last = play(LivePrediction(identified), JointSamples(positions.time, values), efforts)[-1]
+    assert "position of joint_2" in last.reason

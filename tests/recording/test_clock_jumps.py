@@ -59,16 +59,6 @@ def test_a_clock_that_jumps_is_named_and_the_longest_stretch_is_used(tmp_path, j
     assert f"to {stamps[400]:.3f} s" in said
 
 
-def test_a_jump_of_all_topics_keeps_the_same_stretch_of_each(tmp_path: Path) -> None:
-    stamps = STAMPS.copy()
-    stamps[400:] += 1.7e9
-    recording, _ = read(tmp_path, stamps, reference="/joint_reference")
-    reference = recording.position_reference
-    assert reference is not None
-    np.testing.assert_array_equal(reference.values, recording.position.values)
-    assert not reference.invented.any()
-
-
 @pytest.mark.parametrize("place", [0, 1, 300, COUNT - 1])
 @pytest.mark.parametrize("stamp", [0.0, 1e6, 2.1e9])
 def test_a_single_stray_stamp_costs_its_message_only(tmp_path, place, stamp) -> None:

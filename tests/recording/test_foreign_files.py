@@ -1,5 +1,6 @@
 """Rows that are no message, values that no robot has, bags of other kinds and by other names."""
 
+import os
 import sqlite3
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
 
-from idim_iv_ros.errors import DataError
+from idim_iv_ros.errors import DataError, IdimError
 from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
 from tests.recording.bag_writer import STORE, float_array, joint_state, steady, write
@@ -108,3 +109,22 @@ def test_two_types_on_one_topic_are_named(tmp_path: Path, swapped: bool) -> None
     with pytest.raises(DataError, match="several types") as caught:
         read_recordings(path, joints=("a", "b"))
     assert all(kind in str(caught.value) for kind in kinds)
+
+
+@pytest.mark.parametrize("value", ["NULL", "'text'", "17"])
+@pytest.mark.parametrize("column", ["name", "type", "serialization_format", "id"])
+def test_topics_without_names_end_in_one_line(tmp_path: Path, column: str, value: str) -> None:
+    folder = write(tmp_path / "bag", steady(300), StoragePlugin.SQLITE3)
+    (path,) = folder.glob("*.db3")
+    change(path, "topics", f"UPDATE topics SET {column} = {value}")
+    with pytest.raises(IdimError) as caught:
+        read(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mcap")
+    with pytest.raises(DataError, match="a pipe"):
+        read_recordings(tmp_path / "pipe.mcap", joints="a")
+    with pytest.raises(DataError, match=r"no \.mcap"):
+        read_recordings(tmp_path, joints="a")

@@ -67,18 +67,6 @@ def test_an_effort_that_freezes_is_found_to_the_sample(step: float, length: int)
     assert not marked[~close].any()
 
 
-def test_a_driver_that_freezes_as_a_whole_is_found_in_both() -> None:
-    position, effort = _motion()
-    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
-    position = _counts(position, 1e-4)
-    position, where = _frozen(position, (2000,), 60)
-    effort, _ = _frozen(effort, (2000,), 60)
-    speed = moving_speed(position)
-    marked = frozen_positions(position, speed)
-    assert marked[where].all() and marked.sum() <= where.sum() + 2
-    assert frozen_efforts(effort, position, speed)[where].all()
-
-
 def test_an_effort_that_is_updated_more_slowly_than_it_is_published_is_not_frozen() -> None:
     position, effort = _motion()
     random = np.random.default_rng(7)

@@ -130,15 +130,3 @@ def test_a_preset_decides_how_chunks_are_compressed(tmp_path: Path, preset, comp
         read = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
     assert [message.position[0] for message in read[:3]] == [0.0, 0.001, 0.002]
     assert len(read) == 3000
-
-
-def test_small_has_fewer_chunks_where_much_arrives_at_once(tmp_path: Path) -> None:
-    counts = {}
-    for preset in ("default", "small"):
-        bag = GrowingBag(tmp_path / preset, SplitLimits(), topics=[TOPIC], storage=PRESETS[preset])
-        bag.add([(k, TOPIC.name, bytes(1000), k, k) for k in range(8000)])
-        bag.close()
-        (file,) = (tmp_path / preset).glob("*.mcap")
-        with file.open("rb") as stream:
-            counts[preset] = len(make_reader(stream).get_summary().chunk_indexes)
-    assert counts == {"default": 8, "small": 2}

@@ -88,18 +88,6 @@ def test_the_slower_message_gives_the_rate(tmp_path: Path, rates: tuple[float, f
     assert {round(clock.rate) for clock in recording.clocks} == {100, 250}
 
 
-@pytest.mark.parametrize("apart", [0.0, 0.002])
-def test_one_joint_a_message_is_one_recording(tmp_path: Path, apart: float) -> None:
-    publishers = [
-        messages((joint,), stamped=apart * place, arrives=place * LATER)
-        for place, joint in enumerate(ARM)
-    ]
-    recording = read(tmp_path, *publishers, gripper(stamped=0.001))
-    assert recording.rate == 100.0
-    assert not recording.position.invented.any()
-    assert_every_joint_is_at_its_own_time(recording)
-
-
 def test_what_one_message_lost_is_missing_of_its_joints_only(tmp_path: Path) -> None:
     lossy = messages(("c",), arrives=LATER)
     del lossy[50:60]

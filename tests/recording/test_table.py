@@ -77,6 +77,11 @@ def test_stamps_that_ros_cannot_hold_are_refused(tmp_path: Path, stamps) -> None
         convert(tmp_path, str(tmp_path / "q.npy"), rate=None, time=str(tmp_path / "t.npy"))
 
 
+def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="File name too long"):
+        convert(tmp_path, str(tmp_path / ("q" * 300 + ".npy")))
+
+
 @pytest.mark.parametrize("key", ["q1,q2", "1,2", "q1,2"])
 @pytest.mark.parametrize("comments", ["", "# "])
 def test_columns_are_named_by_the_header_or_by_numbers_from_0(tmp_path, key, comments) -> None:

@@ -7,7 +7,6 @@ from rosbags.rosbag2 import StoragePlugin
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording, read_recordings
-from idim_iv_ros.recording.bags.folder import Bag
 from tests.recording.bag_writer import TYPES, joint_state, write
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -111,17 +110,3 @@ def test_a_full_name_is_no_other_and_a_name_no_end_of_a_word(tmp_path: Path, nam
 )
 def test_description_is_that_of_the_namespace_else_the_global_one(tmp_path, topics, expected):
     assert read(bag_of(tmp_path, *topics)).robot_description == expected
-
-
-def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path, *LEFT)
-    (file,) = bag.glob("*.mcap")
-    whole = Bag(file).topic_types()
-    content = file.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(content[: len(content) - 200])
-    assert (
-        Bag(cut).topic_types()
-        == whole
-        == dict.fromkeys(LEFT[:2], JOINT_STATE) | {"/left/robot_description": "std_msgs/msg/String"}
-    )

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from importlib import resources
 
 import pytest
 
@@ -14,7 +13,7 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     RecordingAgreement,
 )
-from idim_iv_ros.report import gap_report_html, report_html
+from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.advice import (
     contrast_steps,
     diagnosis_headline,
@@ -155,19 +154,6 @@ def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
     page = Page(gap_report_html(replace(_arm6(), configuration={**ARM6, "robot": robot})))
     assert "The robot is not drawn: " in page.text
     assert "robot" not in [attributes.get("id") for _, attributes in page.elements]
-
-
-def test_every_colour_of_a_figure_is_one_of_both_schemes() -> None:
-    style = resources.files("idim_iv_ros.report").joinpath("assets/report.css").read_text("utf-8")
-    light, dark = (
-        set(re.findall(r"(--[a-z-]+):", block))
-        for block in re.findall(r":root[^{]*\{([^}]*)\}", style)[:2]
-    )
-    assert light == dark
-    for text in (gap_report_html(_arm6()), report_html(sample_result(2))):
-        used = set(re.findall(r'"var\((--[a-z-]+)\)"', text))
-        assert used
-        assert used <= light
 
 
 def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:

@@ -1,10 +1,14 @@
 """Numbers in their digits, and curves of hours in a few thousand points."""
 
+import math
+import sys
+
 import numpy as np
 import pytest
 
 from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.report import numerals
 from idim_iv_ros.report.numerals import (
     MISSING,
     count,
@@ -131,14 +135,30 @@ def test_no_line_runs_from_one_recording_to_the_next() -> None:
     assert len(thinned.gaps) == 0  # nothing was left out between the two
 
 
-def test_a_long_pause_does_not_leave_hairlines_for_recordings() -> None:
-    parts = [SessionPart("run1", 0.0, 1.0), SessionPart("run2", 601.0, 1.0)]
-    session = session_axis(parts)
-    thinned = _thin(_two(pause=599.99), session)
-    time = thinned.time[np.isfinite(thinned.time)]
-    assert np.all(np.diff(time) > 0.0)
-    assert 2.0 < time[-1] < 2.1
-    marks = session.marks()
-    assert [note["text"] for note in marks["annotations"]] == ["1", "2"]
-    assert len(marks["shapes"]) == 1
-    assert session.words.endswith("1 run1, 2 run2.")
+_SIZES = [
+    *(0.0, 5e-324, sys.float_info.min, 1e-300, 1.1e-16, 1e-9, 0.00123, 0.05, 0.0999, 0.5),
+    *(1 - 2**-53, 1.0, 9.995, 99.95, 123.456, 999.5, 12345.6789, 1e7, 2.0**53 + 2, 1e22, 1e300),
+    *(sys.float_info.max, math.inf, math.nan),
+]
+_NUMBERS = [None, *_SIZES, *(-size for size in _SIZES)]
+
+
+@pytest.mark.parametrize("value", _NUMBERS)
+def test_every_number_can_be_written_beside_any_uncertainty(value: float | None) -> None:
+    for std in _NUMBERS:
+        require_written(value, std)
+
+
+def require_written(value: float | None, std: float | None) -> None:
+    texts = [
+        *numerals.measured(value, std),
+        numerals.with_digits_of(value, std),
+        numerals.number(value),
+        numerals.percent(value),
+        numerals.p_value(value),
+        numerals.with_unit(value, "N m"),
+        numerals.exact(value, "N m"),
+    ]
+    finite = value is not None and math.isfinite(value)
+    assert (texts[0] == numerals.MISSING) is not finite
+    assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)

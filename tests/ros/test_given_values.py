@@ -18,7 +18,7 @@ from idim_iv_ros.nodes.parameters import (
     declare,
     refuse_unknown_arguments,
 )
-from idim_iv_ros.nodes.settings import RecorderSettings, SimulatorSettings
+from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.conftest import ARM2
 from tests.ros.node_alone import node_alone
 from tests.ros.processes import SETTINGS
@@ -186,15 +186,6 @@ def test_a_node_without_its_configuration_ends_in_one_line(
     assert start(name, "--ros-args", *arguments) == 2
     (line,) = said(capfd)
     assert words.format(**files) in line
-
-
-def test_a_trajectory_that_cannot_be_read_is_refused_when_set(tmp_path: Path) -> None:
-    settings = SimulatorSettings(configuration="arm.yaml")
-    broken = tmp_path / "motion.csv"
-    broken.write_text("nothing\n")
-    for path in (broken, tmp_path / "missing.csv"):
-        with pytest.raises(UsageError, match=path.name):
-            changed(settings, [Parameter("trajectory", value=str(path))])
 
 
 @pytest.mark.parametrize("inside", ["", "deeper/still"])

@@ -181,12 +181,6 @@ def test_bad_request_is_one_line(served, simulated_bags: Path, request_, words: 
     assert "Traceback" not in served.process.errors.read_text()
 
 
-def test_refused_goal_is_aborted_with_the_reason(served) -> None:
-    answer = served.wait(served.goal("../bag-1.mcap").get_result_async())
-    assert (answer.status, answer.result.success) == (GoalStatus.STATUS_ABORTED, False)
-    assert "'..' is not allowed" in answer.result.message
-
-
 def test_announced_bag_is_identified(served, simulated_bags: Path) -> None:
     served.identify("bag-1.mcap")
     publisher = served.node.create_publisher(BagClosed, "/announced", 10)

@@ -145,21 +145,6 @@ def test_what_to_do_next_by_hand() -> None:
     assert not any("robot_simulator" in line for line in lines)
 
 
-def test_what_to_do_next_is_said_at_once_where_no_node_says_that_it_is_ready() -> None:
-    assert len(launch(FILES["robot"], **GIVEN, log_level="warn").said) == 1
-
-
-def test_each_of_several_robots_says_what_to_do_next() -> None:
-    launched = launch(FILES["robots"], robots="left,right", **GIVEN)
-    for number, words in enumerate(
-        ["ready: it\n", "unconfigured: call\n", "ready: it\n", "already: it\n"]
-    ):
-        launched.hear(number, words)
-    assert len(launched.said) == 1
-    launched.hear(3, "ready after 61.5 s: publishes")
-    assert ["/left/" in said for said in launched.said] == [True, False]
-
-
 def test_every_argument_is_described_in_the_documentation() -> None:
     page = (ROOT / "docs" / "ros.md").read_text().partition("## Launch files")[2]
     for name, arguments in REQUIRED.items():

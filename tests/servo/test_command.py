@@ -67,6 +67,12 @@ def test_identify_without_a_law_names_the_command_that_finds_it(servo_folder, ru
     assert "Traceback" not in outcome.error
 
 
+def test_gain_for_each_recording(servo_folder):
+    configuration = load_configuration(servo_folder / "servo_arm.yaml")
+    with pytest.raises(UsageError, match="2 values for 1"):
+        identify_servos(servo_folder / "run.mcap", configuration, gains=[1.0, 2.0])
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -59,15 +59,6 @@ def test_a_break_between_runs_is_not_taken_for_a_sample():
     assert abs(ignoring.coefficients[0] + 0.95) > 2 * abs(model.coefficients[0] + 0.95)
 
 
-@pytest.mark.parametrize("n_rows", [0, 1, 2, 5])
-def test_almost_no_rows_give_a_white_model(n_rows):
-    series = np.ones(n_rows)
-    segments = [slice(0, n_rows)] if n_rows else []
-    model = fit_autoregression(series, segments)
-    assert model.order == 0
-    np.testing.assert_array_equal(model.whiten(series, segments), series)
-
-
 def test_oversampled_residual_with_80_db_of_dynamic_range_is_whitened_stably():
     rng = np.random.default_rng(9)
     low = sosfiltfilt(cheby1(8, 0.05, 0.1, output="sos"), rng.standard_normal(30_000))

@@ -270,19 +270,3 @@ def test_the_command_lags_behind_the_law_as_through_a_first_order_filter():
         expected[k, 1] = kept * expected[k - 1, 1] + (1.0 - kept) * law[k, 1]
     np.testing.assert_allclose(result.torque, expected, atol=1e-9)
     assert np.abs(expected - law).max() > 0.1
-
-
-def test_discs_slow_down_under_a_coupling_that_goes_with_the_root_of_their_speed():
-    """Two discs turn against each other: dw/dt = −2 c √w, which ends at rest and stays there."""
-    robot, parameters = disc(1.0, joints=2)
-    result = driven(
-        robot, parameters, np.zeros((1500, 2)),
-        on(robot, "joint_coupling", 1, direction=-1.0, viscous=0.7, power=0.5),
-        initial_velocity=np.array([0.4, -0.6]),
-    )  # fmt: skip
-    time = np.arange(1500) / 1000.0
-    expected = np.maximum(1.0 - 0.7 * time, 0.0) ** 2
-    relative = result.velocity[:, 0] - result.velocity[:, 1]
-    np.testing.assert_allclose(relative, expected, atol=1e-3)
-    np.testing.assert_allclose(result.velocity.sum(axis=1), -0.2, atol=1e-9)
-    assert np.all(relative[1450:] == 0.0)

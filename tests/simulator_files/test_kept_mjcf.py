@@ -104,6 +104,16 @@ def test_what_an_inertial_is_written_as_stays(tmp_path: Path) -> None:
     assert abs(quat @ given) > 0.9
 
 
+def test_other_ways_to_turn_an_inertial_become_a_quaternion(tmp_path: Path) -> None:
+    text, joints, _ = ARMS["ur5e"]
+    turned = text.replace('quat="0.9 0.1 0.2 0.1"', 'euler="0.1 0.4 0.2"')
+    assert turned != text
+    arm = arm_of(tmp_path, turned, joints)
+    written = arm.export(tmp_path / "out").mjcf.read_text()
+    assert "euler" not in written
+    assert_same_torques(arm, written, turned)
+
+
 def test_inertia_of_geoms_becomes_an_inertial_and_the_geoms_stay(tmp_path: Path) -> None:
     inertial = '<inertial pos="0.15 -0.008 0.003" mass="2.3" fullinertia="0.00140875 0.022861 0.022861 0 -0.0005 0"/>'
     text = ARM2.replace(inertial, '<geom type="capsule" size="0.05 0.1" pos="0.1 0 0.02"/>')

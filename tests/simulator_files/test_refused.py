@@ -20,6 +20,13 @@ def arm(tmp_path: Path) -> Case:
     return case(tmp_path, "arm2")
 
 
+def test_a_folder_that_cannot_be_written(arm: Case, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(UsageError, match=r"cannot be written: .*; give another --out"):
+        arm.export(tmp_path / "file" / "out")
+    assert (tmp_path / "file").read_text(encoding="utf-8") == ""
+
+
 def test_files_of_somebody_else_stay(arm: Case, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()

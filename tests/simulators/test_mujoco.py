@@ -5,7 +5,6 @@ closed loop are MuJoCo's here.
 """
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -163,12 +162,6 @@ def arm():
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_motion_is_that_of_the_other_simulator(name: str, arm) -> None:
     motion_is_the_same(arm, MOTIONS[name])
-
-
-@pytest.mark.parametrize("name", ["none", "eccentricity"])
-def test_a_law_with_a_filtered_speed_is_the_same_in_both(name: str, arm) -> None:
-    late = replace(arm, law=replace(arm.law, speed_factor=0.2))
-    motion_is_the_same(late, MOTIONS[name])
 
 
 def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:

@@ -15,7 +15,6 @@ from benchmarks.hostile.comparison import changes, comparison_lines, mcnemar
 from benchmarks.hostile.generate import write_cell
 from benchmarks.hostile.judge import judge
 from benchmarks.hostile.nuisances import drawn
-from benchmarks.hostile.page import page_lines
 from benchmarks.hostile.plants import chain_of, run
 from benchmarks.hostile.robots import LARGE, SMALL, joint_count
 from benchmarks.withheld_effects.cells import Asked
@@ -187,18 +186,6 @@ def test_a_cause_that_has_nothing_to_do_with_the_truth_is_no_hit() -> None:
     assert not score.ranked[0].hit and not score.ranked[0].anywhere and not score.ranked[0].first
     assert score.false_names == ("backlash[joint_2]",)
     assert score.outcome == "missed + false"
-
-
-def test_an_effect_that_is_too_weak_is_not_asked_for_and_one_of_no_strength_is_not_there() -> None:
-    weak, absent = label(BACKLASH), label(BACKLASH)
-    weak["effects"][0]["rho"] = 0.5
-    absent["effects"][0] |= {"rho": 0.0, "strength": 0.0}
-    cells = {"a": judge(weak, answer(), 1.0), "b": judge(absent, answer(), 1.0)}
-    assert not cells["a"].right and cells["b"].right
-    page = "\n".join(page_lines(cells, {}))
-    assert "one effect, 2 joints: hit | — |" in page and "| backlash |" not in page
-    said = answer(("backlash", "structural", "joint_1", []))
-    assert judge(absent, said, 1.0).false_names == ("backlash[joint_1]",)
 
 
 def test_two_versions_differ_by_the_cells_that_only_one_has_right() -> None:
