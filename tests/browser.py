@@ -1,6 +1,5 @@
 """A page in headless Chromium while time goes on, spoken to over a pipe."""
 
-import base64
 import json
 import os
 import shutil
@@ -21,13 +20,12 @@ _TIMEOUT = 120.0  # s
 class Browser:
     """One page of a Chromium process."""
 
-    def __init__(self, folder: Path, *, size: tuple[int, int] = (1200, 900), dark: bool = False):
+    def __init__(self, folder: Path) -> None:
         assert CHROMIUM is not None
         commands, self._commands = os.pipe()
         self._answers, answers = os.pipe()
         # Chromium reads commands from descriptor 3 and answers on 4; bash puts them there.
-        width, height = size
-        call = [CHROMIUM, *_OPTIONS, f"--user-data-dir={folder}", f"--window-size={width},{height}"]
+        call = [CHROMIUM, *_OPTIONS, f"--user-data-dir={folder}", "--window-size=1200,900"]
         redirect = f'exec "$@" 3<&{commands} 4>&{answers}'
         self._process = subprocess.Popen(
             ["bash", "-c", redirect, "chromium", *call, "about:blank"],
@@ -42,9 +40,6 @@ class Browser:
         (page,) = [target for target in targets if target["type"] == "page"]
         attached = self._call("Target.attachToTarget", targetId=page["targetId"], flatten=True)
         self._session = attached["sessionId"]
-        if dark:
-            feature = [{"name": "prefers-color-scheme", "value": "dark"}]
-            self._call("Emulation.setEmulatedMedia", features=feature)
 
     def open(self, url: str) -> None:
         """Go to a page."""
@@ -63,16 +58,6 @@ class Browser:
             assert time.monotonic() < deadline, f"never: {script}"
             time.sleep(0.05)
         return value
-
-    def picture(self, path: Path, height: int | None = None) -> None:
-        """Write what is seen."""
-        area = {}
-        if height is not None:
-            width = self.evaluate("innerWidth")
-            clip = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
-            area = {"clip": clip, "captureBeyondViewport": True}
-        data = self._call("Page.captureScreenshot", **area)["data"]
-        path.write_bytes(base64.b64decode(data))
 
     def close(self) -> None:
         """End the process."""

@@ -1,6 +1,5 @@
 """Only what this program wrote is replaced, and what somebody changed since is not its own."""
 
-import json
 import os
 from pathlib import Path
 
@@ -93,19 +92,3 @@ def test_nothing_but_a_file_is_ever_replaced(tmp_path: Path, make, words: str, n
     with pytest.raises(UsageError, match=words):
         write_bag(tmp_path / name, [TOPIC], force=True)
     assert (tmp_path / name).lstat().st_ino == before
-
-
-def test_a_file_may_have_the_longest_name_that_the_system_allows(tmp_path: Path) -> None:
-    path = tmp_path / ("x" * 250 + ".mcap")
-    write_bag(path, [TOPIC])
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    assert written_by_program(path)
-
-
-def test_a_report_beside_a_file_of_the_user_is_not_written(tmp_path: Path) -> None:
-    (tmp_path / "report.html").write_text("<html>my thesis</html>")
-    with pytest.raises(UsageError, match=r"report\.html: exists"):
-        write_report(sample_result(1), tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html"]
-    write_report(sample_result(1), tmp_path, force=True)
-    assert json.loads((tmp_path / "result.json").read_text())["robot"]

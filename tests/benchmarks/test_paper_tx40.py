@@ -4,7 +4,6 @@ Where a sentence of the paper does not hold on the simulated robot, the test ass
 measured instead and says why.
 """
 
-import re
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -22,7 +21,6 @@ from benchmarks.paper_tx40.experiment import (
     Reproduction,
     reproduce,
 )
-from benchmarks.paper_tx40.page import page
 from benchmarks.paper_tx40.published import TABLE_1
 
 # Of these the tests below say what was measured instead.
@@ -126,16 +124,3 @@ def test_without_gravity_the_error_is_found_at_the_first_joints_and_not_at_the_l
         tests = result.instruments.tests[1:]
         assert {test.scope for test in tests if not test.accepted} <= first_four
         assert result.verdict.verdict == "misspecified"
-
-
-def test_the_report_sets_every_table_and_figure_beside_the_papers(runs) -> None:
-    text = page(runs)
-    for words in (
-        "Table 1:",
-        "Table 2:",
-        "Table 3:",
-        *[f"figures {k} and {k + 1}" for k in (1, 3, 5)],
-    ):
-        assert words in text
-    assert text.count("<tr") > 28 + 28 + 21 + len(claims.CLAIMS)
-    assert "nan" not in re.sub(r"<script.*?</script>", "", text, flags=re.S).lower()

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from idim_iv_ros.cli.diagnose import separated_sets
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import UsageError
-from tests.report.sample_gap import CASES, Case, sample_gap
+from idim_iv_ros.report.advice import contrast_headline
+from tests.cli.conftest import refused
+from tests.report.sample_gap import CASES, Case, sample_contrast, sample_gap
 
 
 class StandIn:
@@ -61,16 +64,6 @@ def test_every_verdict_is_written_and_fits_on_a_screen(diagnose, tmp_path, capsy
     assert 5 < len(capsys.readouterr().out.splitlines()) <= 40
 
 
-def test_effects_are_left_out_once(diagnose) -> None:
-    stand_in = StandIn()
-    bags = [Path("a.mcap"), Path("b.mcap")]
-    diagnose(stand_in, bags, without=["stribeck", "payload", "stribeck"])
-    ((bags, joints, without),) = stand_in.calls
-    assert bags == (Path("a.mcap"), Path("b.mcap"))
-    assert joints == ["joint_1", "joint_2"]
-    assert without == ("stribeck", "payload")
-
-
 def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_path: Path) -> None:
     stand_in = StandIn()
     with pytest.raises(UsageError, match=r"strybeck.*payload.*stribeck") as refusal:
@@ -81,18 +74,48 @@ def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_p
     assert not (tmp_path / "why").exists()
 
 
-def test_a_place_that_cannot_be_written_is_refused_before_the_work(diagnose, tmp_path) -> None:
-    taken = tmp_path / "taken"
-    (taken / "gap.json").mkdir(parents=True)
-    stand_in = StandIn()
-    with pytest.raises(UsageError, match=r"gap\.json is a folder"):
-        diagnose(stand_in, out=taken)
-    assert stand_in.calls == []
-
-
 def test_brackets_in_names_are_printed_as_they_are(diagnose, tmp_path: Path, capsys) -> None:
     named = sample_gap(2, "structural", first="[red]arm[/]")
     diagnose(lambda *_, **__: named)
     assert "[red]arm[/]" in "".join(capsys.readouterr().out.split())
     document = json.loads((tmp_path / "why" / "gap.json").read_text(encoding="utf-8"))
     assert document["joints"][0] == "[red]arm[/]"
+
+
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ("a --against b c --out d", "a --against b --against c --out d"),
+        ("--against b c -q", "--against b --against c -q"),
+        ("--against b --against c", "--against b --against c"),
+        ("--against b -- a c", "--against b -- a c"),
+        ("a b --out d", "a b --out d"),
+    ],
+)
+def test_names_behind_against_belong_to_it_up_to_the_next_option(given: str, read: str) -> None:
+    assert list(separated_sets(given.split())) == read.split()
+
+
+def test_what_changed_is_printed_before_the_reference_by_itself(diagnose, capsys) -> None:
+    calls = []
+
+    def stand_in(bags, configuration, *, without=(), against=(), progress=None):
+        calls.append(tuple(against))
+        return sample_contrast()
+
+    sets = [Path("a.mcap")], [Path("b1.mcap"), Path("b2.mcap")]
+    diagnose(stand_in, sets[0], against=sets[1])
+    assert calls == [tuple(sets[1])]
+    printed = " ".join(capsys.readouterr().out.split())
+    result = sample_contrast()
+    assert result.contrast is not None
+    sentence = " ".join(" ".join(contrast_headline(result, result.contrast)).split())
+    assert printed.count(sentence) == 1
+    assert printed.index("Contrast:") < printed.index("Verdict:")
+    assert "payload" in printed and "mass\xa0=\xa00.81" in printed.replace(" ", "\xa0")
+
+
+def test_a_recording_in_both_sets_is_refused(run, bag: Path, config, tmp_path: Path) -> None:
+    outcome = run(f"diagnose {bag} --against {bag} --config {config()} --out {tmp_path / 'why'}")
+    refused(outcome, 2, "arm2.mcap")
+    assert not (tmp_path / "why" / "gap.json").exists()

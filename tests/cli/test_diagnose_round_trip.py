@@ -68,7 +68,7 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(run, rippled, tm
 
 
 def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(run, rippled, tmp_path):
-    bags = rippled(1, 2, seconds=8)
+    bags = rippled(1, 2, seconds=5)
     out = tmp_path / "why"
     outcome = run(
         "diagnose", *bags, "--config", CONFIG, "--out", out, "--without", "position_ripple"

@@ -85,9 +85,3 @@ def test_bad_request_is_one_line_and_leaves_nothing(run, config, tmp_path, argum
     assert complaint in done.error
     assert len(done.error.strip().splitlines()) == 1
     assert not list(folder.iterdir())
-
-
-@pytest.mark.parametrize(("place", "words"), [("missing/run", "no folder"), (".", "is a folder")])
-def test_place_that_cannot_be_written_is_refused(run, config, tmp_path, place, words) -> None:
-    done = run("excite", "--config", config(), "--out", tmp_path / place, status=2)
-    assert words in done.error

@@ -28,15 +28,6 @@ def test_all_files_are_written_and_named(run, arm: Case, tmp_path: Path) -> None
     assert sorted(Path(file).name for file in json.loads(outcome.out)["files"]) == FILES
 
 
-def test_refusals_are_one_line_and_nothing_is_written(run, arm: Case, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    pendulum = CONFIG / "double_pendulum.yaml"
-    refused(run("export", arm.path, "--config", pendulum, "--out", out), 2, "another robot")
-    nothing = tmp_path / "none.json"
-    refused(run("export", nothing, "--config", CONFIG / "arm2.yaml", "--out", out), 2, "none.json")
-    assert not out.exists()
-
-
 def test_a_cause_is_left_out_by_its_name(run, arm: Case, tmp_path: Path) -> None:
     out, config = tmp_path / "out", CONFIG / "arm2.yaml"
     options = ("--config", config, "--out", out, "--without")

@@ -13,7 +13,6 @@ from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.first_configuration.yaml_text import SECTIONS
 from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.request import sounds_like_reference
 from tests.cli.conftest import JOINTS, refused
 
 ARM = (simulated_arms.CONFIG / "arm2.urdf").read_text()
@@ -172,16 +171,6 @@ def test_bag_without_efforts_is_refused_in_one_line(init, record, effort, words)
     assert not out.exists()
 
 
-@pytest.mark.parametrize(
-    ("text", "word"), [("<robot", "not XML"), ("<sdf/>", "not a URDF"), ("\xff", "not")]
-)
-def test_broken_urdf_is_refused_in_one_line(init, record, tmp_path, text: str, word: str) -> None:
-    (tmp_path / "arm.urdf").write_bytes(text.encode("latin-1"))
-    options = ["--urdf", tmp_path / "arm.urdf"]
-    _, done, _ = init(states(record), description=None, options=options, status=2)
-    refused(done, 2, "arm.urdf", word)
-
-
 def test_edited_configuration_is_kept(run, init, record) -> None:
     out, _, bag = init(states(record))
     run("init", bag, "--out", out, status=0)
@@ -228,12 +217,6 @@ def test_every_example_of_a_left_out_key_is_valid(init, record) -> None:
     assert tried > 25
 
 
-def test_references_are_known_by_a_word_of_their_name() -> None:
-    references = ("/joint_reference", "/arm_controller/joint_command", "/desired_joint_states")
-    assert all(map(sounds_like_reference, references))
-    assert not any(map(sounds_like_reference, ("/joint_states", "/link_states", "/preference")))
-
-
 def test_unused_reference_is_answered_with_the_line_to_write(run, config, record, tmp_path) -> None:
     bag = tmp_path / "run.mcap"
     write_bag(bag, [states(record), reference(record)])
@@ -250,23 +233,3 @@ def test_unused_reference_is_answered_with_the_line_to_write(run, config, record
     right = config(("reference: joint_reference", "reference: /arm/joint_command"))
     followed = run("check", bag, "--config", right)
     assert "no reference" not in followed.out
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_a_gripper_on_the_topic_of_the_arm_changes_no_proposal(run, record, urdf, tmp_path, first):
-    finger = np.full((len(record.time) // 2, 1), 0.01)
-    gripper = JointTopic(
-        "/joint_states", ["left_finger_joint"], record.time[::2], finger, None, 0.0 * finger
-    )
-    proposals = []
-    for name, topics in (("arm", [states(record)]), ("both", [states(record), gripper])):
-        bag = tmp_path / f"{name}.mcap"
-        write_bag(bag, [*topics[:: -1 if first else 1], reference(record)])
-        done = run("init", bag, "--urdf", urdf, "--out", tmp_path / "arm.yaml", "--force", "--json")
-        proposals.append(json.loads(done.out))
-    alone, both = proposals
-    assert both["configuration"] == alone["configuration"]
-    assert both["reasons"]["signals.joint_states"].startswith(
-        f"{len(record.time)} messages at 1000"
-    )
-    assert "left_finger_joint" in both["left_out"]

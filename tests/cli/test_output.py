@@ -119,18 +119,7 @@ def test_edited_motion_is_kept_and_an_untouched_one_replaced(run, config, tmp_pa
     assert run(*design, *quick, "--force").status == 0
 
 
-@pytest.mark.parametrize("out", ["missing/a.mcap", ".", f"{'a' * 300}.mcap"])
-def test_place_that_cannot_be_used_is_refused_before_the_tables_are_read(
-    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("folder.mcap").mkdir()
-    place = Path("folder.mcap") if out == "." else Path(out)
-    outcome = run("import", place, "--columns", tmp_path / "no.yaml")
-    refused(outcome, 2, str(place))
-
-
-def test_functions_take_text_paths_and_one_or_many_bags(bag, columns, tmp_path: Path) -> None:
+def test_functions_take_text_paths_and_one_or_many_bags(bag) -> None:
     path = simulated_arms.CONFIG / "arm2.yaml"
     configuration = idim_iv_ros.load_configuration(str(path))
     assert configuration == idim_iv_ros.load_configuration(path)
@@ -138,19 +127,10 @@ def test_functions_take_text_paths_and_one_or_many_bags(bag, columns, tmp_path: 
     (one,) = idim_iv_ros.read_recordings(str(bag), **options)
     (same,) = idim_iv_ros.read_recordings([bag], **options)
     np.testing.assert_array_equal(one.position.values, same.position.values)
-    for out, described in (
-        (tmp_path / "a.mcap", columns),
-        (str(tmp_path / "b.mcap"), str(columns)),
-    ):
-        idim_iv_ros.import_table(out, described)
-        assert Path(out).is_file()
     assert idim_iv_ros.check(str(bag), configuration) == idim_iv_ros.check((bag,), configuration)
-    results = [
-        idim_iv_ros.identify(given, configuration) for given in (bag, str(bag), iter([str(bag)]))
-    ]
-    results.append(idim_iv_ros.identify_recordings(one, configuration))
+    ours = {"estimator": "idim-ls"}
+    results = [idim_iv_ros.identify(given, configuration, **ours) for given in (bag, iter([bag]))]
+    results.append(idim_iv_ros.identify_recordings(one, configuration, **ours))
     assert len({tuple(number.value for number in result.parameters) for result in results}) == 1
-    written, _ = idim_iv_ros.write_report(results[0], str(tmp_path / "results"))
-    assert written.is_file()
     with pytest.raises(idim_iv_ros.UsageError, match="no bag"):
         idim_iv_ros.check([], configuration)

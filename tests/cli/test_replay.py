@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import CONFIG, refused, write_arm
+from tests.cli.conftest import refused, write_arm
 from tests.simulators.test_replay import OTHER
 
 
@@ -57,12 +57,3 @@ def test_without_mujoco_one_line_names_the_extra(run, config, short, monkeypatch
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     outcome = run("replay", short, "--config", config(), "--json")
     refused(outcome, 2, "a replay needs MuJoCo", "idim-iv-ros[mujoco]")
-
-
-def test_a_recording_without_references_is_refused(run, short: Path, tmp_path: Path) -> None:
-    text = (CONFIG / "arm2.yaml").read_text().replace("  reference: joint_reference\n", "")
-    path = tmp_path / "arm2.yaml"
-    path.write_text(text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}"))
-    outcome = run("replay", short, "--config", path, "--out", tmp_path / "out")
-    refused(outcome, 1, "no reference to replay")
-    assert not (tmp_path / "out").exists()

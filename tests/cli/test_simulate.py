@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import refused
-from tests.gap_files import gap_content
+from tests.inputs import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -123,40 +123,3 @@ def test_effects_that_were_written_by_hand_are_simulated(run, tmp_path: Path) ->
     truth = json.loads((tmp_path / "soft.truth.json").read_text())
     assert truth["Fv1"] == 9.0
     assert truth["effects"][0]["effect"] == "elasticity"
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ({"base_parameters": {"ZZ9": 1.0}}, "base_parameters.ZZ9"),
-        ({"effects": [{"effect": "rope", "joint": "joint_1"}]}, "rope"),
-        ({"effects": [{"effect": "stribeck", "joint": "joint_1", "size": 1.0}]}, "size"),
-        ({"effects": 3}, "soft.json: effects: "),
-    ],
-)
-def test_a_wrong_file_of_effects_is_refused_in_one_line(run, tmp_path, content, words) -> None:
-    file = tmp_path / "soft.json"
-    file.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
-    config, bag = CONFIG / "arm2.yaml", tmp_path / "soft.mcap"
-    refused(run("simulate", "--config", config, "--out", bag, "--effects", file), 2, words)
-    assert not bag.exists()
-
-
-def test_bags_of_several_seeds_are_written_all_or_none(config, tmp_path, monkeypatch, run) -> None:
-    """The disk is full when the last of them is written."""
-    path, seeds = config(), ("--seed", 1, "--seed", 2, "--seed", 3)
-    written: list[Path] = []
-    opened = Path.open
-
-    def full(self: Path, mode: str = "r", *arguments, **named):
-        if "w" in mode:
-            written.append(self)
-            if len(written) == 4 + 3:  # each file is tried before, the truth too
-                raise OSError(28, "No space left on device")
-        return opened(self, mode, *arguments, **named)
-
-    monkeypatch.setattr(Path, "open", full)
-    done = run("simulate", "--config", path, "--out", tmp_path / "s.mcap", "--duration", 1, *seeds)
-    assert done.status == 2
-    assert "No space left" in done.error
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]

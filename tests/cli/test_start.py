@@ -51,7 +51,7 @@ def test_shell_completes_commands_and_options() -> None:
 
 
 # From the first imports over loading and estimation to the drawing of the report.
-MOMENTS = ("typer", "numpy", "rosbags", "idim_iv_ros.estimation.idim_iv", "scipy.stats", "plotly")
+MOMENTS = ("typer", "rosbags", "idim_iv_ros.estimation.idim_iv", "plotly")
 
 
 @pytest.mark.parametrize("module", MOMENTS)

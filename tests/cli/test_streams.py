@@ -1,5 +1,6 @@
-"""Where a command's words go may have no UTF-8, no room, no width, or nobody who reads."""
+"""Where a command's words go: no UTF-8, no room, no width, nobody who reads, a narrow terminal."""
 
+import io
 import json
 import os
 import shutil
@@ -8,15 +9,26 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
-from tests.cli.conftest import REPOSITORY, START, Outcome, in_process, refused, said
+from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
+from idim_iv_ros.cli.output import print_table
+from tests.cli.conftest import (
+    CONFIG,
+    REPOSITORY,
+    START,
+    Outcome,
+    in_process,
+    refused,
+    said,
+    write_arm,
+)
+from tests.report.sample_gap import sample_gap
 
 PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-ASCII = {"PYTHONIOENCODING": "ascii"}
 
 
-@pytest.mark.parametrize("locale", [PLAIN, ASCII])
-def test_a_name_and_a_terminal_of_other_encodings(run, config, bag, tmp_path, locale) -> None:
+def test_a_name_and_a_terminal_of_other_encodings(run, config, bag, tmp_path) -> None:
     """A table is spelt with what there is, and a document is the same as elsewhere."""
     named = tmp_path / os.fsdecode(b"b\xe9.mcap")
     shutil.copy(bag, named)
@@ -25,24 +37,12 @@ def test_a_name_and_a_terminal_of_other_encodings(run, config, bag, tmp_path, lo
         f"import sys\ntry:\n    {START}\nexcept SystemExit as end:\n    assert not end.code\n"
         f"print('\\f', end='')\nsys.argv.append('--json')\n{START}"
     )
-    done = in_process(*arguments, code=twice, **locale)
+    done = in_process(*arguments, code=twice, **PLAIN)
     assert (done.status, said(done.error)) == (0, [])
     table, document = done.out.split("\f")
     assert r"b\xe9.mcap" in table and "sigma <= 10" in table
     assert json.loads(document) == json.loads(run(*arguments, "--json").out)
     assert r'"b\\xe9.mcap"' in document
-
-
-def test_a_result_of_a_bag_whose_name_is_no_text_is_written_and_read(run, config, bag, tmp_path):
-    named = tmp_path / os.fsdecode(b"b\xe9.mcap")
-    shutil.copy(bag, named)
-    run("identify", named, "--config", config(), "--out", tmp_path / "out", status=0)
-    document = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert [Path(used["path"]).name for used in document["bags"]] == [r"b\xe9.mcap"]
-    assert r"b\xe9.mcap" in (tmp_path / "out" / "report.html").read_text()
-    first = run("init", named, "--urdf", document["configuration"]["robot"]["urdf"],
-                "--out", tmp_path / "first.yaml")  # fmt: skip
-    assert first.status == 0, first.error
 
 
 @pytest.mark.parametrize("option", ["--version", "--help"])
@@ -75,6 +75,54 @@ def test_no_file_is_named_by_a_dash_or_by_nothing(run, config, tmp_path, monkeyp
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
-def test_an_option_is_refused_in_our_words(run, config) -> None:
-    done = run("simulate", "--config", config(), "--out", "a.mcap", "--duration", 0, status=2)
-    assert "--duration" in done.error and "Input should" not in done.error
+LONG = "shoulder_pan_joint_very_long"
+COLUMNS = ["joint", ">torque", "what was found"]
+ROWS = [
+    (LONG, "12.5 N m", "ZZ1 + Ia1 + YY2 + 0.0484·M3 grows with the speed"),
+    ("elbow", "0.3 N m", "nothing"),
+]
+
+
+def printed(width: int, rows=ROWS, **options) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    print_table(console, "Joints", COLUMNS, rows, **options)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", [12, 40, 60, 120])
+def test_no_name_and_no_number_with_its_unit_is_cut(width: int) -> None:
+    text = printed(width)
+    assert all(whole in text for whole in (LONG, "12.5 N m", "0.3 N m", "elbow"))
+
+
+@pytest.mark.parametrize("width", [80, 110])
+def test_a_diagnosis_fits_and_keeps_the_names_of_its_joints(width: int) -> None:
+    console = Console(file=io.StringIO(), width=width)
+    print_diagnosis(console, sample_gap(6, "both", first=LONG))
+    text = console.file.getvalue()
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= width
+    assert len(text.splitlines()) <= 50
+    assert LONG in text
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose", "check"])
+def test_efforts_that_no_drive_has_are_refused_in_one_line(run, config, record, tmp_path, command):
+    bag = write_arm(tmp_path / "odd.mcap", record, effort=record.effort * [1.0, 1e-160])
+    out = [] if command == "check" else ["--out", tmp_path / "out"]
+    done = run(command, bag, "--config", config(), *out)
+    refused(done, 1, "odd.mcap: the largest torque of joint_2", "N m")
+
+
+def test_warnings_of_libraries_are_not_shown_but_can_be_asked_for(tmp_path: Path) -> None:
+    broken = (
+        "import warnings, idim_iv_ros.configuration as read, idim_iv_ros.cli.main as main_module\n"
+        "def load(path):\n"
+        "    warnings.warn('overflow encountered', RuntimeWarning)\n"
+        "    warnings.warn('pkg_resources is deprecated', UserWarning)\n"
+        "    raise SystemExit(0)\n"
+        "read.load_configuration = load\n"
+    )
+    arguments = ("check", tmp_path / "a.mcap", "--config", CONFIG / "arm2.yaml")
+    assert in_process(*arguments, code=broken + START).error == ""
+    asked = in_process(*arguments, code=broken + START, IDIM_IV_TRACEBACK="1")
+    assert "overflow encountered" in asked.error

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
+from idim_iv_ros.diagnosis.comparison.ledger import RowNoise, scale_of
 from idim_iv_ros.diagnosis.identifiability import Absorption
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
@@ -65,16 +66,6 @@ def test_estimate_and_covariance_are_those_of_the_dense_solution() -> None:
     np.testing.assert_allclose(fit.covariance, covariance, rtol=1e-6, atol=1e-11)
     np.testing.assert_array_equal(fit.coefficient_covariance, fit.covariance[3:, 3:])
     np.testing.assert_allclose(np.concatenate(fit.residuals), y - x @ expected, atol=1e-7)
-
-
-def test_standard_deviations_are_those_of_repeated_experiments() -> None:
-    fits = [world(seed, pole=0.7).fit() for seed in range(120)]
-    off = np.array(
-        [(fit.values - VALUES) / np.sqrt(np.diag(fit.covariance)) for fit in fits]
-    ).ravel()
-    assert abs(off.mean()) < 4.0 / np.sqrt(len(off))
-    # The standard deviation of n normal numbers has itself one of 1 / √(2n).
-    assert off.std() == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(off)))
 
 
 def test_autocorrelation_of_the_noise_is_found() -> None:
@@ -144,3 +135,27 @@ def test_what_the_model_absorbs_of_columns_is_what_dense_least_squares_takes() -
     np.testing.assert_allclose(energy, np.sum(columns**2, axis=0), rtol=1e-12)
     np.testing.assert_allclose(left, rest.T @ rest, atol=1e-9 * energy.max())
     assert left[0, 0] < 1e-9 * energy[0] < left[1, 1]
+
+
+def test_rows_beside_a_shock_weigh_as_much_as_the_torque_that_was_missed_there() -> None:
+    rng = np.random.default_rng(1)
+    residual = 0.1 * rng.normal(size=2000)
+    unsampled = 0.05 * rng.normal(size=2000)
+    assert scale_of(residual, unsampled).mean() < 1.001  # nothing is missed
+    unsampled[700:703] = [1.0, -2.0, 1.0]
+    scale = scale_of(residual, unsampled)
+    assert scale[[700, 701, 702]] == pytest.approx([10.0, 20.0, 10.0], rel=0.1)
+    assert np.median(scale) == 1.0
+
+
+def test_noise_of_a_scale_is_white_after_both_are_taken_out() -> None:
+    rng = np.random.default_rng(2)
+    model = AutoregressiveModel(np.array([-0.8]), 0.04)
+    scale = np.where(np.arange(4000) < 2000, 1.0, 5.0)
+    noise = np.zeros(4000)
+    for k in range(1, 4000):
+        noise[k] = 0.8 * noise[k - 1] + 0.2 * rng.normal()
+    white = RowNoise(model, scale).standardized((scale * noise)[:, None], (slice(0, 4000),))[:, 0]
+    for part in (white[100:2000], white[2000:]):
+        assert part.std() == pytest.approx(1.0, abs=0.05)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.05

@@ -8,7 +8,6 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.identifiability import (
-    floor_noise_models,
     not_shown_by_motion,
 )
 from idim_iv_ros.diagnosis.likelihood import Regression
@@ -17,9 +16,8 @@ from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.tracking import simulated_tracking, simulation_gap, tracking_series
 from idim_iv_ros.diagnosis.where import where
 from idim_iv_ros.effects.registry import STRUCTURAL
-from idim_iv_ros.simulation import SimulatedEffect
-from tests.configurations import changed
 from tests.estimation.test_simulated_arms import recorded
+from tests.inputs import changed
 
 
 @pytest.fixture(scope="module")
@@ -51,17 +49,6 @@ def test_repeats_tell_the_noise_that_was_put_in(data: Baseline, regression: Regr
         assert floor.sigma == colour.sigma
 
 
-def test_gap_of_the_given_model_is_reported(data: Baseline, regression: Regression) -> None:
-    fit = regression.fit()
-    gaps, findings = where(data, regression, fit, noise_floors(data, regression, fit, ()))
-    assert sum(gap.share for gap in gaps.joints) == pytest.approx(1.0)
-    assert gaps.joints[0].rms > 3.0 * float(np.std(fit.residuals[0]))
-    assert findings
-    for regime in gaps.regimes:
-        assert regime.ci95 is not None
-        assert not regime.ci95[0] <= 1.0 <= regime.ci95[1]
-
-
 def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(data, regression) -> None:
     configuration = data.prepared.configuration
     current = replace(
@@ -80,18 +67,6 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(data, 
     assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
     units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
     assert units <= {"A"}
-
-
-def test_testability_does_not_look_at_the_torque(data: Baseline, regression: Regression) -> None:
-    fit = regression.fit()
-    noise_models = floor_noise_models(fit, [None, None])
-    blind = Regression(
-        tuple(replace(joint, torque=np.zeros_like(joint.torque)) for joint in regression.joints),
-        regression.parameters,
-    )
-    refused = not_shown_by_motion(data, regression, STRUCTURAL, noise_models)
-    assert refused == not_shown_by_motion(data, blind, STRUCTURAL, noise_models)
-    assert refused
 
 
 def test_more_noise_hides_more(data: Baseline, regression: Regression) -> None:
@@ -126,17 +101,3 @@ def test_the_refit_tracks_better_than_the_given_model(data: Baseline) -> None:
     # Reference less simulated, less reference less measured: what the simulation misses.
     missed = np.sqrt(np.mean([(s.after - s.measured) ** 2 for s in series[::2]]))
     assert missed == pytest.approx(after.rms["joint_1"], rel=0.1)
-
-
-def test_effects_are_simulated_and_what_cannot_be_says_so(data: Baseline) -> None:
-    values = data.estimate.linear.values
-    spring = SimulatedEffect("spring", "joint_1", {"linear": 40.0})
-    bent = simulated_tracking(data, values, [spring])
-    assert bent.rms is not None
-    assert bent.rms["joint_1"] > 2e-3
-    unknown = simulated_tracking(data, values, [SimulatedEffect("magic", "joint_1", {})])
-    assert unknown.rms is None
-    assert "magic" in unknown.note
-    assert simulation_gap(bent, unknown, 0) is None
-    open_loop = replace(data, sources=replace(data.sources, sources=data.sources.sources[1:]))
-    assert simulated_tracking(open_loop, values).note.startswith("not simulated")

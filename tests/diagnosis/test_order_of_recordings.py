@@ -62,10 +62,12 @@ def is_increasing(result: GapResult) -> bool:
     return all(bool(np.all(np.diff(series.time) > 0.0)) for series in result.series)
 
 
-@pytest.mark.parametrize("starts", [(0.0, 100.0, 40.0), (3.0, 0.0, 5.0)], ids=["apart", "overlap"])
-def test_any_order_of_bags_gives_the_same_gap(bags: Bags, arm: SimulatedArm, starts) -> None:
-    paths = bags(starts)
-    in_time = [paths[k].name for k in np.argsort(starts)]
+STARTS = (3.0, 0.0, 5.0)  # s: they overlap
+
+
+def test_any_order_of_bags_gives_the_same_gap(bags: Bags, arm: SimulatedArm) -> None:
+    paths = bags(STARTS)
+    in_time = [paths[k].name for k in np.argsort(STARTS)]
     orders = [paths, [paths[1], paths[2], paths[0]]]
     results = [diagnose(order, arm.configuration, without=WITHOUT) for order in orders]
     for result in results:
@@ -85,16 +87,14 @@ def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(bag
     for result, order in ((one, orders[0]), (two, orders[1])):
         assert list(result.bags) == [path.name for path in order]
         assert is_increasing(result)
-        assert "Measured and modelled torque" in gap_report_html(result)
     assert one.verdict == two.verdict
     assert [(c.effect, c.joint) for c in one.causes] == [(c.effect, c.joint) for c in two.causes]
     for a, b in zip(one.stages, two.stages, strict=True):
         assert a.torque_rms == pytest.approx(b.torque_rms, rel=1e-6)
 
 
-@pytest.mark.parametrize("starts", [(0.0, 100.0, 40.0), (3.0, 0.0, 5.0)], ids=["apart", "overlap"])
-def test_any_order_of_bags_gives_the_same_identification(bags, arm, starts) -> None:
-    paths = bags(starts)
+def test_any_order_of_bags_gives_the_same_identification(bags: Bags, arm: SimulatedArm) -> None:
+    paths = bags(STARTS)
     documents = []
     for order in (paths, [paths[1], paths[2], paths[0]]):
         result = identify(order, arm.configuration)

@@ -77,11 +77,6 @@ def test_numbers_that_no_body_has_are_none(space: ParameterSpace, name: str, val
     assert allowed(space, numbers, std=1.0)
 
 
-def test_a_number_that_is_not_known_excludes_nothing(space: ParameterSpace) -> None:
-    numbers = body(1.5, (0.05, 0.0, 0.1)) | {"inertia_xx": 1.0}
-    assert allowed(space, numbers, unknown="inertia_yy")
-
-
 def test_a_part_that_is_not_there_is_a_body_with_the_other_sign(space: ParameterSpace) -> None:
     joint = space.joints - 1
     there = space.model.robot.given.inertial[joint]

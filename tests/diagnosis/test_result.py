@@ -8,23 +8,18 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from idim_iv_ros.diagnosis.result import GapResult, Regime, Where
+from idim_iv_ros.diagnosis.result import (
+    EffectParameter,
+    GapResult,
+    Regime,
+    Transmission,
+    Where,
+)
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.report import write_report
-from tests.report.sample_gap import CASES, Case, sample_gap
+from tests.report.sample_gap import CASES, sample_contrast, sample_gap
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
-
-
-def test_what_is_not_explained_is_null_or_named() -> None:
-    assert sample_gap(2, "structural").to_document()["unexplained"] is None
-    left = sample_gap(2, "unknown").to_document()["unexplained"]
-    assert left == {
-        "joint": "joint_2",
-        "family": "event",
-        "share": 0.62,
-        "where": "pulses between 12 and 15 s that no repeat shows again",
-    }
 
 
 def test_numbers_that_do_not_exist_are_null() -> None:
@@ -52,9 +47,17 @@ def test_numbers_that_do_not_exist_are_null() -> None:
     assert document["configuration"] == {"limit": None, "path": "a/b", "ids": [1, 2]}
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_what_is_written_passes_the_check_and_is_read_back(tmp_path: Path, case: Case) -> None:
-    result = sample_gap(2, case)
+def everything() -> GapResult:
+    """A contrast, hints and a transmission."""
+    stiffness, offset = EffectParameter(8e3, 40.0, "N m/rad"), EffectParameter(4e-4, 2e-5, "s")
+    gear = Transmission(
+        joint="joint_1", stiffness=stiffness, time_offset=offset, position_error=True
+    )
+    return replace(sample_contrast(), hints=sample_gap(2, "none").hints, transmissions=(gear,))
+
+
+@pytest.mark.parametrize("result", [*(sample_gap(2, case) for case in CASES), everything()])
+def test_what_is_written_passes_the_check_and_is_read_back(tmp_path, result: GapResult) -> None:
     written, page = write_report(result, tmp_path / "new")
     read = GapResult.read(written)
     assert read == result

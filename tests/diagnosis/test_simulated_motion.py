@@ -1,10 +1,23 @@
-"""The simulated motion, brought closer to a measured one that another loop made."""
+"""The simulated motion: closer to a measured one, with the law's speed, and at each stage."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from bags.simulated_arms import SimulatedArm
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import corrected_motions, high_passed
+from idim_iv_ros.diagnosis.tracking import simulated_tracking, tracked_stages
+from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.recording import Recording
 from idim_iv_ros.signals import ParallelDecimation
+from idim_iv_ros.simulation import ControlLaw
+from tests.estimation.test_simulated_arms import recorded
 
 RATE, CUTOFF = 500.0, 20.0
 
@@ -57,14 +70,67 @@ def test_what_another_loop_does_to_the_motion_is_taken_over_without_its_noise(no
     assert difference(real, corrected) <= max(0.2 * difference(real, measured), 1e-3)
 
 
-def test_with_few_rows_each_joint_alone_counts() -> None:
-    """21 rows do not hold six numbers of each joint."""
-    states = sines(seconds=1.0)
-    measured = [other_loop(states, order) for order in range(3)]
-    decimation = ParallelDecimation(24, len(states[0]), 0.8)
-    (corrected,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
-    changed = [states[2].copy() for _ in (0, 1)]
-    changed[1][:, 1] = 0.0
-    twisted = [*states[:2], changed[1]]
-    (other,) = corrected_motions([measured], [twisted], [decimation], [RATE], CUTOFF)
-    np.testing.assert_allclose(corrected[2][:, 0], other[2][:, 0])
+FACTOR = 0.25  # 3.5 ms late at 1 kHz
+
+
+@pytest.fixture(scope="module")
+def late(arm: SimulatedArm) -> Recording:
+    robot = replace(arm, law=replace(arm.law, speed_factor=FACTOR))
+    return recorded(robot, 1)
+
+
+@pytest.fixture(scope="module")
+def data(arm: SimulatedArm, late: Recording) -> Baseline:
+    return baseline([late], arm.configuration)
+
+
+def law_of(data: Baseline) -> ControlLaw:
+    source = data.sources.sources[0]
+    assert isinstance(source, SimulatedLoop)
+    return source.laws[0]
+
+
+def tracking(data: Baseline) -> np.ndarray:
+    """Simulated less measured motion of the refit, rms of each joint, rad."""
+    rms = simulated_tracking(data, data.estimate.linear.values).rms
+    assert rms is not None
+    return np.array(list(rms.values()))
+
+
+def with_exact_speed(data: Baseline) -> Baseline:
+    source = data.sources.sources[0]
+    assert isinstance(source, SimulatedLoop)
+    exact = replace(source, laws=tuple(replace(law, speed_factor=None) for law in source.laws))
+    return replace(data, sources=replace(data.sources, sources=(exact, *data.sources.sources[1:])))
+
+
+def test_the_filter_is_found_and_the_loop_moves_as_the_robot(data: Baseline) -> None:
+    factor = law_of(data).speed_factor
+    assert factor == pytest.approx(FACTOR, rel=0.1)
+    assert np.all(tracking(data) < 0.25 * tracking(with_exact_speed(data)))
+
+
+def test_a_law_with_the_exact_speed_keeps_it(arm: SimulatedArm) -> None:
+    assert law_of(baseline([recorded(arm, 1)], arm.configuration)).speed_factor is None
+
+
+def effect_of(name: str, **numbers: float) -> Any:
+    """A cause whose effect has these numbers, whatever its coefficients."""
+    parameters = {key: EffectParameter(value, None, "") for key, value in numbers.items()}
+    effect = SimpleNamespace(name=name, parameters=lambda *_: parameters)
+    return SimpleNamespace(term=SimpleNamespace(effect=effect, place=Place(0), shape=None))
+
+
+def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(data: Baseline) -> None:
+    fit = SimpleNamespace(values=data.estimate.linear.values, coefficients=np.zeros(2))
+    effects = (effect_of("no such effect"), effect_of("spring", linear=40.0))
+    explanation: Any = SimpleNamespace(
+        effects=effects, fits=[fit] * 3, fit=fit, block=lambda number: slice(number, number + 1)
+    )
+    _, refit, unknown, spring = tracked_stages(data, explanation)
+    assert (refit.note, refit.caveat) == ("", "")
+    assert (unknown.note, unknown.rms) == ("", refit.rms)
+    assert "no such effect" in unknown.caveat
+    assert (spring.note, spring.caveat) == ("", "")
+    assert spring.rms is not None and refit.rms is not None
+    assert spring.rms["joint_1"] > 2.0 * refit.rms["joint_1"]

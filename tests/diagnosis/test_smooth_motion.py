@@ -9,14 +9,14 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, record
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
-from tests.configurations import changed
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded
+from tests.inputs import changed
 
 
 def test_velocity_and_acceleration_are_derivatives_of_the_position(data: Baseline) -> None:
@@ -91,21 +91,6 @@ def test_load_is_that_of_the_links_without_drives_and_friction(data: Baseline) -
     )
     expected = whole - given * motion.acceleration[:, 0]
     np.testing.assert_allclose(motion.load[:, 0], expected, atol=1e-9)
-
-
-def test_rows_of_the_refit_use_the_friction_that_sticks(data: Baseline) -> None:
-    regression = smooth_regression(data)
-    motion = data.motions[0]
-    names = data.prepared.model.base.names
-    for joint in (0, 1):
-        rows = regression.extended[joint]
-        matrix, places = rows.matrix, rows.columns
-        column = list(places).index(names.index(f"Fc{joint + 1}"))
-        expected = motion.rows(motion.slip[:, [joint]])[motion.kept[:, joint], 0]
-        np.testing.assert_allclose(matrix[:, column], expected)
-        values = data.estimate.linear.values[places]
-        torque = motion.rows(motion.torque)[motion.kept[:, joint], joint]
-        np.testing.assert_allclose(matrix @ values, torque, atol=1e-6)
 
 
 def test_band_ends_where_noise_of_the_encoders_reaches_eight_times_that_of_the_torques(arm) -> None:
@@ -226,12 +211,3 @@ def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
     np.testing.assert_allclose(
         still.slope(1), (ends[0] - ends[1]) / (2 * step), atol=1e-3 * np.abs(ends[0]).max()
     )
-
-
-def test_a_law_that_is_not_configured_is_fitted_and_simulated(arm, data: Baseline) -> None:
-    nobody = {"type": "unknown", "kp": None, "kd": None}
-    configuration = changed(arm.configuration, "controller", **nobody)
-    fitted = baseline([recorded(arm, 1)], configuration)
-    assert fitted.sticking
-    assert beside_reversals(fitted) > 0
-    assert fitted.row_rate == data.row_rate

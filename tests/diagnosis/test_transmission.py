@@ -190,13 +190,6 @@ def test_an_effect_that_is_left_out_is_not_named_from_the_encoders_either(diagno
     assert not shafts(diagnosed(SHAFT, ("elasticity",)))
 
 
-def test_transmissions_are_in_the_document_and_read_back(diagnosed, tmp_path: Path):
-    result = diagnosed(SHAFT)
-    result.write(tmp_path / "gap.json")
-    again = GapResult.read(tmp_path / "gap.json")
-    assert again.transmissions == result.transmissions
-
-
 def test_what_the_encoders_exclude_is_taken_out_with_a_note(diagnosed):
     soft = EffectParameter(1e3, 10.0, "N m/rad")
     cause = replace(shafts(diagnosed(SHAFT))[0], parameters={"stiffness": soft})

@@ -1,6 +1,5 @@
 """A link behind a shaft or a play, against SciPy's integration of the same two masses."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.two_masses import transmitted
-from tests.diagnosis.motions import synthetic
 
 RATE, INERTIA, COUPLED = 500.0, 0.4, 0.15
 TIME = np.arange(2000) / RATE
@@ -81,24 +79,6 @@ def test_play_is_that_of_scipy_and_leaves_the_flank() -> None:
 def test_a_stiff_shaft_without_play_changes_nothing() -> None:
     torques = transmitted(constant_link(), 1, 1e4 * STIFFNESS, 1e2 * DAMPING, 0.0)
     assert np.abs(torques[1][50:]).max() < 1e-2 * np.abs(load_at(TIME)).max()
-
-
-def test_a_soft_shaft_in_rest_carries_the_static_load() -> None:
-    """The link starts where the bent shaft holds it: nothing moves."""
-    motion = synthetic(1.0, still=0)
-    motion = replace(
-        motion,
-        position=np.full_like(motion.position, 0.4),
-        velocity=np.zeros_like(motion.velocity),
-        acceleration=np.zeros_like(motion.acceleration),
-    )
-    stiffness = 1e5
-    torques = transmitted(motion, 1, stiffness, 50.0, 0.0)
-    # Of the load, the slope of gravity over the bending alone is new.
-    bending = -motion.load[0, 1] / stiffness
-    assert abs(torques[1][-1, 0] - motion.slope(1)[0, 1] * bending) < 0.1 * abs(
-        motion.slope(1)[0, 1] * bending
-    )
 
 
 def test_torque_behind_a_shaft_is_not_ahead_of_its_time() -> None:

@@ -1,11 +1,27 @@
 """Where the gap lies, on residuals whose answer is known by construction."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
-from idim_iv_ros.diagnosis.refit.noise_floor import difference_energy, find_repeats
-from idim_iv_ros.diagnosis.result import Regime
+from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.held_out import (
+    block_sums,
+    folds_of,
+    held_out,
+    interval,
+    resampled,
+    time_blocks,
+)
+from idim_iv_ros.diagnosis.refit.noise_floor import (
+    NoiseFloor,
+    Repeat,
+    difference_energy,
+    find_repeats,
+)
 from idim_iv_ros.diagnosis.where import (
     Axis,
     axes_of,
@@ -16,6 +32,7 @@ from idim_iv_ros.diagnosis.where import (
     since_reversal,
     split,
 )
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.recording import SessionPart
 
 
@@ -69,22 +86,6 @@ def test_energy_in_one_bin_is_found_there() -> None:
     assert energy.sum() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "words"),
-    [(0.0, 0.1, "below 0.1"), (0.9, 1.0, "above 0.9"), (0.4, 0.5, "between 0.4 and 0.5")],
-)
-def test_an_end_of_the_axis_is_left_out_of_the_words(low: float, high: float, words: str) -> None:
-    random = np.random.default_rng(6)
-    speed = random.uniform(0.0, 1.0, 4000)
-    residual = random.standard_normal(4000) * np.where((speed > low) & (speed < high), 3.0, 1.0)
-    axis = Axis("speed", speed, np.linspace(0.0, 1.0, 11))
-    bins = split(axis, residual**2, np.arange(4000) // 100)
-    best = joined(regimes_of("joint_2", axis, bins, "rad/s"))
-    assert best is not None
-    sentence = in_words(best, axis.edges)
-    assert sentence.startswith(f"joint_2, {words} rad/s: ")
-
-
 def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
     random = np.random.default_rng(4)
     outside = 0
@@ -94,17 +95,6 @@ def test_lift_of_noise_excludes_one_about_as_often_as_it_says() -> None:
         limits = lifts(split(axis, residual**2, np.arange(2000) // 50))[3]
         outside += int(np.sum((limits[:, 0] > 1.0) | (limits[:, 1] < 1.0)))
     assert outside / 400 < 0.12
-
-
-def test_adjacent_high_bins_are_joined() -> None:
-    def bin_of(low: float, energy: float) -> Regime:
-        return Regime("a", "position", low, low + 1.0, "rad", energy, 0.1, energy / 0.1, None)
-
-    best = joined([bin_of(0.0, 0.05), bin_of(1.0, 0.3), bin_of(2.0, 0.2), bin_of(4.0, 0.3)])
-    assert best is not None
-    assert (best.low, best.high) == (1.0, 3.0)
-    assert best.energy_share == pytest.approx(0.5)
-    assert best.lift == pytest.approx(2.5)
 
 
 def _reference(seed: int, seconds: float) -> np.ndarray:
@@ -171,3 +161,76 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
         start, end = sentence.split("from ")[1].split(" s of ")[0].split(" to ")
         assert 4.0 < float(start) < 7.0
         assert 9.9 < float(end) <= 10.0
+
+
+ROWS, RATE = 600, 50.0
+
+
+def _data(recordings: int) -> Baseline:
+    motions = [SimpleNamespace(kept=np.ones((ROWS, 1), bool)) for _ in range(recordings)]
+    data: Any = SimpleNamespace(
+        motions=motions,
+        of_joints=lambda values: (np.concatenate(values),),
+        row_rate=RATE,
+        joints=("joint_1",),
+        recordings=(np.repeat(np.arange(recordings), ROWS),),
+        places=(np.tile(np.arange(ROWS), recordings),),
+    )
+    return cast(Baseline, data)
+
+
+def _regression(recordings: int, seed: int, size: float) -> Regression:
+    random = np.random.default_rng(seed)
+    rows = ROWS * recordings
+    matrix, extra = random.standard_normal((rows, 3)), random.standard_normal((rows, 1))
+    torque = matrix @ [1.0, -2.0, 0.5] + size * extra[:, 0] + 0.5 * random.standard_normal(rows)
+    segments = tuple(slice(k * ROWS, (k + 1) * ROWS) for k in range(recordings))
+    joint = JointRows(matrix, torque, np.arange(3), segments)
+    return Regression((joint,), 3).with_columns({0: extra})
+
+
+def test_recordings_are_folds_and_repeats_share_one() -> None:
+    folds, note = folds_of(_data(4), [Repeat(0, 2, 0)])
+    assert len(np.unique(folds[0])) == 3
+    assert folds[0][0] == folds[0][2 * ROWS]
+    assert "3 recordings" in note
+
+
+def test_folds_of_one_recording_are_its_quarters() -> None:
+    folds, _ = folds_of(_data(1), [])
+    np.testing.assert_array_equal(folds[0], np.repeat(np.arange(4), ROWS // 4))
+
+
+def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
+    regression = _regression(3, 1, 0.4)
+    fit = regression.fit(steps=0)
+    floor = NoiseFloor(0.5, "repeats", "")
+    tested = held_out(_data(3), regression, fit, ["+x[joint_1]"], [floor], given=np.zeros(3))
+    assert tested.names == ("given", "refit", "+x[joint_1]")
+    matrix = regression.extended[0].matrix
+    torque = regression.joints[0].torque
+    fold = np.repeat(np.arange(3), ROWS)
+    for stage, width in ((1, 3), (2, 4)):
+        for k in range(3):
+            out = fold == k
+            values = np.linalg.lstsq(matrix[~out, :width], torque[~out], rcond=None)[0]
+            expected = torque[out] - matrix[out, :width] @ values
+            np.testing.assert_allclose(tested.residuals[stage][0][out], expected, atol=2e-4)
+    np.testing.assert_array_equal(tested.residuals[0][0], torque)
+    gain, helped, folds = tested.gain(0)
+    assert (helped, folds) == (3, 3)
+    assert gain == pytest.approx(0.16 / 0.41, abs=0.05)
+
+
+def test_shrinkage_reaches_the_floor_and_its_interval_covers_the_truth() -> None:
+    floor = [NoiseFloor(0.5, "repeats", "")]
+    true = np.sqrt(0.25 + 0.16)
+    hits = 0
+    for seed in range(40):
+        regression = _regression(3, seed, 0.4)
+        tested = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], floor)
+        gap = tested.gap(tested.refit, tested.refit + 1, 0)
+        assert gap.before == pytest.approx(true, abs=0.06)
+        assert gap.ci95 is not None
+        hits += gap.ci95[0] <= 1.0 <= gap.ci95[1]
+    assert hits >= 34

@@ -15,8 +15,8 @@ from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import Recording, Signal
-from tests.configurations import changed
 from tests.estimation.test_simulated_arms import off_by, recorded, truth_of
+from tests.inputs import changed
 
 FAST, SLOW = 1000.0, 250.0
 

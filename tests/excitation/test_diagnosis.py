@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import BPoly
 
 from idim_iv_ros.effects.registry import EFFECTS as CATALOGUE
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation import design_diagnosis, motion_limits
+from idim_iv_ros.excitation import design_diagnosis
 from idim_iv_ros.excitation.diagnosis import loop_bandwidth
-from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED, multisine
+from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
 
 
@@ -72,11 +71,6 @@ def test_plateaus_fall_in_speed_at_two_postures(diagnosis) -> None:
     assert np.abs(middles[0] - middles[5]).max() > 0.2
 
 
-def test_joints_move_in_the_same_and_in_opposite_directions(diagnosis) -> None:
-    signs = {tuple(np.sign(segment.speed[:2])) for segment, *_ in of_kind(diagnosis[2], "plateau")}
-    assert signs == {(1.0, 1.0), (1.0, -1.0)}
-
-
 def test_reversals_have_the_amplitude_of_their_label(diagnosis) -> None:
     amplitudes = []
     for segment, position, velocity, _ in of_kind(diagnosis[2], "reversals"):
@@ -102,17 +96,6 @@ def test_multisine_reaches_two_to_three_bandwidths_at_small_amplitude(diagnosis)
     assert segment.frequency[1] == pytest.approx(2.5 * made.bandwidth.max())
 
 
-def test_quintics_between_five_points_a_period_follow_the_fastest_segment(diagnosis) -> None:
-    made = diagnosis[2]
-    ((_, position, velocity, acceleration),) = of_kind(made, "multisine")
-    step = int(made.trajectory.rate / (5.0 * made.highest_frequency))
-    time = np.arange(len(position)) / made.trajectory.rate
-    knots = np.stack([s[::step] for s in (position, velocity, acceleration)], axis=1)
-    quintics = BPoly.from_derivatives(time[::step], knots)
-    inside = time <= time[::step][-1]
-    assert np.abs(quintics(time) - position)[inside].max() < 0.01 * np.ptp(position)
-
-
 def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
     made = diagnosis[2]
     rate = made.trajectory.rate
@@ -122,12 +105,6 @@ def test_joints_share_no_line_of_the_multisine(diagnosis) -> None:
     strong = lines > 0.3 * lines.max(axis=0)
     assert np.all(strong.sum(axis=0) >= 5)
     assert strong.sum(axis=1).max() == 1
-
-
-def test_slow_loops_keep_lines_of_their_own() -> None:
-    plan = multisine(np.full(7, 0.3), 0.005, 6.0, 200.0, seed=1)
-    position = plan.shape[0]
-    np.testing.assert_allclose(np.abs(position).max(axis=0), 0.005, rtol=1e-9)
 
 
 def test_repeats_are_identical_and_spread_over_the_session(diagnosis) -> None:
@@ -157,14 +134,6 @@ def test_bandwidth_of_each_law(robots) -> None:
     np.testing.assert_allclose(cascade, 160.18 / (2.0 * np.pi))
     assert configured
     assert not loop_bandwidth(robots("double_pendulum")[0].controller, np.ones(2))[1]
-
-
-def test_one_joint_reveals_no_coupling(robots) -> None:
-    configuration, model = robots("emps")
-    limits = motion_limits(model, configuration)
-    made = design_diagnosis(model, limits, configuration, duration=90.0, rate=500.0)
-    assert_limits_hold(model, limits, made.trajectory)
-    assert not any("joint_coupling" in segment.effects for segment in made.segments)
 
 
 @pytest.mark.parametrize(

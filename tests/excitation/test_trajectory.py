@@ -136,8 +136,3 @@ def test_columns_follow_the_order_of_the_robots_joints() -> None:
     assert turned.joints == ("elbow", "shoulder")
     for name in ("position", "velocity", "acceleration"):
         np.testing.assert_array_equal(getattr(turned, name), getattr(written, name)[:, ::-1])
-
-
-def test_a_motion_for_other_joints_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"shoulder, elbow; .* shoulder, wrist"):
-        wave().in_order(("shoulder", "wrist"))

@@ -59,15 +59,18 @@ def test_a_bag_that_is_not_there_is_missing_and_not_corrupt(folder, tmp_path, ru
     ("arguments", "words"),
     [
         (["nowhere.csv"], "nowhere.csv: no such file, folder or URL"),
+        (["{empty}"], "no bag found"),
         (["{bags}", "--workers", "0"], "--workers 0: at least one is needed"),
         (["s3x://bucket/bags"], "s3x:// is no kind of store"),
         (["{stores}"], "foo:// is no kind of store"),  # before any bag is looked at
     ],
 )
 def test_wrong_use_is_one_line(run, folder, tmp_path, arguments, words) -> None:
-    stores = tmp_path / "stores.csv"
+    empty, stores = tmp_path / "empty", tmp_path / "stores.csv"
+    empty.mkdir()
     stores.write_text(f"uri,robot\n{folder.bags[0]},arm-1\nfoo://b/a.mcap,arm-2\n")
-    given = [argument.format(bags=folder.path, stores=stores) for argument in arguments]
+    places = {"bags": folder.path, "empty": empty, "stores": stores}
+    given = [argument.format(**places) for argument in arguments]
     outcome = run("fleet", "identify", *given, "--config", CONFIG, "--out", tmp_path / "out")
     assert outcome.status == 2
     assert words in outcome.error

@@ -3,10 +3,11 @@
 import os
 import shutil
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import dask
 import numpy as np
 import psutil
 import pytest
@@ -14,15 +15,22 @@ from pyarrow import parquet
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.fleet import run as scheduling
 from idim_iv_ros.fleet.commands import BAGS, identify_bags, identify_task, owned_by
 from idim_iv_ros.fleet.result import BagResult
-from idim_iv_ros.fleet.robots import Robot, configuration_digest, content_of, robots_of
-from idim_iv_ros.fleet.run import FleetRun
+from idim_iv_ros.fleet.robots import (
+    Robot,
+    code_version,
+    configuration_digest,
+    content_of,
+    robots_of,
+)
+from idim_iv_ros.fleet.run import FleetRun, connected, run_tasks
 from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.table import FILE, write_table
 from idim_iv_ros.identification.identify import identify
-from tests.configurations import changed
 from tests.fleet.conftest import CONFIG, BagFolder
+from tests.inputs import changed
 
 
 class LocalRun(FleetRun):
@@ -153,6 +161,55 @@ def test_a_robot_is_its_description_wherever_the_file_lies() -> None:
     assert configuration_digest(moved, robot.description) == robot.digest
     path = Robot(moved, robot.description, robot.digest).local().robot.urdf
     assert path is not None and path.read_bytes() == robot.description
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    with connected(workers=1) as client:
+        yield client
+
+
+def answers_of(client: Any, function: Any, *arguments: int) -> dict[int, tuple[Any, str]]:
+    answers: dict[int, tuple[Any, str]] = {}
+
+    def done(place: int, answer: Any, why: str) -> None:
+        answers[place] = (answer, why)
+
+    run_tasks(client, function, [(argument,) for argument in arguments], done)
+    return answers
+
+
+def reciprocal(value: int) -> float:
+    if value == 1:
+        raise ImportError("no package of that name")
+    if value == 0:
+        raise ValueError("nothing to divide by")
+    return 1.0 / value
+
+
+def test_workers_keep_no_call_stacks(client: Any) -> None:
+    """Dask's profiler keeps those of an hour: a worker would grow with every bag."""
+    settings = client.run(dask.config.get, "distributed.worker.profile.enabled")
+    assert list(settings.values()) == [False]
+
+
+def test_a_task_that_fails_is_one_answer_with_its_reason(client: Any) -> None:
+    """Also where it looks like a worker without this program, which has the same version here."""
+    assert answers_of(client, reciprocal, 4, 0, 1, 2) == {
+        0: (0.25, ""),
+        1: (None, "ValueError: nothing to divide by"),
+        2: (None, "ImportError: no package of that name"),
+        3: (0.5, ""),
+    }
+
+
+def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monkeypatch) -> None:
+    its = code_version()
+    monkeypatch.setattr(scheduling, "code_version", lambda: "0.1+other")
+    with pytest.raises(UsageError) as refused:
+        answers_of(client, reciprocal, 2)
+    for words in (client.scheduler.address, its, "0.1+other"):
+        assert words in str(refused.value)
 
 
 def test_workers_and_scheduler_exclude_each_other() -> None:

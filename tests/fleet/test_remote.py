@@ -10,7 +10,6 @@ from mcap.writer import CompressionType, Writer
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.fleet.commands import identify_task
-from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.robots import Robot, content_of
 from idim_iv_ros.fleet.source import FetchedFile, find_bags, open_bag
 from idim_iv_ros.identification.prepare import configured_request
@@ -142,13 +141,3 @@ def test_a_bucket_is_searched_and_its_checksums_tell_contents_apart(bucket, fold
     first, second, same = (content_of(entry.uri) for entry in entries)
     assert first != second
     assert first == same
-
-
-def test_what_is_not_in_the_bucket_is_a_row_with_its_reason(bucket: str) -> None:
-    robot = Robot.of(load_configuration(CONFIG))
-    with pytest.raises(OSError):  # a store that does not answer may do so later
-        identify_task(f"{bucket}/nothing.mcap", "", "", robot)
-    uri = put(bucket, "empty.mcap", b"")
-    result = identify_task(uri, "", "", robot)
-    assert isinstance(result, BagResult)
-    assert (result.status, result.reason) == ("corrupt", "the file is empty")

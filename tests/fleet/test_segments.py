@@ -14,9 +14,9 @@ from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording import write_bag
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_segments
-from tests.configurations import changed
 from tests.estimation.test_simulated_arms import truth_of
 from tests.fleet.conftest import CONFIG
+from tests.inputs import changed
 
 
 @pytest.fixture(scope="module")

@@ -79,13 +79,6 @@ def test_a_wrong_manifest_ends_in_one_line(tmp_path: Path, text: str, words: str
     assert "\n" not in str(error.value)
 
 
-def test_an_empty_folder_and_a_missing_one_end_in_one_line(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no bag found"):
-        find_bags(str(tmp_path))
-    with pytest.raises(UsageError, match="no such file, folder or URL"):
-        find_bags(str(tmp_path / "nowhere"))
-
-
 def test_the_configuration_of_a_robot_goes_before_that_of_its_type(tmp_path: Path) -> None:
     text = CONFIG.read_text(encoding="utf-8").replace("arm2.urdf", str(CONFIG.parent / "arm2.urdf"))
     for name in ("ur5", "r2"):

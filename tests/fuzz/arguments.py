@@ -1,4 +1,4 @@
-"""Argument vectors: options drawn at random, with values that they should not have."""
+"""Argument vectors: options with values that they should not have."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,16 +25,10 @@ _EXCITE = (
     "--period", "--repeats", "--harmonics", "--torque-noise", "--time-limit", "--duration",
     "--criterion", "--for",
 )  # fmt: skip
-_WORDS = (
-    "check", "identify", "diagnose", "excite", "simulate", "import", "record", "serve", "init",
-    "--config", "--out", "--estimator", "--without", "--help", "--version", "--quiet", "--json",
-    "--", "-", "-x", "--config=", "--seed", "--rate", "0", "\udcff", "[red]", "", "none.mcap",
-    "stribeck", "idim-ls", "--force", "--verbose", "-o",
-)  # fmt: skip
 
 
 def cases(seed: int) -> Iterator[Case]:
-    """One option wrong at a time, then words at random."""
+    """One option wrong at a time."""
     for option in _EXCITE:
         for number in range(2):
             yield Case(f"excite{option}-{number}", _excite_with(option))
@@ -45,8 +39,6 @@ def cases(seed: int) -> Iterator[Case]:
         yield Case(f"simulate--duration-{name}", _lasting(seconds))
     for name, arguments in _WRONG.items():
         yield Case(f"arguments-{name}", arguments)
-    for number in range(20):
-        yield Case(f"words-{number}", _any_words)
 
 
 def _excite_with(option: str) -> Build:
@@ -104,7 +96,3 @@ _WRONG: dict[str, Build] = {
         "serve", "--config", str(folder), "--out", str(folder / "o")
     ],
 }  # fmt: skip
-
-
-def _any_words(folder: Path, good: Good, random: np.random.Generator) -> list[str]:
-    return [str(word) for word in random.choice(_WORDS, int(random.integers(1, 7)))]

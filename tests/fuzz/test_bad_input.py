@@ -50,7 +50,7 @@ def _seen(case: Case, seed: int, folder: Path, fuzzed: tuple[CommandLine, Good])
     line, good = fuzzed
     random = random_of(seed, case.name)
     words = case.build(folder, good, random)
-    if words and words[0] in _WITH_ANSWERS and not case.name.startswith(("words-", "arguments-")):
+    if words and words[0] in _WITH_ANSWERS and not case.name.startswith("arguments-"):
         words = [*words, *_ANSWERS[int(random.integers(len(_ANSWERS)))]]
     before = files_of(folder)
     outcome = line.run(words, folder)

@@ -27,7 +27,7 @@ from tests.fuzz.case import (
     write_configuration,
     write_text,
 )
-from tests.gap_files import gap_content
+from tests.inputs import gap_content
 from tests.test_configuration import keys
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])")
@@ -109,19 +109,11 @@ def _torn(good: str, random: np.random.Generator) -> str:
     return good[: int(random.integers(len(good)))]
 
 
-def _parts_lost(good: str, random: np.random.Generator) -> str:
-    """Without three of its lines, or of its parts between commas."""
-    parts = re.split("(?<=[\n,])", good)
-    lost = set(map(int, random.integers(1, len(parts), 3)))
-    return "".join(part for k, part in enumerate(parts) if k not in lost)
-
-
 _DAMAGES = {
     "number": _odd_number,
     "word": _odd_word,
     "flipped": _flipped,
     "torn": _torn,
-    "parts-lost": _parts_lost,
 }
 
 

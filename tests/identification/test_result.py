@@ -15,27 +15,6 @@ from tests.report.sample_result import sample_result
 CASES = ("white", "coloured", "rejected", "untested")
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_deviations_and_scopes_are_in_the_order_of_the_design(case: str) -> None:
-    """That every key is there is what the schema says."""
-    document = sample_result(2, case).to_document()
-    assert [row[k] ** 0.5 for k, row in enumerate(document["covariance"])] == pytest.approx(
-        [parameter["std"] for parameter in document["parameters"]]
-    )
-    for part in ("instruments", "exogeneity"):
-        assert [test["scope"] for test in document[part]["tests"]] == ["all", "joint_1", "joint_2"]
-
-
-def test_a_test_that_was_not_run_has_its_reason_and_null_numbers() -> None:
-    document = sample_result(1, "untested").to_document()
-    assert document["instruments"]["accepted"] is None
-    for test in document["instruments"]["tests"]:
-        assert test["reason"] == "IDIM-LS uses no instruments"
-        assert test["statistic"] is None
-        assert test["p_value"] is None
-        assert test["accepted"] is None
-
-
 def test_numbers_that_do_not_exist_are_null_and_the_others_keep_every_digit() -> None:
     result = sample_result(1, "white")
     odd = replace(result.parameters[0], value=np.float64(0.1) + 0.2, std=np.nan, given_value=np.inf)
@@ -71,18 +50,6 @@ def test_what_is_written_is_read_back(tmp_path: Path, case: str) -> None:
     assert read.to_json() == path.read_text(encoding="utf-8")
     assert read.series == ()
     assert read.residuals[0].acf.size == 0
-
-
-def test_what_follows_from_other_keys_is_that_of_the_other_keys(tmp_path: Path) -> None:
-    """A file whose derived values were edited does not deceive."""
-    result = sample_result(1, "white")
-    document = result.to_document()
-    document["parameters"][0]["remark"] = "physically impossible"
-    document["parameters"][0]["relative_std_percent"] = 0.0
-    document["instruments"]["tests"][0]["accepted"] = False
-    document["exogeneity"]["accepted"] = None
-    read = IdentificationResult.from_json(json.dumps(document), "result.json")
-    assert read == result
 
 
 def test_a_gap_json_is_no_identification(tmp_path: Path) -> None:

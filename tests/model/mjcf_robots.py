@@ -49,49 +49,6 @@ UR5E = """<mujoco model="ur5e-like">
   <keyframe><key name="home" qpos="-1.57 -1.57 1.57" ctrl="-1.57 -1.57 1.57"/></keyframe>
 </mujoco>"""
 
-PANDA = """<mujoco model="panda-like">
-  <compiler angle="radian" meshdir="assets" autolimits="true"/>
-  <default>
-    <default class="panda">
-      <joint armature="0.1" damping="1" axis="0 0 1" range="-2.8973 2.8973"/>
-      <general dyntype="none" biastype="affine" ctrlrange="-2.8973 2.8973" forcerange="-87 87"/>
-      <default class="finger"><joint axis="0 1 0" type="slide" range="0 0.04"/></default>
-    </default>
-  </default>
-  <worldbody>
-    <body name="link0" childclass="panda">
-      <inertial mass="0.63" pos="-0.04 0 0.05" fullinertia="0.00315 0.00388 0.004285 8e-7 0.00154 8e-5"/>
-      <body name="link1" pos="0 0 0.333">
-        <inertial mass="4.97" pos="0.0039 0.002 -0.0476" fullinertia="0.70337 0.70661 0.0091170 -0.000139 0.006772 0.019169"/>
-        <joint name="joint1"/>
-        <body name="link2" quat="1 -1 0 0">
-          <inertial mass="0.6469" pos="-0.0031 -0.0287 0.0035" fullinertia="0.0079620 0.02811 0.025995 -0.003925 0.010254 0.000704"/>
-          <joint name="joint2" range="-1.7628 1.7628"/>
-          <body name="hand" pos="0 -0.3 0" quat="0.9238795 0 0 -0.3826834">
-            <inertial mass="0.73" pos="-0.01 0 0.03" diaginertia="0.001 0.0025 0.0017"/>
-            <body name="left_finger" pos="0 0 0.0584">
-              <inertial mass="0.015" pos="0 0 0.02" diaginertia="2.375e-6 2.375e-6 7.5e-7"/>
-              <joint name="finger_joint1" class="finger"/>
-            </body>
-            <body name="right_finger" pos="0 0 0.0584" quat="0 0 0 1">
-              <inertial mass="0.015" pos="0 0 0.02" diaginertia="2.375e-6 2.375e-6 7.5e-7"/>
-              <joint name="finger_joint2" class="finger"/>
-            </body>
-          </body>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <tendon><fixed name="split"><joint joint="finger_joint1" coef="0.5"/><joint joint="finger_joint2" coef="0.5"/></fixed></tendon>
-  <equality><joint joint1="finger_joint1" joint2="finger_joint2" solimp="0.95 0.99 0.001" solref="0.005 1"/></equality>
-  <actuator>
-    <general class="panda" name="actuator1" joint="joint1" gainprm="4500" biasprm="0 -4500 -450"/>
-    <general class="panda" name="actuator2" joint="joint2" gainprm="4500" biasprm="0 -4500 -450"/>
-    <general class="panda" name="actuator8" tendon="split" forcerange="-100 100" ctrlrange="0 255" gainprm="0.01568627451 0 0" biasprm="0 -100 -10"/>
-  </actuator>
-  <keyframe><key name="home" qpos="0 0.3 0.04 0.04" ctrl="0 0.3 255"/></keyframe>
-</mujoco>"""
-
 IIWA = """<mujoco model="iiwa-like">
   <compiler angle="degree" meshdir="assets"/>
   <default>
@@ -212,7 +169,6 @@ XARM7 = """<mujoco model="xarm7-like">
 # Text, joints that are identified, joints that are locked.
 ARMS = {
     "ur5e": (UR5E, ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"), ()),
-    "panda": (PANDA, ("joint1", "joint2"), ("finger_joint1", "finger_joint2")),
     "iiwa14": (IIWA, ("joint1", "joint2"), ()),
     "gen3": (GEN3, ("joint_1", "joint_2", "joint_3", "joint_3b"), ()),
     "xarm7": (XARM7, ("joint1", "joint2"), ("left_driver_joint", "left_finger_joint",

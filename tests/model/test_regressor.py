@@ -4,7 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from idim_iv_ros.model import DynamicParameters, StandardRegressor, load_robot, parameter_layout
+from idim_iv_ros.model import StandardRegressor, load_robot, parameter_layout
+from idim_iv_ros.model.parameters import unit_at
+from idim_iv_ros.model.skeleton import skeleton
 
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com}"/>'
@@ -99,34 +101,59 @@ def test_coupled_motor_turns_with_both_joints() -> None:
     np.testing.assert_allclose(coulomb, np.column_stack([sign, sign, 0 * sign]))
 
 
-def test_layout_writes_and_reads_the_same_values() -> None:
-    layout = parameter_layout(
-        ["revolute"] * 3,
-        friction=["viscous", "coulomb", "offset"],
-        drive_inertia=True,
-        couplings=[(1, 2)],
-    )
-    vector = np.arange(1.0, len(layout.parameters) + 1.0)
-    values = layout.dynamic_parameters(vector)
-    assert isinstance(values, DynamicParameters)
-    np.testing.assert_array_equal(layout.vector(values), vector)
-    assert values.coupling_inertia[0] == values.drive_inertia[2]
-
-
 @pytest.mark.parametrize(
-    ("unit", "kind", "expected"),
+    ("unit", "joint_type", "effort_unit", "expected"),
     [
-        ("N m", "ZZ1", "kg m²"),
-        ("N m", "Fv2", "N s/m"),
-        ("A", "MX1", "A s²/m"),
+        ("N m s/rad", "revolute", "N m", "N m s/rad"),
+        ("N m s/rad", "prismatic", "N m", "N s/m"),
+        ("kg m²", "prismatic", "N m", "kg"),
+        ("mrad", "prismatic", "N m", "mm"),
+        ("rad/s", "prismatic", "A", "m/s"),
+        ("N m", "revolute", "A", "A"),
+        ("kg m²", "revolute", "V", "V s²/rad"),
+        ("kg m²", "prismatic", "A", "A s²/m"),
+        ("0.3 rad of gradient", "prismatic", "N m", "0.3 m of gradient"),
     ],
 )
-def test_units_follow_the_effort_unit_and_the_joint_type(unit, kind, expected) -> None:
-    layout = parameter_layout(
-        ["revolute", "prismatic"],
-        friction=["viscous", "coulomb"],
-        drive_inertia=True,
-        effort_unit=unit,
+def test_a_unit_follows_the_joint_and_its_effort(unit, joint_type, effort_unit, expected) -> None:
+    assert unit_at(unit, joint_type, effort_unit) == expected
+
+
+URDF = """<robot name="r">
+<link name="base"/><link name="upper"/><link name="lower"/><link name="tip"/>
+<joint name="a" type="continuous"><parent link="base"/><child link="upper"/>
+  <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/></joint>
+<joint name="b" type="continuous"><parent link="upper"/><child link="lower"/>
+  <origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>
+<joint name="c" type="fixed"><parent link="lower"/><child link="tip"/>
+  <origin xyz="0.8 0 0"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("order", [("a", "b"), ("b", "a")])
+def test_joints_of_a_planar_arm_are_where_trigonometry_puts_them(order: tuple[str, str]) -> None:
+    drawn = skeleton(load_robot(URDF, order))
+    first, second = order.index("a"), order.index("b")
+    # Joints without limits are bent by 0.6 rad, every other one the other way.
+    one, two = (0.6, -0.6) if first == 0 else (-0.6, 0.6)
+    np.testing.assert_allclose(drawn.origins[first], [0.0, 0.0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(drawn.origins[second], [np.cos(one), np.sin(one), 0.5], atol=1e-12)
+    np.testing.assert_allclose(drawn.axes, [[0.0, 0.0, 1.0]] * 2, atol=1e-12)
+    assert drawn.parents[first] == -1
+    assert drawn.parents[second] == first
+    assert (drawn.links[first], drawn.links[second]) == ("upper", "lower")
+    ((joint, end),) = drawn.ends
+    assert joint == second
+    reach = drawn.origins[second] + 0.8 * np.array([np.cos(one + two), np.sin(one + two), 0.0])
+    np.testing.assert_allclose(end, reach, atol=1e-12)
+    assert len(drawn.segments) == 3
+
+
+def test_limits_set_the_middle_and_a_slide_is_not_bent() -> None:
+    limited = (
+        '<joint name="b" type="prismatic"><limit lower="0.2" upper="0.6" effort="1" velocity="1"/>'
     )
-    units = {parameter.name: parameter.unit for parameter in layout.parameters}
-    assert units[kind] == expected
+    before, second = URDF.split('<joint name="b" type="continuous">')
+    urdf = before + limited + second.replace('xyz="0 0 1"', 'xyz="1 0 0"', 1)
+    drawn = skeleton(load_robot(urdf, ("a", "b")))
+    assert np.linalg.norm(drawn.origins[1] - drawn.origins[0]) == pytest.approx(1.4)

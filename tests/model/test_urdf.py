@@ -156,23 +156,10 @@ def test_all_problems_are_in_one_line_and_many_are_counted() -> None:
         load_robot(many, ["j1"])
 
 
-def test_a_long_chain_of_links_is_read() -> None:
-    urdf = arm().replace("</robot>", "")
-    for k in range(3, 3000):
-        urdf += f'<link name="l{k + 1}"/>' + joint(f"f{k}", f"l{k}", f"l{k + 1}")[:-8]
-    assert load_robot(urdf + "</robot>", ["j1", "j2", "j3"]).pinocchio.nv == 3
-
-
 def test_joints_without_limits_are_unlimited_and_said() -> None:
     robot = load_robot(arm().replace(LIMIT, "", 1), ["j1"], source="arm.urdf")
     assert np.isinf(robot.limits.upper[0])
     assert robot.doubts == ("arm.urdf: joint j1: no <limit>: taken as unlimited",)
-
-
-def test_a_limit_of_any_size_is_none() -> None:
-    huge = LIMIT.replace('"-2"', '"-1e300"').replace('"2"', '"1e300"').replace('"3"', '"1e12"')
-    limits = load_robot(arm().replace(LIMIT, huge, 1), ["j1"]).limits
-    assert (limits.lower[0], limits.upper[0], limits.velocity[0]) == (-np.inf, np.inf, np.inf)
 
 
 def test_continuous_joint_has_one_coordinate_and_no_position_limit() -> None:
@@ -180,12 +167,6 @@ def test_continuous_joint_has_one_coordinate_and_no_position_limit() -> None:
     assert robot.pinocchio.nq == 3
     assert np.isinf(robot.limits.upper[2])
     assert robot.limits.effort[2] == 10.0
-
-
-def test_rounded_right_angles_are_right_angles() -> None:
-    urdf = arm(("revolute", "revolute")).replace('rpy="0.2 0.3 -0.2"', 'rpy="1.5708 0 -1.5708"')
-    rotation = load_robot(urdf, ["j1", "j2"]).pinocchio.jointPlacements[2].rotation
-    np.testing.assert_allclose(np.abs(rotation), np.round(np.abs(rotation)), atol=1e-15)
 
 
 def test_a_joint_that_is_missing_or_fixed_is_refused_by_name() -> None:

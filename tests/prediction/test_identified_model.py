@@ -9,7 +9,7 @@ import pytest
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.prediction import LivePrediction, identified_model
-from tests.configurations import changed
+from tests.inputs import changed
 from tests.prediction.arm6 import play, samples, urdf_of
 
 
@@ -41,13 +41,6 @@ def test_a_result_of_another_urdf_is_refused(result, configuration) -> None:
     model = build_inverse_model(configuration, longer, source)
     with pytest.raises(UsageError, match="placed or turned"):
         identified_model(result, configuration, model, source)
-
-
-def test_a_file_that_is_no_result_is_refused(tmp_path, configuration, identified) -> None:
-    path = tmp_path / "result.json"
-    path.write_text("{}")
-    with pytest.raises(UsageError, match="not an identification"):
-        identified_model(path, configuration, identified.model, "arm6.urdf")
 
 
 @pytest.mark.parametrize("processing", [{"colour": 1}, {"decimation_edge": -1.0}, 5])

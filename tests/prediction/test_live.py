@@ -1,7 +1,6 @@
 """What is predicted live is what the identification would say of the same samples."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -181,28 +180,6 @@ def test_a_payload_is_beyond_the_limit(identified, recording) -> None:
     assert "identify anew" in sentence
 
 
-def test_stamps_that_jitter_change_little(identified, recording) -> None:
-    positions, efforts = samples(recording, FIVE)
-    # The driver samples when it stamps, 0.1 ms early or late: by linear interpolation.
-    shift = np.random.default_rng(5).uniform(-1e-4, 1e-4, len(positions))
-    time = positions.time + np.round(shift * 1e9).astype(np.int64)
-
-    def at(stream: JointSamples) -> JointSamples:
-        columns = [
-            np.interp(time - START, stream.time - START, column) for column in stream.values.T
-        ]
-        return JointSamples(time, np.stack(columns, axis=1))
-
-    live = LivePrediction(identified)
-    assert not play(live, at(positions), at(efforts))[-1].reason
-    assert live.rate == RATE
-    calm = LivePrediction(identified)
-    play(calm, positions, efforts)
-    # White noise of the efforts loses up to a third of its power between two samples.
-    ratio = live.rows.share(1e9, 50) / calm.rows.share(1e9, 50)
-    assert np.all((ratio > 0.8) & (ratio < 1.1))
-
-
 def in_two_messages(stream: JointSamples, *, apart: int, reverse: bool = False) -> JointSamples:
     """Each sample as two: three joints, and the other three from `apart` samples later."""
     count = len(stream) - apart
@@ -248,15 +225,6 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(identified
         shares.append(whole.rows.share(1e9, 50))
     expected = np.concatenate([shares[0][:3], shares[1][3:]])
     assert split.rows.share(1e9, 50) == pytest.approx(expected, rel=0.05)
-
-
-def test_a_part_of_the_robot_that_falls_silent_is_not_predicted_any_more(identified, recording):
-    pair = [in_two_messages(stream, apart=0) for stream in samples(recording, slice(0, 4))]
-    for stream in pair:
-        stream.named[4000:, 3:] = False
-    predictions = play(LivePrediction(identified), *pair)
-    assert any(not prediction.reason for prediction in predictions)
-    assert predictions[-1].reason.startswith("no position for")
 
 
 def test_an_effort_that_is_nan_silences_its_joint_alone(identified, recording) -> None:
@@ -350,29 +318,9 @@ def test_positions_that_wrap_are_unwrapped(identified, recording) -> None:
         assert b.predicted == pytest.approx(a.predicted, abs=1e-6, nan_ok=True)
 
 
-def test_nothing_is_said_before_anything_arrives(identified) -> None:
-    live = LivePrediction(identified)
-    assert live.newest(START).reason == "no position has arrived"
-    nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, 6)))
-    live.add(nothing, nothing, START)
-    assert live.newest(START).reason == "no position has arrived"
-    assert np.isnan(live.newest(START).predicted).all()
-
-
 def test_a_joint_without_any_position_is_named(identified, recording) -> None:
     positions, efforts = samples(recording, slice(0, 1))
     values = positions.values.copy()
     values[:, 1] = np.nan
     last = play(LivePrediction(identified), JointSamples(positions.time, values), efforts)[-1]
     assert "position of joint_2" in last.reason
-
-
-def test_memory_stays_flat(identified, recording) -> None:
-    live = LivePrediction(identified)
-    positions, efforts = samples(recording, slice(0, 2))
-    sizes = []
-    for number in range(3):
-        time = positions.time + number * 2_000_000_000
-        play(live, JointSamples(time, positions.values), JointSamples(time, efforts.values))
-        sizes.append(len(live._positions.samples) + len(live._efforts.samples))
-    assert all(after <= before + 100 for before, after in pairwise(sizes[1:]))

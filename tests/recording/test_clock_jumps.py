@@ -59,26 +59,6 @@ def test_a_clock_that_jumps_is_named_and_the_longest_stretch_is_used(tmp_path, j
     assert f"to {stamps[400]:.3f} s" in said
 
 
-def test_of_several_jumps_the_longest_stretch_is_used(tmp_path: Path) -> None:
-    stamps = STAMPS.copy()
-    stamps[200:] += 1e9
-    stamps[500:] += 1e8
-    stamps[900:] -= 5e8
-    recording, said = read(tmp_path, stamps)
-    assert_measured(recording, VALUES[500:900])
-    assert "3 jumps: of 1000 messages 600 " in said
-
-
-def test_a_jump_of_all_topics_keeps_the_same_stretch_of_each(tmp_path: Path) -> None:
-    stamps = STAMPS.copy()
-    stamps[400:] += 1.7e9
-    recording, _ = read(tmp_path, stamps, reference="/joint_reference")
-    reference = recording.position_reference
-    assert reference is not None
-    np.testing.assert_array_equal(reference.values, recording.position.values)
-    assert not reference.invented.any()
-
-
 @pytest.mark.parametrize("place", [0, 1, 300, COUNT - 1])
 @pytest.mark.parametrize("stamp", [0.0, 1e6, 2.1e9])
 def test_a_single_stray_stamp_costs_its_message_only(tmp_path, place, stamp) -> None:
@@ -129,14 +109,6 @@ def test_both_sides_of_a_pause_are_used_and_the_pause_takes_no_memory(tmp_path, 
     assert recording.position_reference is not None
     np.testing.assert_array_equal(recording.position_reference.values, recording.position.values)
     assert f"{pause + 0.01:.4g} s, first 3.99 s" in said
-
-
-def test_a_short_pause_is_a_gap_on_the_clock_as_it_was(tmp_path: Path) -> None:
-    stamps = STAMPS.copy()
-    stamps[400:] += 5.0
-    recording, said = read(tmp_path, stamps)
-    assert recording.duration == pytest.approx(stamps[-1] - stamps[0])
-    assert said == ""
 
 
 def test_hardly_anything_but_holes_is_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Channels that hold their last value, and channels that only look like it."""
+"""Channels that hold their last value or only look like it, and what is put into gaps."""
 
 from pathlib import Path
 
@@ -67,28 +67,6 @@ def test_an_effort_that_freezes_is_found_to_the_sample(step: float, length: int)
     assert not marked[~close].any()
 
 
-def test_a_freeze_in_motion_is_found_beside_one_at_rest() -> None:
-    position, effort = _motion()
-    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
-    frozen, where = _frozen(effort, (5900, 6030), 70)
-    marked = frozen_efforts(frozen, position, moving_speed(position))
-    assert marked[5900:5970].all()
-    assert not marked[6030:].any()
-    assert where.sum() == 140
-
-
-def test_a_driver_that_freezes_as_a_whole_is_found_in_both() -> None:
-    position, effort = _motion()
-    effort = effort + STEP * np.random.default_rng(5).normal(size=len(effort))
-    position = _counts(position, 1e-4)
-    position, where = _frozen(position, (2000,), 60)
-    effort, _ = _frozen(effort, (2000,), 60)
-    speed = moving_speed(position)
-    marked = frozen_positions(position, speed)
-    assert marked[where].all() and marked.sum() <= where.sum() + 2
-    assert frozen_efforts(effort, position, speed)[where].all()
-
-
 def test_an_effort_that_is_updated_more_slowly_than_it_is_published_is_not_frozen() -> None:
     position, effort = _motion()
     random = np.random.default_rng(7)
@@ -138,3 +116,38 @@ def test_frozen_samples_of_a_bag_are_invented_and_reported(tmp_path: Path) -> No
     assert (stretches.samples, stretches.stretches) == (120, 2)
     assert stretches.first == pytest.approx(2.499, abs=1e-6)
     assert stretches.longest == pytest.approx(0.06, abs=1e-6)
+
+
+RATE = 500.0
+TIME = np.arange(8000) / RATE
+POSITION = np.sin(2.0 * TIME) + 0.4 * np.cos(5.0 * TIME)
+LARGEST = 4.0 + 10.0  # rad/s², of this motion
+
+
+@pytest.mark.parametrize("length", [0.02, 0.5, 2.5, 9.0])
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+def test_a_gap_has_no_acceleration_that_the_joint_never_had(tmp_path, length, noise) -> None:
+    time = TIME.copy()
+    kept = np.ones(len(time), dtype=bool)
+    if length < 5.0:
+        kept[3003 : 3003 + round(length * RATE)] = False
+    else:
+        time[3003:] += length
+    measured = POSITION + noise * np.random.default_rng(0).normal(size=len(time))
+    both = np.column_stack([measured, measured])[kept]
+    effort = 1.0 + np.random.default_rng(1).normal(size=both.shape)
+    topic = JointTopic("/joint_states", ["a", "b"], time[kept], both, None, effort)
+    write_bag(tmp_path / "b.mcap", [topic])
+    (recording,) = read_recordings([tmp_path / "b.mcap"], joints=["a", "b"])
+    position, invented = recording.position.values[:, 0], recording.position.invented[:, 0]
+    assert invented.sum() == pytest.approx(length * RATE, abs=2)
+    np.testing.assert_allclose(position[~invented], measured[kept], atol=1e-9)
+    acceleration = np.gradient(np.gradient(position, 1.0 / RATE), 1.0 / RATE)
+    edge = np.convolve(invented, np.ones(5), mode="same") > 0
+    # The speeds at the edges come from some samples on one side.
+    speed_error = 0.02 * LARGEST + 100.0 * noise
+    assert np.abs(acceleration[edge]).max() < 2.0 * LARGEST + speed_error * RATE
+    straight = np.interp(np.arange(len(position)), np.flatnonzero(~invented), position[~invented])
+    corner = np.abs(np.diff(straight, 2)).max() * RATE**2
+    if length > 0.1:
+        assert np.abs(acceleration[edge]).max() < 0.3 * corner

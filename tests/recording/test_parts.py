@@ -63,11 +63,6 @@ def test_a_gripper_changes_nothing_of_the_arm(tmp_path, rate, stamped, arrives) 
     assert not passed.limits
 
 
-def test_efforts_of_the_gripper_are_not_those_of_the_arm(tmp_path: Path) -> None:
-    zero = messages(("finger",), position=[0.04], effort=[0.0], arrives=-LATER)
-    assert_every_joint_is_at_its_own_time(read(tmp_path, zero, messages(ARM)))
-
-
 @pytest.mark.parametrize("joints", [ARM, ("c", "a", "b")])
 @pytest.mark.parametrize(
     ("stamped", "arrives"), [(0.0, -LATER), (0.0, LATER), (-0.003, 0.0), (0.003, 0.0)]
@@ -91,18 +86,6 @@ def test_the_slower_message_gives_the_rate(tmp_path: Path, rates: tuple[float, f
     assert not recording.position.invented.any()
     assert_every_joint_is_at_its_own_time(recording)
     assert {round(clock.rate) for clock in recording.clocks} == {100, 250}
-
-
-@pytest.mark.parametrize("apart", [0.0, 0.002])
-def test_one_joint_a_message_is_one_recording(tmp_path: Path, apart: float) -> None:
-    publishers = [
-        messages((joint,), stamped=apart * place, arrives=place * LATER)
-        for place, joint in enumerate(ARM)
-    ]
-    recording = read(tmp_path, *publishers, gripper(stamped=0.001))
-    assert recording.rate == 100.0
-    assert not recording.position.invented.any()
-    assert_every_joint_is_at_its_own_time(recording)
 
 
 def test_what_one_message_lost_is_missing_of_its_joints_only(tmp_path: Path) -> None:

@@ -126,12 +126,6 @@ def test_joints_are_found_by_name_whatever_their_order_and_number(tmp_path: Path
     assert np.array_equal(only.position_reference.values, column(asked)[:, 1:])
 
 
-def test_a_controller_of_other_joints_is_refused_with_their_names(tmp_path: Path) -> None:
-    bag = on_controller(on_states(ControlBag()), order=(1,)).write(tmp_path / "bag")
-    with pytest.raises(DataError, match=r"joint a; .* b"):
-        read(bag, reference=STATE)
-
-
 def test_what_comes_before_and_after_the_controller_is_active_is_left_out(tmp_path: Path) -> None:
     bag = on_states(ControlBag())
     for stamp in STAMPS[:50]:

@@ -1,4 +1,4 @@
-"""Recordings of a session, one after the other, whatever their stamps."""
+"""Recordings of a session one after the other, and a long one in segments."""
 
 from itertools import permutations
 from pathlib import Path
@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.recording import Recording, Signal, in_recordings, session_of
+from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.read import read_bag, read_segments
+from idim_iv_ros.recording.request import Request
 from idim_iv_ros.recording.session import LONGEST_PAUSE
+from tests.recording.bag_writer import NAMES, steady, write
 
 RATE = 100.0
 
@@ -86,6 +89,33 @@ def test_recordings_of_the_same_name_are_told_by_their_folder() -> None:
     assert [part.bag for part in session_of([one, two]).parts] == ["runs/a/bag", "runs/b/bag"]
 
 
-def test_no_recording_at_all_is_refused_in_words() -> None:
-    with pytest.raises(UsageError, match="at least one bag"):
-        session_of([])
+REQUEST = Request(list(NAMES), "/joint_states", "/joint_states", None)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """25.8 s at 100 Hz."""
+    return write(tmp_path_factory.mktemp("bags") / "long", steady(2580))
+
+
+def test_segments_hold_every_sample_once(bag: Path) -> None:
+    whole = read_bag(Bag(bag), REQUEST)
+    parts = list(read_segments(Bag(bag), REQUEST, seconds=5.0))
+    # The last takes what remains: from half a segment to one and a half.
+    assert [round(part.duration + 0.01, 6) for part in parts] == [5.0, 5.0, 5.0, 5.0, 5.8]
+    position = np.vstack([part.position.values for part in parts])
+    assert np.array_equal(position, whole.position.values)
+    starts = [part.start for part in parts]
+    np.testing.assert_allclose(starts, whole.start + 5.0 * np.arange(5), atol=1e-9)
+
+
+def test_a_topic_that_ends_early_holds_nothing_back(tmp_path: Path) -> None:
+    messages = steady(3000)
+    reference = [("/ref", when, message) for _, when, message in messages[:900]]
+    path = write(tmp_path / "b", sorted(messages + reference, key=lambda message: message[1]))
+    request = Request(list(NAMES), "/joint_states", "/joint_states", "/ref")
+    first, second, *others = read_segments(Bag(path), request, seconds=5.0)
+    assert first.duration == pytest.approx(4.99)
+    assert second.position_reference.invented[410:].all()
+    assert len(others) == 4
+    assert all("/ref" in str(other) for other in others)

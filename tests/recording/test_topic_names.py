@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import Recording, read_recordings
-from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.request import descriptions_of, topics_in_bag
 from tests.recording.bag_writer import TYPES, joint_state, write
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -113,54 +110,3 @@ def test_a_full_name_is_no_other_and_a_name_no_end_of_a_word(tmp_path: Path, nam
 )
 def test_description_is_that_of_the_namespace_else_the_global_one(tmp_path, topics, expected):
     assert read(bag_of(tmp_path, *topics)).robot_description == expected
-
-
-def test_descriptions_are_looked_for_from_the_inside_out() -> None:
-    nested = descriptions_of("/cell/left/broadcaster/joint_states", {"robot_description": "/d"})
-    assert nested == [
-        "/d",
-        "/cell/left/broadcaster/robot_description",
-        "/cell/left/robot_description",
-        "/cell/robot_description",
-        "/robot_description",
-    ]
-    assert descriptions_of("/joint_states", {}) == ["/robot_description"]
-
-
-def test_a_file_without_summary_is_looked_through(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path, *LEFT)
-    (file,) = bag.glob("*.mcap")
-    whole = Bag(file).topic_types()
-    content = file.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(content[: len(content) - 200])
-    assert (
-        Bag(cut).topic_types()
-        == whole
-        == dict.fromkeys(LEFT[:2], JOINT_STATE) | {"/left/robot_description": "std_msgs/msg/String"}
-    )
-
-
-def test_only_topics_that_can_hold_joints_are_candidates(tmp_path: Path) -> None:
-    stamps = [0.01 * k for k in range(99)]
-    messages = [("/left/joint_states", 6.0 + stamp, joint_state(stamp)) for stamp in stamps]
-    messages.append(("/words/joint_states", 6.0, described("not these")))
-    assert read(write(tmp_path / "bag", messages), reference=None).samples == 99
-
-
-def test_names_are_resolved_like_a_node_does() -> None:
-    named = {"joint_states": "arm/joint_states", "reference": "/motion/reference"}
-    topics = ["/cell/arm/joint_states", "/motion/reference"]
-    assert topics_in_bag(Path("bag"), named, topics, {}) == {
-        "arm/joint_states": "/cell/arm/joint_states",
-        "/motion/reference": "/motion/reference",
-    }
-
-
-def test_names_of_a_node_are_no_part_of_the_document() -> None:
-    configuration = Configuration.model_validate({"robot": {"joints": ["a"]}})
-    with_topics = configuration.with_node_topics({"joint_states": "/left/joint_states"})
-    assert with_topics.node_topics == {"joint_states": "/left/joint_states"}
-    assert configuration.node_topics == {}
-    assert with_topics.model_dump() == configuration.model_dump()
-    assert with_topics.signals.joint_states == "joint_states"

@@ -132,21 +132,6 @@ def test_a_real_jump_is_kept(jump: float) -> None:
     assert continuous.position is position
 
 
-def test_a_jump_in_a_wrapping_joint_is_kept(tmp_path: Path) -> None:
-    truth = TURNING.copy()
-    truth[2000:] += 2.5
-    continuous = unwrapped(NANOSECONDS, into_pi(truth))
-    assert continuous.wraps
-    jump = abs(continuous.position[2000] - continuous.position[1999])
-    assert min(abs(jump - 2.5), abs(jump - (TURN - 2.5))) < 0.1
-
-
-def test_a_joint_that_turns_more_than_once_without_wrapping_is_as_it_was(tmp_path: Path) -> None:
-    recording = read(tmp_path / "b.mcap", 3.0 * TURNING)
-    np.testing.assert_array_equal(recording.position.values[:, 0], 3.0 * TURNING)
-    assert not any("wraps" in note.what for note in recording.notes)
-
-
 @pytest.mark.parametrize("told", ["by the bag", "by the caller"])
 def test_a_prismatic_joint_has_no_turns(tmp_path: Path, told: str) -> None:
     wrapped = into_pi(TURNING)

@@ -1,5 +1,6 @@
 """Diagnoses as they come out of real recordings, made without one."""
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -8,6 +9,8 @@ from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.result import (
     Cause,
+    ContrastCause,
+    ContrastResult,
     EffectParameter,
     Evidence,
     Gap,
@@ -15,7 +18,9 @@ from idim_iv_ros.diagnosis.result import (
     GapSeries,
     Hint,
     Indistinguishable,
+    JointContrast,
     JointGap,
+    JointTorque,
     NotTestable,
     Regime,
     SimulationGap,
@@ -324,3 +329,35 @@ def _tracking(names: tuple[str, ...], random) -> tuple[TrackingSeries, ...]:
         for name in names
         for bag in ("session-1.mcap", "session-2.mcap")
     )
+
+
+def sample_contrast() -> GapResult:
+    """A load that the second set has."""
+    result = sample_gap(2, "both")
+    sentence = "What changed from the reference recordings to b1, b2: a payload of 0.81 kg."
+    cause = ContrastCause(
+        effect="payload",
+        kind="parametric",
+        joint="joint_2",
+        change="changed",
+        bags=("b1", "b2"),
+        parameters={"mass": EffectParameter(0.81, 0.0102, "kg")},
+        evidence=Evidence(900.0, chosen_in_folds="4 of 4"),
+        indistinguishable_from=(Indistinguishable("link_inertia", "joint_2", 0.99),),
+        torques=(JointTorque("joint_2", 1.2, 0.31), JointTorque("joint_1", 3.4, 0.2)),
+        sentence="payload of joint_2 changed: mass 0.81 ± 0.02 kg",
+    )
+    contrast = ContrastResult(
+        reference=("a",),
+        against=("b1", "b2"),
+        differs=True,
+        sentence=sentence,
+        joints=(
+            JointContrast("joint_1", 3.4, 0.13, 0.13, 0.2, 0.0),
+            JointContrast("joint_2", 1.2, 0.04, 0.04, 0.31, 0.0),
+        ),
+        causes=(cause,),
+        common=("stribeck at joint_1",),
+        notes=("the effort acts 0.5 ms after its stamp",),
+    )
+    return replace(result, contrast=contrast, summary=f"{sentence} By itself: {result.summary}")

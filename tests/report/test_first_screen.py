@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from importlib import resources
 
 import pytest
 
@@ -14,7 +13,7 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     RecordingAgreement,
 )
-from idim_iv_ros.report import gap_report_html, report_html
+from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.advice import (
     contrast_steps,
     diagnosis_headline,
@@ -25,8 +24,7 @@ from idim_iv_ros.report.advice import (
 from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import THIN, percent
 from idim_iv_ros.report.section import Files, Report
-from tests.report.sample_contrast import sample_contrast
-from tests.report.sample_gap import CASES, Case, sample_gap
+from tests.report.sample_gap import CASES, Case, sample_contrast, sample_gap
 from tests.report.sample_result import sample_result
 from tests.report.test_html import CASES as KINDS
 from tests.report.test_html import Page
@@ -136,15 +134,6 @@ def test_the_first_screen_lists_what_the_simulator_lacks_and_counts_wrong_number
     assert wrong.replace(THIN, " ") in shown.replace(THIN, " ")
 
 
-def test_a_share_beyond_all_is_said_as_all() -> None:
-    result = _arm6("structural")
-    gap = replace(result.causes[0].torque_gap, shrinkage=1.3, ci95=(0.68, 1.3))
-    assert (
-        lacking_row(result, replace(result.causes[0], torque_gap=gap))[2]
-        == percent(100.0) + " (68 to 100)"
-    )
-
-
 def test_the_page_draws_the_robot_with_the_share_of_each_joint() -> None:
     result = _arm6()
     page = Page(gap_report_html(result))
@@ -165,28 +154,6 @@ def test_a_robot_that_cannot_be_drawn_leaves_one_line(missing: str) -> None:
     page = Page(gap_report_html(replace(_arm6(), configuration={**ARM6, "robot": robot})))
     assert "The robot is not drawn: " in page.text
     assert "robot" not in [attributes.get("id") for _, attributes in page.elements]
-
-
-def test_sizes_of_a_step_on_all_samples_do_not_stand_beside_those_held_out() -> None:
-    result = sample_gap(2, "parametric")
-    gap = replace(result.causes[0].torque_gap, before=98.7, after=1.23)
-    result = replace(result, causes=(replace(result.causes[0], torque_gap=gap),))
-    text = Page(gap_report_html(result)).text
-    assert "98.7" not in text
-    assert "on all samples" in text
-
-
-def test_every_colour_of_a_figure_is_one_of_both_schemes() -> None:
-    style = resources.files("idim_iv_ros.report").joinpath("assets/report.css").read_text("utf-8")
-    light, dark = (
-        set(re.findall(r"(--[a-z-]+):", block))
-        for block in re.findall(r":root[^{]*\{([^}]*)\}", style)[:2]
-    )
-    assert light == dark
-    for text in (gap_report_html(_arm6()), report_html(sample_result(2))):
-        used = set(re.findall(r'"var\((--[a-z-]+)\)"', text))
-        assert used
-        assert used <= light
 
 
 def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:

@@ -57,27 +57,6 @@ def test_a_fleet_in_which_nothing_stands_out_says_so() -> None:
     assert "nothing says what is ordinary" in fleet_html(few)
 
 
-def test_what_was_not_judged_is_not_said_to_be_well() -> None:
-    bags, _ = fleet(Drawn(robots=5, bags=5), np.random.default_rng(1))
-    for undated in (
-        [replace(bag, time=None) for bag in bags],
-        [replace(bag, time="2026-01-05") for bag in bags],
-    ):
-        result = fleet_result(undated)
-        assert "whether one changed over time is not judged" in headline(result)
-        assert "none changed" not in headline(result)
-        assert '<div class="verdict open">' in fleet_html(result)
-        assert any("5 of 5 robots have fewer than 5 bags" in n for n in result.types[0].notes)
-    few = fleet_result([replace(bag, time=None) for bag in bags[:10]])
-    assert headline(few).endswith("too few bags at different times to say whether one changed.")
-
-
-def test_a_fleet_without_a_usable_bag_has_a_page() -> None:
-    bags, _ = fleet(Drawn(robots=1, bags=1), np.random.default_rng(1))
-    nothing = fleet_result([replace(bags[0], status="unusable", reason="no effort")])
-    assert "No bag of this fleet could be used." in fleet_html(nothing)
-
-
 def test_numbers_and_page_are_written_and_replaced_but_not_files_of_others(result, tmp_path):
     numbers, page = write_report(result, tmp_path)
     assert numbers.name == "fleet.json" and page is not None and page.name == "fleet.html"

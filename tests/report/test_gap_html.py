@@ -1,13 +1,18 @@
+"""None"""
+
+import base64
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.result import GapResult, NotTestable, Where
+from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, NotTestable, Where
+from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report import gap_report_html
-from idim_iv_ros.report.gap_words import regime_range
-from tests.report.sample_gap import Case, sample_gap
+from idim_iv_ros.report.figures import typed
+from idim_iv_ros.report.sections.torque import tracking_figure
+from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page
 
 
@@ -27,13 +32,6 @@ def test_what_is_unknown_is_left_out_or_said(given: bool, floor: bool, tracking:
     assert "nan" not in page.text.split()
 
 
-def test_the_verdict_comes_first_then_causes_then_shrinkage() -> None:
-    result = sample_gap(2, "both")
-    text = _page(result).text
-    places = [text.index(words) for words in (result.summary, "What causes it", "How far the gap")]
-    assert places == sorted(places)
-
-
 def test_a_cause_shows_its_numbers_and_what_it_is_mistaken_for() -> None:
     text = _page(sample_gap(2, "structural")).text
     for words in (
@@ -42,17 +40,6 @@ def test_a_cause_shows_its_numbers_and_what_it_is_mistaken_for() -> None:
     ):
         assert words in text.replace("\N{NARROW NO-BREAK SPACE}", "").replace(" ±", "±"), words
     assert re.search(r"removes 96.% \(90 to 100 %\) of the gap above the noise floor", text)
-
-
-def test_a_given_model_that_is_wrong_is_drawn_only_where_numbers_are_the_cause() -> None:
-    def rows(case: Case) -> str:
-        page = _page(sample_gap(2, case))
-        labels = [a.get("aria-label") or "" for _, a in page.elements]
-        return next(label for label in labels if label.startswith("Residual of joint_2"))
-
-    assert rows("structural").endswith("refit, extended")
-    assert rows("parametric").endswith("nominal, refit")
-    assert rows("both").endswith("nominal, refit, extended")
 
 
 def test_with_many_joints_only_residuals_of_those_with_causes_are_unfolded() -> None:
@@ -82,18 +69,6 @@ def test_a_prismatic_joint_has_newtons_and_millimetres() -> None:
     assert {"Torque, N", "Torque, N m", "Tracking, mm", "Tracking, mrad"} <= set(page.words)
 
 
-def test_a_regime_has_the_unit_of_its_joint() -> None:
-    result = sample_gap(2, "structural")
-    regimes = tuple(
-        replace(one, unit="m") if (one.axis, one.joint) == ("position", "joint_1") else one
-        for one in result.regimes
-    )
-    words = _page(replace(result, where=replace(result.where, regimes=regimes))).words
-    for regime in regimes:
-        if regime.axis == "position":
-            assert f"{regime_range(regime)} {regime.unit}" in words
-
-
 def test_a_joint_that_stands_still_or_has_no_rows_is_no_error() -> None:
     result = sample_gap(2, "structural")
     rows = np.zeros_like(result.series[0].speed)
@@ -103,6 +78,59 @@ def test_a_joint_that_stands_still_or_has_no_rows_is_no_error() -> None:
     page = _page(replace(result, series=(still, empty)))
     assert page.open == []
     assert "nan" not in page.text
+
+
+def test_the_simulation_gap_is_drawn_by_itself_in_its_own_unit() -> None:
+    series = sample_gap(2, "structural").tracking[0]
+    assert series.before is not None
+    assert series.after is not None
+    traces = tracking_figure(series, "mrad").data
+    assert [trace.get("yaxis") for trace in traces] == [None, "y2", None, "y2", None]
+    assert traces[-1]["hovertemplate"].startswith("robot")
+    largest = 1e3 * np.abs(series.measured - series.before).max()
+    lines = tracking_figure(replace(series, after=None), "mrad").data
+    assert [trace.get("yaxis") for trace in lines] == [None, "y2", None]
+    assert "before − robot" in lines[1]["hovertemplate"]
+    assert np.abs(_numbers(lines[1]["y"])).max() == pytest.approx(largest, rel=1e-4)
+
+
+def test_packed_numbers_are_finer_than_a_screen_and_keep_their_breaks() -> None:
+    values = np.concatenate([np.linspace(-3.0, 7.0, 1001), [np.nan, 0.125]])
+    unpacked = _numbers(typed(values))
+    assert list(np.flatnonzero(np.isnan(unpacked))) == [1001]
+    np.testing.assert_allclose(unpacked, values, atol=10.0 / 65000.0)
+    np.testing.assert_array_equal(_numbers(typed(np.full(3, 2.5))), np.full(3, 2.5))
+    assert len(_numbers(typed(np.zeros(0)))) == 0
+
+
+def _numbers(packed: dict) -> np.ndarray:
+    """What the page's script makes of packed numbers."""
+    levels = np.frombuffer(base64.b64decode(packed["levels"]), dtype="<u2")
+    return np.where(levels == 65535, np.nan, packed["low"] + packed["step"] * levels)
+
+
+def test_a_parameter_without_interval_is_explained() -> None:
+    result = sample_gap(2, "structural")
+    first = result.causes[0]
+    grid = replace(first, parameters={"speed": EffectParameter(0.12, None, "rad/s")})
+    assert "Without ±" not in Page(gap_report_html(result)).text
+    assert "Without ±" in Page(gap_report_html(replace(result, causes=(grid,)))).text
+
+
+@pytest.mark.parametrize(
+    ("pair", "words"),
+    [
+        (("stribeck", "presliding"), "creep and reversals"),
+        (("torque_gain", "payload"), "of known mass"),
+        (("elasticity", "time_delay"), "multisine"),  # segments that reveal both are named
+        (("payload", "link_inertia"), "take it off"),
+        (("link_inertia", "payload"), "take it off"),
+        (("position_ripple", "gain_ripple"), "under another load"),
+    ],
+)
+def test_motions_that_separate_two_effects(pair: tuple[str, str], words: str) -> None:
+    assert words in separating_motion(*pair)
+    assert separating_motion("not", "known") == ""
 
 
 def test_a_diagnosis_that_could_do_nothing_still_has_its_page() -> None:

@@ -1,5 +1,14 @@
+"""Numbers in their digits, and curves of hours in a few thousand points."""
+
+import math
+import sys
+
+import numpy as np
 import pytest
 
+from idim_iv_ros.identification.result import JointSeries
+from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.report import numerals
 from idim_iv_ros.report.numerals import (
     MISSING,
     count,
@@ -8,8 +17,8 @@ from idim_iv_ros.report.numerals import (
     number,
     p_value,
     percent,
-    with_digits_of,
 )
+from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves, session_axis
 
 T = "\N{NARROW NO-BREAK SPACE}"
 
@@ -54,12 +63,6 @@ def test_a_number_has_three_digits(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
-def test_another_estimate_is_rounded_like_the_estimate_beside_it() -> None:
-    assert with_digits_of(1.23456, 0.01) == "1.235"
-    assert with_digits_of(0.0, 0.01) == "0"
-    assert with_digits_of(None, 0.01) == MISSING
-
-
 def test_counts_are_grouped_from_five_digits_on() -> None:
     assert count(4761) == "4761"
     assert count(90001) == f"90{T}001"
@@ -79,3 +82,83 @@ def test_a_tiny_p_value_is_only_called_small() -> None:
 def test_a_share_beyond_measure_is_only_called_large() -> None:
     assert percent(132.4) == f"132{T}%"
     assert percent(5e4) == f"> 1000{T}%"
+
+
+ALONE = session_axis([])
+
+
+def _thin(series: JointSeries, session: SessionAxis) -> Curves:
+    """Measured, predicted and residual."""
+    residual = series.measured - series.predicted
+    values = (series.measured, series.predicted, residual)
+    return curves(series.time, values, session, peaks_of=(series.measured, residual), buckets=700)
+
+
+def _long(seconds: float = 3600.0, rate: float = 40.0) -> JointSeries:
+    time = np.arange(int(seconds * rate)) / rate
+    measured = np.sin(time)
+    measured[77777] = 5.0
+    return JointSeries("joint_1", time, measured, np.sin(time))
+
+
+def test_an_hour_becomes_a_few_thousand_points_that_keep_the_peak() -> None:
+    thinned = _thin(_long(), ALONE)
+    assert len(thinned.time) < 3000
+    assert np.nanmax(thinned.values[0]) == 5.0
+    assert np.nanmax(thinned.values[2]) > 3.9
+    assert (thinned.time[0], thinned.time[-1]) == (0.0, _long().time[-1])
+
+
+def test_lines_are_interrupted_where_samples_do_not_count() -> None:
+    time = np.array([0.0, 0.1, 0.2, 0.6, 0.7])
+    series = JointSeries("joint_1", time, np.arange(5.0), np.zeros(5))
+    thinned = _thin(series, ALONE)
+    np.testing.assert_array_equal(thinned.gaps, [[0.2, 0.6]])
+    np.testing.assert_array_equal(thinned.values[0], [0.0, 1.0, 2.0, np.nan, 3.0, 4.0])
+
+
+TWO = session_axis([SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)])
+
+
+def _two(pause: float = 0.0) -> JointSeries:
+    """A hundred rows a second in two recordings, with no row left out in between."""
+    time = np.arange(202) / 100.0
+    time[101:] += pause
+    return JointSeries("joint_1", time, np.sin(time), np.zeros(202))
+
+
+def test_no_line_runs_from_one_recording_to_the_next() -> None:
+    thinned = _thin(_two(), TWO)
+    breaks = np.flatnonzero(np.isnan(thinned.values[0]))
+    assert list(breaks) == [101]
+    assert np.isnan(thinned.values[1][101])
+    assert len(thinned.gaps) == 0  # nothing was left out between the two
+
+
+_SIZES = [
+    *(0.0, 5e-324, sys.float_info.min, 1e-300, 1.1e-16, 1e-9, 0.00123, 0.05, 0.0999, 0.5),
+    *(1 - 2**-53, 1.0, 9.995, 99.95, 123.456, 999.5, 12345.6789, 1e7, 2.0**53 + 2, 1e22, 1e300),
+    *(sys.float_info.max, math.inf, math.nan),
+]
+_NUMBERS = [None, *_SIZES, *(-size for size in _SIZES)]
+
+
+@pytest.mark.parametrize("value", _NUMBERS)
+def test_every_number_can_be_written_beside_any_uncertainty(value: float | None) -> None:
+    for std in _NUMBERS:
+        require_written(value, std)
+
+
+def require_written(value: float | None, std: float | None) -> None:
+    texts = [
+        *numerals.measured(value, std),
+        numerals.with_digits_of(value, std),
+        numerals.number(value),
+        numerals.percent(value),
+        numerals.p_value(value),
+        numerals.with_unit(value, "N m"),
+        numerals.exact(value, "N m"),
+    ]
+    finite = value is not None and math.isfinite(value)
+    assert (texts[0] == numerals.MISSING) is not finite
+    assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)

@@ -14,15 +14,6 @@ from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
 
-def test_both_files_are_written_into_a_new_folder_and_nothing_else(tmp_path: Path) -> None:
-    out = tmp_path / "a" / "b"
-    numbers, written = write_report(sample_result(1), out)
-    assert json.loads(numbers.read_text(encoding="utf-8"))["robot"] == "staubli_tx40"
-    assert written is not None
-    assert written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
-
-
 def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch) -> None:
     """The old result whole, and no folder where there was none."""
     write_report(sample_gap(2, "none"), tmp_path)
@@ -137,11 +128,6 @@ def test_a_folder_in_the_place_of_a_file_is_refused_early(tmp_path: Path) -> Non
         pytest.fail("the work was started")
 
 
-def test_a_file_system_that_takes_no_folders_is_refused_early() -> None:
-    with pytest.raises(UsageError, match="cannot write"), require_writable(Path("/proc/idim/out")):
-        pytest.fail("the work was started")
-
-
 @pytest.mark.parametrize("existing", [False, True])
 def test_failed_work_leaves_what_was_there_before(tmp_path: Path, existing: bool) -> None:
     out = tmp_path / "a" / "b"
@@ -152,10 +138,3 @@ def test_failed_work_leaves_what_was_there_before(tmp_path: Path, existing: bool
     with pytest.raises(KeyboardInterrupt), require_writable(out):
         raise KeyboardInterrupt
     assert list(tmp_path.rglob("*")) == before
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_without_permission_is_refused_early(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
-    with pytest.raises(UsageError, match="Permission denied"), require_writable(tmp_path / "new"):
-        pytest.fail("the work was started")

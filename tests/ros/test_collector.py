@@ -281,13 +281,6 @@ def test_recorder_that_is_silent_is_gone(observer) -> None:
     assert recorder.trouble().endswith("somebody stopped it")
 
 
-def test_recording_that_ends_between_two_looks_is_noticed(observer) -> None:
-    recorder = RecorderNeighbour(observer.node)
-    for state in (RecorderStatus.IDLE, RecorderStatus.RECORDING, RecorderStatus.IDLE):
-        recorder._reported(RecorderStatus(state=state))
-    assert recorder.trouble().endswith("somebody stopped it")
-
-
 def test_robot_is_stopped_when_motion_is_no_longer_allowed(collector, robot, observer) -> None:
     goal = collector.send(duration=4.0)
     collector.until("slow pass", lambda: robot.moving)

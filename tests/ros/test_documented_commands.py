@@ -6,13 +6,11 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import fields
-from pathlib import Path
 from types import ModuleType
 
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
 from ruamel.yaml import YAML
 from sensor_msgs.msg import JointState
 
@@ -73,18 +71,6 @@ def documented() -> list[Command]:
     return listed
 
 
-def of(*verbs: str) -> object:
-    """Parametrize with the commands of these verbs; one that names only the verb has no words."""
-    chosen = [item for item in documented() if item.verb in verbs and item.words]
-    assert chosen
-    return pytest.mark.parametrize("command", dict.fromkeys(map(str, chosen)), indirect=True)
-
-
-@pytest.fixture
-def command(request: pytest.FixtureRequest) -> Command:
-    return next(item for item in documented() if str(item) == request.param)
-
-
 @pytest.fixture(scope="module")
 def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Node]]:
     """All nodes of the demo in this process, under their names; none is spun yet."""
@@ -110,77 +96,38 @@ def nodes(observer: Observer, tmp_path_factory: pytest.TempPathFactory) -> Itera
             item.close()
 
 
-def publishers(nodes: list[Node], topic: str) -> list:
-    return [
+def require_echo(command: Command, nodes: list[Node], _: Observer) -> None:
+    """A message of the type is published, and gets to who subscribes as `ros2 topic echo` does."""
+    topic, *kind = command.words
+    (publisher,) = [
         publisher
         for node in nodes
         for publisher in node.publishers
         if publisher.topic_name == topic
     ]
-
-
-@of("topic echo")
-def test_echo_gets_a_message_also_if_it_is_late(
-    command: Command, nodes: list[Node], observer: Observer
-) -> None:
-    topic, *kind = command.words
-    (publisher,) = publishers(nodes, topic)
     # With any option of QoS it would take the others from nobody: best effort, volatile.
     assert not any(option.startswith("--qos-") for option in command.options)
-    if kind:
-        assert interface(*kind) is publisher.msg_type
-    latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    if latched:
-        publisher.publish(publisher.msg_type())
-    heard: list = []
-    subscription = observer.node.create_subscription(
-        publisher.msg_type, topic, heard.append, publisher.qos_profile
-    )
-
-    def arrived() -> list:
-        if not latched:  # others subscribe as well: nobody says when it is this one's turn
-            publisher.publish(publisher.msg_type())
-        return heard
-
-    observer.until(arrived, str(command))
-    observer.node.destroy_subscription(subscription)
+    assert not kind or interface(*kind) is publisher.msg_type
 
 
-def served(nodes: list[Node], name: str) -> list[str]:
-    """Types of a service; an action's goals are sent by one."""
-    # Not by the names of nodes: an earlier one of the same name may be remembered.
-    return [
-        kind
-        for service, kinds in nodes[0].get_service_names_and_types()
-        for kind in kinds
-        if service == name
-    ]
+def require_served(command: Command, nodes: list[Node], observer: Observer) -> None:
+    """The service or action is there, and has the fields that are filled in."""
+    name, kind, *filled = command.words
+    goal = command.verb == "action send_goal"
+    service, wanted = (f"{name}/_action/send_goal", f"{kind}_SendGoal") if goal else (name, kind)
+
+    def served() -> list[str]:
+        # Not by the names of nodes: an earlier one of the same name may be remembered.
+        return dict(nodes[0].get_service_names_and_types()).get(service, [])
+
+    observer.until(served, name)
+    assert served() == [wanted]
+    for text in filled:
+        fill(interface(kind).Goal() if goal else interface(kind).Request(), text)
 
 
-@of("service call")
-def test_service_is_called_with_fields_that_it_has(
-    command: Command, nodes: list[Node], observer: Observer
-) -> None:
-    name, kind, *request = command.words
-    observer.until(lambda: served(nodes, name), name)
-    assert served(nodes, name) == [kind]
-    for text in request:
-        fill(interface(kind).Request(), text)
-
-
-@of("action send_goal")
-def test_goal_is_sent_with_fields_that_it_has(
-    command: Command, nodes: list[Node], observer: Observer
-) -> None:
-    name, kind, goal = command.words
-    service = f"{name}/_action/send_goal"
-    observer.until(lambda: served(nodes, service), name)
-    assert served(nodes, service) == [f"{kind}_SendGoal"]
-    fill(interface(kind).Goal(), goal)
-
-
-@of("param set")
-def test_parameter_is_set_to_a_value_of_its_type(command: Command, nodes: list[Node]) -> None:
+def require_parameter(command: Command, nodes: list[Node], _: Observer) -> None:
+    """The parameter can be set, to a value of its type."""
     name, parameter, text = command.words
     (node,) = [item for item in nodes if item.get_fully_qualified_name() == name]
     assert not node.describe_parameter(parameter).read_only
@@ -188,32 +135,52 @@ def test_parameter_is_set_to_a_value_of_its_type(command: Command, nodes: list[N
     assert Parameter(parameter, value=value).type_ == node.get_parameter(parameter).type_
 
 
-@of("lifecycle set")
-def test_only_the_managed_node_is_asked_for_a_transition(command: Command) -> None:
+def require_transition(command: Command, *_: object) -> None:
+    """Only the managed node is asked for a transition."""
     name, transition = command.words
     assert name == "/identifier"
     assert hasattr(identifier.Identifier, f"_{transition}")
 
 
-@of("run")
-def test_node_is_run_with_parameters_that_it_has(command: Command) -> None:
+def require_executable(command: Command, *_: object) -> None:
+    """The node has the parameters that it is run with."""
     package, executable, *arguments = command.words
     if package != "idim_iv_ros":
         return
     names = {item.name for item in fields(SETTINGS[executable])} | {"use_sim_time"}
-    for option, value in itertools.pairwise(arguments):
-        if option == "-p":
-            assert value.partition(":=")[0] in names
+    given = [value for option, value in itertools.pairwise(arguments) if option == "-p"]
+    assert {value.partition(":=")[0] for value in given} <= names
 
 
-@of("launch")
-def test_launch_file_has_the_arguments_that_it_is_given(command: Command) -> None:
+def require_launch_file(command: Command, *_: object) -> None:
+    """The launch file has the arguments that it is given."""
     package, file, *arguments = command.words
     assert package == "idim_iv_ros"
     given = dict(argument.split(":=") for argument in arguments)
-    path: Path = ROOT / "launch" / file
-    declared = launch(path, **{**given, "params_file": ""}).arguments
-    assert set(given) <= set(declared)
+    launched = launch(ROOT / "launch" / file, **{**given, "params_file": ""})
+    assert set(given) <= set(launched.arguments)
+
+
+REQUIRE = {
+    "topic echo": require_echo,
+    "service call": require_served,
+    "action send_goal": require_served,
+    "param set": require_parameter,
+    "lifecycle set": require_transition,
+    "run": require_executable,
+    "launch": require_launch_file,
+}
+# One that names only the verb has no words.
+COMMANDS = {str(one): one for one in documented() if one.verb in REQUIRE and one.words}
+
+
+def test_every_kind_of_command_is_documented() -> None:
+    assert {command.verb for command in COMMANDS.values()} == set(REQUIRE)
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_a_documented_command_fits_the_nodes(command: Command, nodes, observer) -> None:
+    REQUIRE[command.verb](command, nodes, observer)
 
 
 @pytest.fixture(scope="module")

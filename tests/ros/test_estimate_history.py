@@ -84,26 +84,6 @@ def stamped(bag: str, first: float, stamp: int, **other: object) -> PastEstimate
     return replace(entry(bag, values), stamp=stamp, **other)
 
 
-def test_another_estimator_does_not_end_the_alarm(tmp_path: Path) -> None:
-    history = EstimateHistory(tmp_path)
-    for stamp, first in enumerate((0.0, 0.0, 2.0, 2.0)):
-        history.add(stamped(f"bag{stamp}", first, stamp), length=20)
-    history.add(stamped("bag4", 0.0, 4, estimator="idim-ls"), length=20)
-    history.add(stamped("bag5", 0.0, 5, configuration="other.yaml"), length=20)
-    alarm, *others = history.comparisons(0.01)
-    assert [drift.parameter for drift in alarm.drifting] == ["p0"]
-    assert alarm.since == 2
-    assert all(other.drifts == () for other in others)
-
-
-def test_since_begins_anew_where_a_drift_has_gone(tmp_path: Path) -> None:
-    history = EstimateHistory(tmp_path)
-    for stamp, first in enumerate((0.0, 2.0, 0.0, 2.0, 2.0)):
-        history.add(stamped(f"bag{stamp}", first, stamp), length=20)
-    (comparison,) = history.comparisons(0.01)
-    assert comparison.since == 3
-
-
 def test_a_baseline_that_is_set_is_kept(tmp_path: Path) -> None:
     history = EstimateHistory(tmp_path)
     for stamp, first in enumerate((0.0, 2.0)):

@@ -8,11 +8,9 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import get_types_from_msg
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import Temperature
 
-from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.nodes.recorder.installed_types import definition, has_header, python_type
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.processes import only_bag
 
@@ -90,19 +88,3 @@ def test_a_topic_whose_package_is_not_installed_is_named_once(
 def test_wrong_values_are_refused_in_one_line(values, words: str) -> None:
     with pytest.raises(UsageError, match=re.escape(words)):
         RecorderSettings(**values).check()
-
-
-def test_definitions_of_installed_types_hold_all_that_they_consist_of() -> None:
-    assert definition("sensor_msgs/msg/JointState") is None  # known without its files
-    made = definition("idim_iv_interfaces/msg/RecorderStatus")
-    types = get_types_from_msg(made.text, "idim_iv_interfaces/msg/RecorderStatus")
-    assert {"std_msgs/msg/Header", "idim_iv_interfaces/msg/TopicStatus"} <= set(types)
-    assert made.hash.startswith("RIHS01_")
-
-
-def test_headers_are_known_by_the_first_field() -> None:
-    assert has_header("sensor_msgs/msg/JointState")
-    assert not has_header("std_msgs/msg/String")
-    assert python_type("sensor_msgs/msg/JointState") is JointState
-    with pytest.raises(DataError, match="apt install ros-jazzy-control-msgs"):
-        python_type("control_msgs/msg/DynamicJointState")

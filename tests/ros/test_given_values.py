@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
-from typing import get_args
 
 import pytest
 from rclpy.node import Node
@@ -14,16 +13,12 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.passes import Kind
-from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
 from idim_iv_ros.nodes.parameters import (
     changed,
     declare,
     refuse_unknown_arguments,
-    refuse_unknown_parameters,
 )
-from idim_iv_ros.nodes.settings import MOTIONS, STORAGE, RecorderSettings, SimulatorSettings
-from idim_iv_ros.recording.writing.write import PRESETS
+from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.conftest import ARM2
 from tests.ros.node_alone import node_alone
 from tests.ros.processes import SETTINGS
@@ -86,21 +81,11 @@ def test_a_wrong_start_names_parameter_value_and_need(
     assert all(word in str(refused.value) for word in words), refused.value
 
 
-def test_choices_are_those_of_what_they_choose() -> None:
-    assert (tuple(PRESETS), get_args(Kind)) == (STORAGE, MOTIONS)
-
-
 def test_what_is_meant_is_taken(node) -> None:
     given = ["-p", "late_after:=5", "-p", "extra_topics:=[]", "-p", "use_sim_time:=true"]
     made = node(*given)
     settings = declare(made, RecorderSettings, ["--ros-args", *given])
     assert (settings.late_after, list(settings.extra_topics)) == (5.0, [""])
-
-
-@pytest.mark.parametrize("value", [0.0, float("nan"), "a"])
-def test_a_wrong_value_is_refused_when_it_is_set(value: object) -> None:
-    with pytest.raises(UsageError, match=r"late_after: .* a number from 0.001 to 3600"):
-        changed(RecorderSettings(), [Parameter("late_after", value=value)])
 
 
 @pytest.mark.parametrize("word", ["record:=3", "recorder:record:=false"])
@@ -146,12 +131,6 @@ def test_an_unknown_parameter_in_a_file_is_refused_where_it_is_for_this_node_alo
         assert (words in capfd.readouterr().err) == (refused is False)
 
 
-def test_settings_of_publishers_that_no_node_has_are_named(node, capfd) -> None:
-    given = ["-p", "qos_overrides./joint_states.subscription.depth:=5"]
-    refuse_unknown_parameters(node(*given), (), ["--ros-args", *given])
-    assert "qos_overrides./joint_states" in capfd.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -164,11 +143,6 @@ def test_settings_of_publishers_that_no_node_has_are_named(node, capfd) -> None:
 def test_unknown_arguments_are_named(arguments: list[str], words: str) -> None:
     with pytest.raises(UsageError, match=f"^unknown argument {words}"):
         refuse_unknown_arguments(["node", *arguments])
-
-
-def test_arguments_of_ros_are_known() -> None:
-    given = "node --ros-args -r a:=b --log-level debug -p a:=1 --enclave /e"
-    refuse_unknown_arguments(given.split())
 
 
 @pytest.mark.parametrize("name", [*KINDS, "watch"])
@@ -214,15 +188,6 @@ def test_a_node_without_its_configuration_ends_in_one_line(
     assert words.format(**files) in line
 
 
-def test_a_trajectory_that_cannot_be_read_is_refused_when_set(tmp_path: Path) -> None:
-    settings = SimulatorSettings(configuration="arm.yaml")
-    broken = tmp_path / "motion.csv"
-    broken.write_text("nothing\n")
-    for path in (broken, tmp_path / "missing.csv"):
-        with pytest.raises(UsageError, match=path.name):
-            changed(settings, [Parameter("trajectory", value=str(path))])
-
-
 @pytest.mark.parametrize("inside", ["", "deeper/still"])
 def test_a_folder_that_cannot_be_written_is_said_at_once(
     start, capfd, tmp_path: Path, inside: str
@@ -239,10 +204,3 @@ def test_a_folder_that_cannot_be_written_is_said_at_once(
     ]
     with pytest.raises(UsageError, match=r"^bag_directory: "):
         changed(RecorderSettings(), [Parameter("bag_directory", value=str(folder))])
-
-
-def test_a_folder_that_will_be_made_is_not_made_before(tmp_path: Path) -> None:
-    RecorderSettings(bag_directory=str(tmp_path / "a" / "b")).check()
-    assert not list(tmp_path.iterdir())
-    FolderLock(tmp_path / "a" / "b").take()
-    assert (tmp_path / "a" / "b").is_dir()

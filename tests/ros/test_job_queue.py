@@ -3,14 +3,17 @@
 import os
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from idim_iv_interfaces.msg import BagClosed
 from idim_iv_ros import load_configuration
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.identifier.job import Job, JobListener
+from idim_iv_ros.nodes.identifier.job import Job, JobListener, confined, confined_bag
 from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.node import ACTIVE, Identifier
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 from tests.ros.conftest import ARM2
 from tests.ros.processes import HANG
@@ -153,14 +156,6 @@ def test_jobs_are_cancelled_before_and_while_they_are_worked_on(bench: Bench) ->
     assert not list(Path(bench.settings.output_directory).iterdir())
 
 
-def test_an_answer_that_comes_after_the_end_was_asked_for_does_not_count(bench: Bench) -> None:
-    job = bench.submit("a")
-    bench.poll()
-    bench.worker.say(message="valid")
-    bench.queue.cancel(job)
-    assert bench.poll() == [("a", False, "cancelled")]
-
-
 def test_the_next_job_has_a_process_after_one_was_killed(bench: Bench) -> None:
     bench.submit("a")
     bench.submit("b")
@@ -174,46 +169,24 @@ def test_the_next_job_has_a_process_after_one_was_killed(bench: Bench) -> None:
     assert bench.poll() == [("b", True, "valid")]
 
 
-def test_a_process_that_cannot_be_started_is_said(bench: Bench, monkeypatch) -> None:
-    def start(request, heard) -> ToldWorker:
-        raise OSError(12, "Cannot allocate memory")
-
-    monkeypatch.setattr(bench.queue, "_start_worker", start)
-    bench.submit("a")
-    assert bench.poll()[-1] == ("a", False, "cannot be begun: Cannot allocate memory")
-
-
-def test_a_full_disk_is_one_line_and_the_next_job_is_done(
-    small_disk: Path, simulated_bags: Path
-) -> None:
+def test_a_full_disk_is_one_line(small_disk: Path, simulated_bags: Path) -> None:
     """With the process itself in the place of a worker that is told."""
     settings = IdentifierSettings(output_directory=str(small_disk / "results"))
     woken, over = threading.Event(), list[Job]()
     queue = JobQueue(lambda: settings, woken.set, over.append)
+    (small_disk / "ballast").write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
     configuration, bag = load_configuration(ARM2), simulated_bags / "bag-1.mcap"
-
-    def done() -> Job:
-        listener = JobListener(ended=lambda success, message: None)
-        queue.submit(
-            Job(
-                *("identification", (bag,), ("bag-1.mcap",), configuration, HANG, listener),
-                estimator="idim-ls",
-            )
-        )
-        while not over:
-            assert woken.wait(HANG)
-            woken.clear()
-            queue.poll()
-        return over.pop()
-
-    ballast = small_disk / "ballast"
-    ballast.write_bytes(bytes(os.statvfs(small_disk).f_bavail * 4096 - 8192))
-    failed = done()
+    listener = JobListener(ended=lambda success, message: None)
+    asked = ("identification", (bag,), ("bag-1.mcap",), configuration, HANG, listener)
+    queue.submit(Job(*asked, estimator="idim-ls"))
+    while not over:
+        assert woken.wait(HANG)
+        woken.clear()
+        queue.poll()
+    (failed,) = over
     assert not failed.success
     assert "No space left on device" in failed.message
     assert "\n" not in failed.message
-    ballast.unlink()
-    assert done().success
     queue.close()
 
 
@@ -224,3 +197,76 @@ def test_all_are_answered_when_the_node_ends(bench: Bench) -> None:
     bench.queue.close()
     ended = [item for item in bench.log if len(item) == 3]
     assert sorted(ended) == [(name, False, "the identifier was shut down") for name in "ab"]
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> Path:
+    """A bag that lies beside the folder of the bags."""
+    path = tmp_path / "outside.mcap"
+    path.write_bytes(bytes(100))
+    return path
+
+
+@pytest.fixture
+def inside(tmp_path: Path) -> Path:
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    return folder
+
+
+def test_names_inside_are_found(inside: Path) -> None:
+    bag = inside / "day" / "bag"
+    bag.mkdir(parents=True)
+    (bag / "one.mcap").write_bytes(bytes(100))
+    (bag / "metadata.yaml").write_bytes(bytes(10))
+    (inside / "latest").symlink_to("day/bag")
+    for name in ("day/bag", str(bag), "latest"):
+        assert confined_bag(inside, name) == (bag.resolve(), 110)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("", "names no file"),
+        ("bag\0", "names no file"),
+        ("../outside.mcap", "'..' is not allowed"),
+        ("day/../../outside.mcap", "'..' is not allowed"),
+        ("/etc/passwd", "leads out of"),
+        ("link.mcap", "leads out of"),
+        ("folder", "its file one.mcap leads out of"),
+        ("pipes", "is no regular file"),
+        ("loop", "no such"),
+        ("missing.mcap", "no such bag"),
+        ("x" * 5000, "5000 characters is too long"),
+    ],
+)
+def test_names_that_lead_out_are_refused(
+    inside: Path, outside: Path, name: str, words: str
+) -> None:
+    (inside / "day").mkdir()
+    (inside / "link.mcap").symlink_to(outside)
+    (inside / "folder").mkdir()
+    (inside / "folder" / "one.mcap").symlink_to(outside)
+    (inside / "pipes").mkdir()
+    os.mkfifo(inside / "pipes" / "one.mcap")
+    (inside / "loop").symlink_to("loop")
+    with pytest.raises(UsageError, match=words) as refused:
+        confined_bag(inside, name)
+    assert "\n" not in str(refused.value)
+
+
+def test_folder_beside_with_the_same_beginning_is_outside(inside: Path) -> None:
+    sibling = inside.with_name("bags2")
+    sibling.mkdir()
+    with pytest.raises(UsageError, match="leads out of"):
+        confined(inside, str(sibling), "bag_directory")
+
+
+def test_announced_bag_is_left_alone_without_auto_and_if_it_is_not_whole() -> None:
+    node, asked = SimpleNamespace(_managed=SimpleNamespace(state=ACTIVE)), []
+    node._submit = lambda _, request, listener: asked.extend(request.bags)
+    node.node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=print))
+    for auto, complete in ((False, True), (True, False), (True, True)):
+        node._settings = IdentifierSettings(auto=auto)
+        Identifier._bag_closed(node, BagClosed(bag=f"{auto} {complete}", complete=complete))
+    assert asked == ["True True"]

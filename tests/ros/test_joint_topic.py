@@ -1,18 +1,22 @@
 """Messages of a topic become numbers in the order of the joints, whatever else it holds."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from idim_iv_ros.nodes import joint_topic
-from idim_iv_ros.nodes.joint_topic import JointTopic
+from idim_iv_ros.nodes.joint_topic import JointPositions, JointTopic
 from idim_iv_ros.recording.writing.write import Definition, TopicChannel
-from tests.recording.control_messages import DYNAMIC, LBR, STATE, ControlBag
+from tests.recording.control_messages import ControlBag
+from tests.ros.processes import HANG, LATCHED, Observer
 
 JOINTS = ["a", "b"]
-FLOATS = "std_msgs/msg/Float64MultiArray"
 
 
 class Waiting:
@@ -67,18 +71,6 @@ def test_joints_are_found_by_name_and_other_parts_left_out(topic) -> None:
     assert len(made.take()["effort"]) == 0
 
 
-def test_joints_in_messages_of_their_own_are_told_apart(topic) -> None:
-    bag = ControlBag()
-    bag.joint_state(1.0, ["b"], [2.0], effort=[20.0])
-    bag.joint_state(1.0, ["gripper"], [0.5], effort=[0.1])
-    bag.joint_state(1.001, ["a"], [1.0], effort=[10.0])
-    made = topic(bag, BOTH)
-    taken = made.take()["position"]
-    assert taken.time.tolist() == [1_000_000_000, 1_001_000_000]
-    assert np.array_equal(taken.named, [[False, True], [True, False]])
-    assert made.problem == ""
-
-
 def test_a_gripper_between_two_messages_of_the_arm_is_no_problem(topic) -> None:
     arm, gripper = ControlBag(), ControlBag()
     arm.joint_state(1.0, JOINTS, [1.0, 2.0], effort=[1.0, 2.0])
@@ -109,70 +101,6 @@ def test_stamps_that_are_not_filled_in_are_those_of_the_middleware(topic) -> Non
     assert topic(bag, BOTH).take()["position"].time.tolist() == [5]
 
 
-def test_states_of_a_controller_are_read_by_field(topic) -> None:
-    bag = ControlBag()
-    for stamp in (1.0, 1.01):
-        bag.state(
-            stamp,
-            ["b", "a"],
-            feedback=bag.point(stamp, [2.0, 1.0]),
-            output=bag.point(stamp, effort=[20.0, 10.0]),
-            reference=bag.point(stamp, [7.0, 7.0]),
-        )
-    assert bag.messages[0][2].__msgtype__ == STATE
-    for fields in (BOTH, {"position": "feedback", "effort": "output"}):
-        taken = topic(bag, fields).take()
-        assert np.array_equal(taken["position"].values, [[1.0, 2.0]] * 2)
-        assert np.array_equal(taken["effort"].values, [[10.0, 20.0]] * 2)
-
-
-def test_reference_of_a_controller_is_what_it_was_asked_for(topic) -> None:
-    bag = ControlBag()
-    asked, measured = bag.point(1.0, [7.0, 8.0]), bag.point(1.0, [1.0, 2.0])
-    bag.state(1.0, JOINTS, reference=asked, feedback=measured)
-    for reference, expected in ((True, [7.0, 8.0]), (False, [1.0, 2.0])):
-        taken = topic(bag, {"position": None}, reference=reference, newest=True).take()
-        assert taken["position"].values.tolist() == [expected]
-
-
-def test_field_of_a_driver_s_own_type_is_read_by_its_definition(topic) -> None:
-    bag = ControlBag()
-    commanded, measured = np.array([1.0, 2.0]), np.array([10.0, 20.0])
-    bag.add("/states", 1.0, bag.store.types[LBR](0, 0.01, commanded, measured, 0))
-    taken = topic(bag, {"position": "commanded_joint_position", "effort": "measured_torque"}).take()
-    assert taken["position"].values.tolist() == [[1.0, 2.0]]
-    assert taken["effort"].values.tolist() == [[10.0, 20.0]]
-    made = topic(bag, {"position": "joint_position"})
-    assert len(made.take()["position"]) == 0
-    assert made.problem.startswith(
-        "/states: it is lbr_fri_idl/msg/LBRState, which has no numbers in joint_position; its "
-        "fields are session_state,"
-    )
-
-
-def test_dynamic_joint_states_are_read_by_interface(topic) -> None:
-    bag = ControlBag()
-    names = [["position", "effort"], ["effort", "position"]]
-    bag.dynamic(1.0, JOINTS, names, [[1.0, 10.0], [20.0, 2.0]])
-    assert bag.messages[0][2].__msgtype__ == DYNAMIC
-    taken = topic(bag, BOTH).take()
-    assert np.array_equal(taken["position"].values, [[1.0, 2.0]])
-    assert np.array_equal(taken["effort"].values, [[10.0, 20.0]])
-
-
-def test_an_array_of_another_length_is_said(topic) -> None:
-    bag = ControlBag()
-    types = bag.store.types
-    layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
-    for numbers in ([1.0, 2.0], [1.0, 2.0, 3.0]):
-        bag.add("/efforts", 1.0, types[FLOATS](layout, np.array(numbers)))
-    good = ControlBag(messages=bag.messages[:1])
-    assert topic(good, {"effort": None}).take()["effort"].values.tolist() == [[1.0, 2.0]]
-    bad = topic(ControlBag(messages=bag.messages[1:]), {"effort": None})
-    assert len(bad.take()["effort"]) == 0
-    assert bad.problem == "/states: 3 numbers in a message for 2 joints"
-
-
 def test_damaged_messages_are_counted(topic) -> None:
     bag = ControlBag()
     bag.joint_state(1.0, JOINTS, [1.0, 2.0], effort=[1.0, 2.0])
@@ -180,3 +108,67 @@ def test_damaged_messages_are_counted(topic) -> None:
     made._topic.messages.insert(0, b"\0\1\0\0nonsense")
     assert len(made.take()["position"]) == 1
     assert made.damaged == 1
+
+
+ALL = Duration(seconds=HANG)
+
+
+def test_positions_are_read_from_a_named_field_of_any_type(
+    observer: Observer, stack: ExitStack
+) -> None:
+    node = observer.node
+    publisher = node.create_publisher(JointTrajectoryPoint, "/arm/point", 1)
+    stack.callback(node.destroy_publisher, publisher)
+    places = JointPositions(node, "/arm/point#positions", JOINTS)
+    stack.callback(places.close)
+    assert places.topic == "/arm/point"
+    assert places.age() == float("inf")
+
+    def heard() -> bool:
+        publisher.publish(JointTrajectoryPoint(positions=[1.0, 2.0], effort=[5.0, 6.0]))
+        return places.last is not None
+
+    observer.until(heard, "positions")
+    assert places.last is not None
+    assert places.last.position.tolist() == [1.0, 2.0]
+    assert places.age() < float("inf")
+    assert places.problem == ""
+
+
+def test_old_news_is_no_news(observer: Observer, stack: ExitStack) -> None:
+    """Neither a message from before anybody listened, nor one that is repeated."""
+    node = observer.node
+    publisher = node.create_publisher(JointState, "/arm/latched", LATCHED)
+    stack.callback(node.destroy_publisher, publisher)
+    message = JointState(name=["b", "a"], position=[2.0, 1.0])
+    message.header.stamp = node.get_clock().now().to_msg()
+    publisher.publish(message)
+    places = JointPositions(node, "/arm/latched", JOINTS)
+    stack.callback(places.close)
+    observer.until(lambda: publisher.get_subscription_count() > 0, "a subscription")
+    places._look()
+    assert places.last is None
+    publisher.publish(message)
+    observer.until(lambda: places.last is not None, "positions")
+    first = places.last
+    assert first is not None
+    assert first.position.tolist() == [1.0, 2.0]
+    publisher.publish(message)
+    publisher.wait_for_all_acked(ALL)
+    places._look()
+    assert places.last is first
+
+
+def test_reason_is_named(observer: Observer, stack: ExitStack) -> None:
+    places = JointPositions(observer.node, "/arm/nothing", JOINTS)
+    stack.callback(places.close)
+    assert places.problem == "nobody publishes /arm/nothing"
+    publisher = observer.node.create_publisher(JointState, "/arm/nothing", 1)
+    stack.callback(observer.node.destroy_publisher, publisher)
+
+    def other() -> bool:
+        publisher.publish(JointState(name=["a"], position=[1.0]))
+        return places.problem == "/arm/nothing: no position of b"
+
+    observer.until(other, "a reason")
+    assert places.last is None

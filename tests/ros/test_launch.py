@@ -145,21 +145,6 @@ def test_what_to_do_next_by_hand() -> None:
     assert not any("robot_simulator" in line for line in lines)
 
 
-def test_what_to_do_next_is_said_at_once_where_no_node_says_that_it_is_ready() -> None:
-    assert len(launch(FILES["robot"], **GIVEN, log_level="warn").said) == 1
-
-
-def test_each_of_several_robots_says_what_to_do_next() -> None:
-    launched = launch(FILES["robots"], robots="left,right", **GIVEN)
-    for number, words in enumerate(
-        ["ready: it\n", "unconfigured: call\n", "ready: it\n", "already: it\n"]
-    ):
-        launched.hear(number, words)
-    assert len(launched.said) == 1
-    launched.hear(3, "ready after 61.5 s: publishes")
-    assert ["/left/" in said for said in launched.said] == [True, False]
-
-
 def test_every_argument_is_described_in_the_documentation() -> None:
     page = (ROOT / "docs" / "ros.md").read_text().partition("## Launch files")[2]
     for name, arguments in REQUIRED.items():
@@ -236,23 +221,6 @@ def test_folders_of_several_robots_are_in_those_that_the_file_names(tmp_path, mi
         }
     given = resolved(tmp_path, "robots", robots="left", **GIVEN, params_file=file, bags="x")
     assert given["/left/recorder"]["bag_directory"] == "x/left"
-
-
-def test_file_with_all_defaults_gives_each_robot_folders_of_its_own(tmp_path) -> None:
-    file = str(ROOT / "params" / "nodes.yaml")
-    given = resolved(tmp_path, "robots", robots="left,right", **GIVEN, params_file=file)
-    assert given["/right/recorder"] == {"configuration": "arm.yaml", "bag_directory": "right"}
-    assert given["/left/identifier"]["output_directory"] == "results/left"
-
-
-def test_one_robot_has_the_folders_that_the_file_names(tmp_path, mine) -> None:
-    file = mine("left: {recorder: {ros__parameters: {bag_directory: /data/1}}}")
-    one = {**GIVEN, "namespace": "left", "params_file": file}
-    given = resolved(tmp_path, "robot", **one)
-    assert given["/left/recorder"]["bag_directory"] == "/data/1"
-    assert given["/left/identifier"]["output_directory"] == "results/left"
-    given = resolved(tmp_path, "robot", **one, bags="elsewhere")
-    assert given["/left/recorder"]["bag_directory"] == "elsewhere"
 
 
 def test_collector_of_a_simulated_robot_waits_longer_unless_the_file_says_otherwise(

@@ -11,8 +11,6 @@ from idim_iv_interfaces.msg import GapReport, InstrumentTest, ResidualDiagnosis
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import NOT_SIGNIFICANT
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, gap_message, result_message
-from tests.report.sample_everything import sample_everything
-from tests.report.sample_gap import CASES, Case, sample_gap
 from tests.report.sample_result import sample_result
 
 EXAMPLE = Path(__file__).with_name("gap.json")  # written by hand, after the design
@@ -100,28 +98,6 @@ def test_what_does_not_exist_is_nan_or_empty(example: GapReport) -> None:
     assert all(map(isnan, nothing))
     assert (chain.effort_shift.name, chain.law_speed, list(chain.joint_shifts)) == ("", "", [])
     assert (without.unexplained_joint, without.unexplained_where) == ("", "")
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_every_verdict_becomes_a_message(case: Case) -> None:
-    result = sample_gap(case=case, given=case != "none", tracking=case != "both")
-    message = report(result)
-    assert (message.verdict, message.summary) == (result.verdict, result.summary)
-    assert [c.sentence for c in message.causes] == [c.sentence for c in result.causes]
-    assert [joint.joint for joint in message.joints] == list(result.joints)
-    assert [stage.stage for stage in message.stages] == [stage.name for stage in result.stages]
-    assert len(message.regimes) == len(result.regimes)
-    assert (message.unexplained_joint == "") == (result.unexplained is None)
-
-
-def test_what_messages_have_no_field_for_is_left_to_gap_json(tmp_path: Path) -> None:
-    """A contrast, transmissions, physical parameters."""
-    result = sample_everything(tmp_path)
-    assert result.hints and result.contrast and result.transmissions and result.physical
-    message = report(result)
-    assert [cause.effect for cause in message.causes] == [cause.effect for cause in result.causes]
-    assert [hint.sentence for hint in message.hints] == [hint.sentence for hint in result.hints]
-    assert all(isnan(cause.probability) for cause in message.causes)
 
 
 def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() -> None:

@@ -14,10 +14,13 @@ from idim_iv_ros.excitation import random_motion
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.identifier.job import JobListener
 from idim_iv_ros.nodes.identifier.node import Identifier
+from idim_iv_ros.nodes.parameters import declare
+from idim_iv_ros.nodes.settings import IdentifierSettings
 from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 from tests.ros.conftest import ARM2
+from tests.ros.node_alone import node_alone
 from tests.ros.processes import Observer, Process, Robot, only_bag, start_node
 from tests.ros.told_worker import ToldWorker
 
@@ -122,34 +125,51 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     )
 
 
-@pytest.mark.parametrize(
-    ("given", "status", "passed"),
-    [
-        (["--namespace", "left"], 0, ["-r", "__ns:=/left"]),
-        (["--namespace", "/cell/left"], 0, ["-r", "__ns:=/cell/left"]),
-        (
-            ["--ros-args", "-r", "__ns:=/left", "--log-level", "debug"],
-            0,
-            ["--ros-args", "-r", "__ns:=/left", "--log-level", "debug"],
-        ),
-        (["--namespace", "left arm"], 2, None),
-        (["--namespcae", "left"], 2, None),
-        (["bags", "--ros-args", "-r", "__ns:=/left"], 2, None),
-    ],
-)
-def test_command_line_passes_the_namespace_and_arguments_of_ros(
-    given: list[str], status: int, passed: list[str] | None, monkeypatch, capsys, tmp_path: Path
-) -> None:
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Arguments of the nodes that the command line starts; they do nothing."""
     started: list[list[str]] = []
-    monkeypatch.setattr(
-        "idim_iv_ros.nodes.recorder.node.run", lambda arguments: started.append(arguments) or 0
-    )
-    command = ["idim-iv", "record", "--config", str(ARM2), "--out", str(tmp_path), *given]
-    monkeypatch.setattr("sys.argv", command)
+    for name in ("recorder", "identifier"):
+        node = f"idim_iv_ros.nodes.{name}.node.run"
+        monkeypatch.setattr(node, lambda arguments: started.append(arguments) or 0)
+    return started
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr("sys.argv", ["idim-iv", *map(str, words)])
     with pytest.raises(SystemExit) as ended:
         main()
-    assert ended.value.code == status
+    return int(ended.value.code or 0)
+
+
+@pytest.mark.parametrize(
+    ("given", "passed"),
+    [
+        (["--namespace", "left"], ["-r", "__ns:=/left"]),
+        (["--namespace", "/cell/left"], ["-r", "__ns:=/cell/left"]),
+        (["--ros-args", "-r", "__ns:=/left", "--log-level", "debug"],
+         ["--ros-args", "-r", "__ns:=/left", "--log-level", "debug"]),
+        (["--namespace", "left arm"], None),
+        (["--namespcae", "left"], None),
+        (["bags", "--ros-args", "-r", "__ns:=/left"], None),
+    ],
+)  # fmt: skip
+def test_command_line_passes_the_namespace_and_arguments_of_ros(
+    given: list[str], passed: list[str] | None, started, monkeypatch, capsys, tmp_path: Path
+) -> None:
+    status = call(monkeypatch, "record", "--config", ARM2, "--out", tmp_path, *given)
+    assert status == (2 if passed is None else 0)
     assert [arguments[-len(passed or []) :] for arguments in started] == (
         [passed] if passed else []
     )
-    assert len(capsys.readouterr().err.splitlines()) == (0 if status == 0 else 1)
+    assert len(capsys.readouterr().err.splitlines()) == (passed is None)
+
+
+def test_idim_iv_serve_is_the_identifier_with_its_folders(started, monkeypatch, tmp_path) -> None:
+    places = ("--config", ARM2, "--bags", tmp_path / "bags", "--out", tmp_path / "out")
+    assert call(monkeypatch, "serve", *places, "--auto") == 0
+    with node_alone("identifier", *started[0][2:]) as node:
+        settings = declare(node, IdentifierSettings, started[0])
+    assert (settings.configuration, settings.auto) == (str(ARM2), True)
+    assert settings.bag_directory == str(tmp_path / "bags")
+    assert settings.output_directory == str(tmp_path / "out")

@@ -35,14 +35,14 @@ class PlayedRobot:
     def __init__(self, observer: Observer, topic: str) -> None:
         self.observer = observer
         self.clock = observer.node.create_publisher(Clock, "/clock", 1)
-        self.time, self.silent, self.answered = START, False, 0
+        self.time, self.answered = START, 0
         recording = recorded()
         self.position, self.effort = recording.position.values, recording.effort.values
         # Another order than that of the configuration, and a joint that it does not name.
         self.order = [5, 0, 3, 1, 4, 2]
         self.names = ["gripper", *(JOINTS[k] for k in self.order)]
         self.publisher = observer.node.create_publisher(JointState, topic, 1000)
-        self.row, self.without = 0, ""
+        self.row = 0
 
     def restart(self) -> None:
         """Begin with the first row; the last one is elsewhere, so that the joints jump."""
@@ -57,15 +57,11 @@ class PlayedRobot:
             self.time += EVERY * 1_000_000
             sec, nanosec = divmod(self.time, 10**9)
             self.clock.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
-            if self.silent:
-                continue
             row, self.row = self.row, (self.row + EVERY) % len(self.position)
             message = JointState(name=self.names)
             message.header.stamp = Time(sec=sec, nanosec=nanosec)
             message.position = [0.0, *self.position[row, self.order].tolist()]
             effort = [0.0, *self.effort[row, self.order].tolist()]
-            if self.without:
-                effort[self.names.index(self.without)] = math.nan
             message.effort = effort
             self.publisher.publish(message)
 
@@ -192,16 +188,6 @@ def test_a_result_is_predicted_with_as_soon_as_it_is_announced(
     observer.node.destroy_publisher(publisher)
 
 
-def test_an_effort_that_is_nan_silences_its_joint(robot: PlayedRobot, predictor: Heard) -> None:
-    predictor.until(robot, lambda: predictor.last.valid, "a prediction")
-    robot.without = JOINTS[2]
-    predictor.until(robot, lambda: math.isnan(predictor.last.measured[2]), "a joint without effort")
-    assert predictor.last.valid
-    assert np.isfinite(np.delete(predictor.last.measured, 2)).all()
-    robot.without = ""
-    predictor.until(robot, lambda: math.isfinite(predictor.last.measured[2]), "its effort again")
-
-
 def test_a_result_of_another_robot_is_refused_and_the_next_one_taken_up(
     observer: Observer, robot: PlayedRobot, predictor: Heard, results: Path
 ) -> None:
@@ -224,18 +210,6 @@ def test_a_result_of_another_robot_is_refused_and_the_next_one_taken_up(
     predictor.until(robot, lambda: predictor.last.valid, "the next result")
     assert predictor.last.identified.sec == 1_700_000_200
     observer.node.destroy_publisher(publisher)
-
-
-def test_a_robot_that_falls_silent_is_said_to_be(
-    observer: Observer, robot: PlayedRobot, predictor: Heard
-) -> None:
-    predictor.until(robot, lambda: predictor.last.valid, "a prediction")
-    robot.silent = True
-    predictor.until(robot, lambda: "no position for" in predictor.last.reason, "silence")
-    assert np.isnan(predictor.last.predicted).all()
-    robot.silent = False
-    robot.restart()
-    predictor.until(robot, lambda: predictor.last.valid, "the robot again")
 
 
 def test_colours_say_how_large_the_residual_is() -> None:

@@ -27,13 +27,6 @@ def message(*names: str, effort: Sequence[float] | None = None) -> bytes:
     return bytes(STORE.serialize_cdr(made, JOINT_STATE))
 
 
-def test_a_gripper_of_its_own_lacks_no_joint() -> None:
-    content = JointContent(JOINT_STATE, ["a", "b"], BOTH)
-    for latest in (message("a", "b"), message("finger", effort=[])) * 3:
-        content.look([latest])
-        assert content.problems == []
-
-
 def test_an_arm_in_two_messages_holds_all_joints_and_what_one_lacks_is_named() -> None:
     content = JointContent(JOINT_STATE, ["a", "b", "c"], BOTH)
     content.look([message("a", "b"), message("c")])
@@ -107,14 +100,6 @@ def test_silence_is_an_error_after_a_second_or_twenty_periods(clock: Clock) -> N
 def test_recent_incidents_are_warnings(clock: Clock, what: str) -> None:
     level, sentence = diagnosed(topic_of_period(clock, 0.002), **{what: 3})
     assert (level, sentence[:2]) == (WARN, "3 ")
-
-
-def test_notes_and_several_publishers_are_warnings(clock: Clock) -> None:
-    topic = topic_of_period(clock, 0.002)
-    topic.note, topic.publishers = "subscribed anew", 2
-    level, sentence = diagnosed(topic)
-    assert level == WARN
-    assert sentence.startswith("subscribed anew; 2 publishers")
 
 
 def test_an_incident_counts_for_a_while_and_from_zero_in_a_new_recording() -> None:

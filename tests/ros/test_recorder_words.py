@@ -12,7 +12,6 @@ from rosgraph_msgs.msg import Clock
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.nodes.recorder.node import Recorder
-from idim_iv_ros.nodes.recorder.topic_monitor import TopicMonitor
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from tests.ros.processes import only_bag
 
@@ -118,31 +117,6 @@ def test_a_bag_without_messages_is_a_warning(told, capfd) -> None:
     assert "[WARN]" in capfd.readouterr().err
 
 
-def test_a_whole_bag_is_none(told, capfd) -> None:
-    said = told()
-    said.recorder.act("start")
-    said.arrive(JOINTS, *range(1, 51))
-    assert "100 % arrived" in said.recorder.act("stop")
-    assert "[WARN]" not in capfd.readouterr().err
-
-
-def test_of_a_million_with_one_lost_not_all_arrived(told) -> None:
-    said = told()
-    said.recorder.act("start")
-    said.arrive(JOINTS, 1, 2, 4)
-    said.recorder._topics.topics[0].monitor.received = 999_997
-    assert "99.99 % arrived" in said.recorder.act("stop")
-
-
-def test_lost_messages_of_several_publishers_are_not_known() -> None:
-    monitor = TopicMonitor(None, has_header=False)
-    assert not monitor.counts_lost
-    monitor.received, monitor._sequence = 5, 5
-    assert monitor.counts_lost
-    monitor.new_publishers(2)
-    assert not monitor.counts_lost
-
-
 def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
     said = told(use_sim_time="true")
     assert "/clock" in said.recorder.act("start")
@@ -164,32 +138,3 @@ def test_nothing_is_logged_at_time_zero(told, tmp_path: Path) -> None:
     times = logged(only_bag(tmp_path))
     assert times["/told/joint_states"] == [seven, seven, eight]
     assert times["/told/robot_description"] in ([seven], [eight])
-
-
-def test_a_recording_that_waits_can_be_stopped_and_begun_again(told, capfd) -> None:
-    said = told(use_sim_time="true")
-    said.recorder.act("start")
-    said.arrive(LATCHED, 1)
-    said.arrive(JOINTS, 1, 2, 3)
-    said.recorder.act("pause")
-    said.recorder.act("resume")
-    assert "/clock" in said.recorder.act("stop")
-    assert "[WARN]" in capfd.readouterr().err
-    assert said.closed[0].messages == 0
-    assert said.status().state == RecorderStatus.IDLE
-    assert said.status().fault == ""
-    said.recorder.act("start")
-    said.clock(9)
-    said.recorder.act("stop")
-    assert said.closed[1].messages == 1
-    assert logged(Path(said.closed[1].bag)) == {"/told/robot_description": [9 * 10**9]}
-
-
-def test_a_snapshot_holds_nothing_from_before_the_clock(told) -> None:
-    said = told(use_sim_time="true", snapshot_duration="60.0")
-    said.arrive(JOINTS, 1, 2)
-    said.clock(3)
-    said.arrive(JOINTS, 3)
-    said.recorder.act("snapshot")
-    said.recorder._snapshots.close()
-    assert logged(Path(said.closed[0].bag)) == {"/told/joint_states": [3 * 10**9]}

@@ -1,14 +1,19 @@
 """The last seconds in memory: how many are kept, and when they are written."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
 
+from idim_iv_interfaces.msg import BagClosed
+from idim_iv_ros.nodes.recorder.node import Recorder
 from idim_iv_ros.nodes.recorder.session import SnapshotRing
 from idim_iv_ros.recording.writing.write import TopicChannel
-from tests.ros.processes import numbers
+from tests.ros.processes import Observer, numbers
 
 TOPIC = TopicChannel("/joint_states", "sensor_msgs/msg/JointState")
 
@@ -36,12 +41,6 @@ def test_a_ring_keeps_no_more_than_its_memory() -> None:
     _, kept = ring.content()
     assert 600 <= len(kept) <= 1000
     assert kept[-1][4] == 4999
-
-
-def test_nothing_is_kept_where_none_is_asked_for() -> None:
-    ring = SnapshotRing(0.0, 10**9)
-    ring.add([TOPIC], messages(0, 100))
-    assert (ring.content(), ring.size) == (([], []), 0)
 
 
 def test_a_snapshot_is_a_bag_of_the_last_seconds_while_nothing_is_recorded(
@@ -119,3 +118,55 @@ def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_on
     observer.until(lambda: len(observer.closed) > 1, "the second")
     assert len(observer.closed) == 2
     observer.node.destroy_publisher(publisher)
+
+
+@pytest.fixture
+def recorder(observer: Observer, bags: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorder]:
+    """One in this process, whose callbacks the observer runs."""
+    monkeypatch.chdir(bags)
+    recorder = Recorder()
+    observer.executor.add_node(recorder.node)
+    yield recorder
+    observer.executor.remove_node(recorder.node)
+    recorder.close()
+
+
+@pytest.mark.parametrize(("service", "whole"), [("stop", True), ("abort", False)])
+def test_folder_and_announcement_tell_a_bag_that_was_given_up(
+    recorder: Recorder, observer: Observer, bags: Path, service: str, whole: bool
+) -> None:
+    session = recorder._session
+    publisher = observer.node.create_publisher(JointState, "/joint_states", 10)
+    closed: list[BagClosed] = []
+    heard = observer.node.create_subscription(BagClosed, "/recorder/bag_closed", closed.append, 10)
+    observer.until(publisher.get_subscription_count, "the recorder")
+    observer.until(heard.get_publisher_count, "the announcements")
+    recorder.act("start")
+    name = session.bag.folder.name
+    publisher.publish(JointState(name=["a"], position=[1.0]))
+    observer.until(lambda: session.recorded("/joint_states"), "the message")
+    answer = recorder.act(service)
+    observer.until(lambda: closed, "the announcement")
+    bag = bags / (name if whole else f"{name}_aborted")
+    assert list(bags.iterdir()) == [bag]
+    assert str(bag) in answer
+    assert (closed[0].bag, closed[0].complete, closed[0].messages) == (str(bag), whole, 1)
+    with AnyReader([bag]) as reader:
+        assert reader.message_count == 1
+    observer.node.destroy_publisher(publisher)
+    observer.node.destroy_subscription(heard)
+
+
+def test_bag_that_was_given_up_is_marked_when_its_folder_cannot_be_renamed(
+    recorder: Recorder, bags: Path
+) -> None:
+    recorder.act("start")
+    folder = recorder._session.bag.folder
+    taken = folder.with_name(f"{folder.name}_aborted")
+    taken.mkdir()
+    (taken / "file").write_text("in the way")
+    closed: list = []
+    recorder._session._closed = lambda bag, faulty: closed.append((bag.folder, faulty))
+    recorder.act("abort")
+    assert closed == [(folder, True)]
+    assert all(path.is_dir() for path in bags.iterdir())

@@ -68,14 +68,6 @@ def test_robot_that_does_not_follow_is_noticed_in_time(
     assert earliest < time < latest
 
 
-def test_before_the_robot_moves_it_is_held_where_the_motion_begins(motion) -> None:
-    watch = Supervision(motion, np.zeros(2), LIMIT, 10.0)
-    watch.look(2.0, np.zeros(2))
-    position, velocity = watch.planned(2.0)
-    assert np.array_equal(position, motion.position[0])
-    assert not velocity.any()
-
-
 def test_end_of_a_motion_that_is_too_small_to_be_seen_is_not_waited_for(motion) -> None:
     small = Trajectory(motion.joints, RATE, *(0.05 * item for item in (
         motion.position, motion.velocity, motion.acceleration)))  # fmt: skip

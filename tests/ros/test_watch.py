@@ -53,11 +53,6 @@ def test_what_is_beyond_its_limit_is_said_in_words() -> None:
     assert "joint_1: residual 0.1 N m" in shown(view(warns=True))
 
 
-def test_why_nothing_is_predicted_is_said() -> None:
-    text = shown(LiveView("", 0.0, NAN, "nobody publishes /joint_states", ()))
-    assert "nobody publishes /joint_states" in text
-
-
 def states(url: str, after: int = 0) -> list[dict]:
     """States of a page behind a number."""
     connection = http.client.HTTPConnection(url.split("/")[2], timeout=HANG)

@@ -11,11 +11,11 @@ from benchmarks.servos import LIMIT, TRUTH, mujoco_servo
 from idim_iv_ros import diagnose, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
-from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
+from idim_iv_ros.servo.actuators import write_servo_files
 from idim_iv_ros.servo.identify import identify_servos
 from idim_iv_ros.signals.joint_side import joint_side
 from tests.cli.conftest import run  # noqa: F401 - a fixture
-from tests.configurations import changed
+from tests.inputs import changed
 from tests.servo.conftest import write_servo_bag
 
 
@@ -101,12 +101,6 @@ def test_servo_that_is_switched_off_is_said(servo_folder, tmp_path, seconds, off
     configuration = load_configuration(servo_folder / "servo_arm.yaml")
     result = identify_servos(tmp_path / "off.mcap", configuration)
     assert any("off, blocked or pushed" in warning for warning in result.warnings)
-
-
-def test_files_of_somebody_else_stay(tmp_path):
-    (tmp_path / "servo.xml").write_text("mine")
-    with pytest.raises(UsageError, match="not of an earlier"):
-        require_servo_files(tmp_path, force=False)
 
 
 def test_commands_of_another_rate_are_held(servo_folder, tmp_path, motion):

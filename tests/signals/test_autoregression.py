@@ -33,14 +33,6 @@ def test_coefficients_are_those_of_statsmodels_burg(order):
     np.testing.assert_allclose(model.coefficients, -expected, rtol=1e-10, atol=1e-12)
 
 
-def test_aic_finds_white_noise_white_more_often_than_not():
-    orders = [
-        fit_autoregression(series, whole(series)).order
-        for series in np.random.default_rng(2).standard_normal((60, 400))
-    ]
-    assert np.median(orders) == 0
-
-
 def test_whitening_implies_a_stationary_covariance_of_the_stated_variance():
     model = fit_autoregression(autocorrelated(5, AR4, 3000), [slice(0, 3000)], max_order=8)
     covariance = covariance_of(model, 60)
@@ -65,33 +57,6 @@ def test_a_break_between_runs_is_not_taken_for_a_sample():
     ignoring = fit_autoregression(series, whole(series), max_order=1)
     assert model.coefficients[0] == pytest.approx(-0.95, abs=0.01)
     assert abs(ignoring.coefficients[0] + 0.95) > 2 * abs(model.coefficients[0] + 0.95)
-
-
-def test_order_never_exceeds_what_short_runs_can_tell():
-    series = autocorrelated(8, AR4, 600)
-    model = fit_autoregression(series, [slice(5 * i, 5 * i + 5) for i in range(120)])
-    assert model.order <= 4
-
-
-@pytest.mark.parametrize("n_rows", [0, 1, 2, 5])
-def test_almost_no_rows_give_a_white_model(n_rows):
-    series = np.ones(n_rows)
-    segments = [slice(0, n_rows)] if n_rows else []
-    model = fit_autoregression(series, segments)
-    assert model.order == 0
-    np.testing.assert_array_equal(model.whiten(series, segments), series)
-
-
-def test_a_vanishing_residual_is_white_without_variance():
-    model = fit_autoregression(np.zeros(100), [slice(0, 100)])
-    assert (model.order, model.innovation_variance) == (0, 0.0)
-
-
-def test_perfectly_predictable_series_gives_finite_stable_model():
-    series = np.sin(0.1 * np.arange(2000))
-    model = fit_autoregression(series, whole(series))
-    assert np.all(np.abs(model.reflections) < 1.0)
-    assert np.isfinite(model.whiten(series, whole(series))).all()
 
 
 def test_oversampled_residual_with_80_db_of_dynamic_range_is_whitened_stably():
@@ -135,19 +100,6 @@ def test_recordings_far_apart_are_independent_and_cost_no_memory():
     spread = model.shaping_adjoint(rows, positions)
     alone = [model.shaping_adjoint(part, np.arange(20)) for part in (rows[:20], rows[20:])]
     np.testing.assert_allclose(spread, np.vstack(alone))
-
-
-@pytest.mark.parametrize("segments", [[slice(0, 5)], [slice(0, 5), slice(4, 10)], [slice(2, 10)]])
-def test_segments_that_do_not_cover_the_rows_are_refused(segments):
-    with pytest.raises(ValueError, match="segments"):
-        fit_autoregression(np.ones(10), segments)
-
-
-def test_positions_that_go_backward_are_refused():
-    with pytest.raises(ValueError, match="increase"):
-        AutoregressiveModel(np.array([0.5]), 1.0).shaping_adjoint(
-            np.ones((3, 1)), np.array([0, 2, 1])
-        )
 
 
 def test_white_noise_raises_the_density_everywhere_by_its_share():

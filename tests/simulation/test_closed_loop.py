@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
-from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, mass_matrix
+from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from tests.simulation.laws import commanded, driven, followed, pd
 from tests.simulation.trees import TREES, random_robot
 
@@ -76,17 +76,6 @@ def arm():
     return arm7(seconds=3.0)
 
 
-STRIBECK = SimulatedEffect("stribeck", "joint_1", {"excess": 1.2, "speed": 0.15, "exponent": 1.4})
-
-
-def test_the_motion_is_the_same_whether_accelerations_are_recorded_or_not(arm):
-    """Joints at rest are judged by the torque that holds them, which a recorded sample changes."""
-    whole, motion = followed(arm, STRIBECK), followed(arm, STRIBECK, accelerations=False)
-    assert motion.acceleration.shape == (0, 7)
-    for name in ("position", "velocity", "torque", "applied_torque"):
-        np.testing.assert_array_equal(getattr(motion, name), getattr(whole, name))
-
-
 def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
     random = np.random.default_rng(5)
     disturbance = random.normal(size=arm.position_reference.shape) * 2.0
@@ -104,27 +93,12 @@ def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
     np.testing.assert_allclose(result.applied_torque, expected, atol=1e-9)
 
 
-def test_acceleration_is_what_central_differences_of_the_velocity_approach(arm):
-    smooth = dataclasses.replace(arm.truth, coulomb=np.zeros(7))
-    result = followed(arm, parameters=smooth, velocity_reference=None, initial_velocity=np.zeros(7))
-    difference = np.gradient(result.velocity, 1.0 / arm.rate, axis=0)[1000:-1]
-    error = np.abs(difference - result.acceleration[1000:-1]).max()
-    assert error < 2e-3 * np.abs(result.acceleration[1000:]).max()
-
-
 def test_torque_is_the_law_evaluated_at_the_sample(arm):
     result = followed(arm)
     expected = commanded(arm, result)
     np.testing.assert_allclose(result.torque, expected, atol=1e-9)
     mean = 0.5 * (expected[1:] + expected[:-1])
     np.testing.assert_allclose(result.applied_torque[1:], mean, atol=1e-9)
-
-
-def test_missing_velocity_reference_is_the_central_difference_of_the_position(arm):
-    slope = np.gradient(arm.position_reference, 1.0 / arm.rate, axis=0)
-    given = followed(arm, velocity_reference=slope)
-    missing = followed(arm, velocity_reference=None, initial_velocity=np.zeros(7))
-    np.testing.assert_array_equal(given.position, missing.position)
 
 
 def test_cascade_is_a_pd_law_without_velocity_reference(arm):
@@ -200,11 +174,3 @@ def test_parameters_without_positive_inertia_end_the_simulation_with_that_reason
         arm, parameters=parameters, velocity_reference=None, initial_velocity=np.zeros(7)
     )
     assert result.diverged == "the mass matrix is not positive definite at 0.000 s"
-
-
-def test_a_reference_that_is_not_finite_ends_the_simulation(arm):
-    reference = arm.position_reference.copy()
-    reference[500, 3] = np.nan
-    result = followed(arm, position_reference=reference)
-    assert result.diverged is not None
-    assert np.all(np.isfinite(result.position))

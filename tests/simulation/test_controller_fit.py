@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import arm6, record
-from idim_iv_ros.configuration import ControllerSection
-from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import (
-    control_law,
     filter_reference,
     fit_controller,
     simulate_closed_loop,
@@ -85,11 +82,6 @@ def test_fitted_law_simulates_the_motion_that_was_recorded(arm):
     error = np.abs(result.position - recording.truth.position).max(axis=0)
     tracking = np.abs(recording.position_reference - recording.truth.position).max(axis=0)
     assert np.all(error < 0.05 * tracking)
-
-
-def test_unknown_law_cannot_be_built_from_a_configuration():
-    with pytest.raises(UsageError, match=r"controller\.type is unknown"):
-        control_law(ControllerSection(), 2)
 
 
 def test_filtered_reference_explains_the_tracking_error_and_not_the_noise(arm):

@@ -183,9 +183,3 @@ def test_a_stuck_transmission_coupling_moves_two_joints_against_each_other():
     high = np.minimum(friction[stuck, a] + level[a], friction[stuck, b] + level[b])
     assert stuck.sum() > 10
     assert np.all(low <= high + 1e-9) and np.all(np.maximum(low, -high) <= coupled + 1e-9)
-
-
-def test_negative_friction_is_simulated_as_none():
-    robot, parameters = block(-3.0)
-    result = released(robot, parameters, position=0.0, seconds=1.0)
-    assert result.position[-1, 0] == pytest.approx(-0.5 * SLOPE, rel=1e-9)

@@ -11,7 +11,7 @@ from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
-from tests.simulation.laws import commanded, driven, followed, pd, torque
+from tests.simulation.laws import commanded, driven, followed, pd
 from tests.simulation.trees import random_robot
 
 
@@ -106,15 +106,6 @@ def test_bristles_are_springs_until_they_slide():
     slid = driven(robot, parameters, np.full(1001, 3.0), bristle)
     work = 3.0 * slid.position[-1, 0] - 1.0 * (slid.position[-1, 0] - 0.5e-3)
     assert 0.5 * 2.0 * slid.velocity[-1, 0] ** 2 == pytest.approx(work, rel=1e-4)
-
-
-def test_bristles_too_stiff_for_an_explicit_step_hold():
-    """Pulsation times step is 7; they swing to twice the deflection at rest and no further."""
-    robot, parameters = disc(0.05, coulomb=1.0)
-    bristle = on(robot, "presliding", span_1=1e-7, level_1=1.0)
-    result = driven(robot, parameters, np.full(2000, 0.2), bristle)
-    assert np.all(result.position >= 0.0)
-    assert np.all(result.position <= 0.4e-7)
 
 
 def test_load_friction_holds_what_it_can_and_lets_go_of_the_rest():
@@ -231,33 +222,6 @@ def test_backlash_moves_the_motor_alone_until_the_gap_is_closed():
     assert 0.01 < twist.max() < 0.0105
 
 
-def test_flanks_with_damping_take_the_energy_of_the_bounces():
-    robot, parameters = disc(2.0, drive=0.4)
-    result = driven(robot, parameters, np.full(3000, 1.0), on(robot, "backlash", gap=0.02))
-    both = 3.0 / 2.0
-    assert result.velocity[-1, 0] == pytest.approx(both, rel=5e-3)
-    assert result.link_velocity[-1, 0] == pytest.approx(both, rel=5e-3)
-    assert np.all(np.diff(result.link_velocity[:, 0]) >= -1e-12), "flanks only push"
-
-
-def test_each_joint_has_its_own_delay():
-    robot, parameters = disc(1.0, joints=2)
-    push = np.zeros(40)
-    push[4:] = 1.0
-    result = driven(
-        robot, parameters, push, on(robot, "time_delay", joint=1, delay=0.025), rate=100.0
-    )
-    time = np.arange(40) * 0.01
-    np.testing.assert_array_equal(result.torque[:, 0], push)
-    expected = [np.maximum(time - 0.04 - late, 0.0) for late in (0.0, 0.025)]
-    np.testing.assert_allclose(result.velocity, np.column_stack(expected), atol=1e-12)
-    both = SimulatedEffect("time_delay", None, {"delay": 0.01})
-    law = dataclasses.replace(torque(np.tile(push[:, None], (1, 2))), delay=0.005)
-    result = driven(robot, parameters, push, both, rate=100.0, law=law)
-    expected = np.maximum(time - 0.04 - 0.015, 0.0)
-    np.testing.assert_allclose(result.velocity[:, 1], expected, atol=1e-12)
-
-
 def test_the_motor_gives_what_gain_and_saturation_leave_of_the_command():
     robot, parameters = disc(1.0)
     push = np.linspace(-8.0, 8.0, 401)
@@ -306,46 +270,3 @@ def test_the_command_lags_behind_the_law_as_through_a_first_order_filter():
         expected[k, 1] = kept * expected[k - 1, 1] + (1.0 - kept) * law[k, 1]
     np.testing.assert_allclose(result.torque, expected, atol=1e-9)
     assert np.abs(expected - law).max() > 0.1
-
-
-@pytest.mark.parametrize(("driving", "breaks_at"), [(0.0, 2.0), (0.5, 3.0)])
-def test_friction_that_follows_the_motor_holds_up_to_its_share_of_what_the_model_needs(
-    driving, breaks_at
-):
-    """Fc = 2 on a disc without gravity: at rest the model needs 2, and half of it comes on top."""
-    robot, parameters = disc(coulomb=2.0)
-    load = on(robot, "load_dependent_friction", driving=driving, driven=driving, motor_torque=1.0)
-    result = driven(robot, parameters, np.linspace(1.0, 3.2, 3000), load)
-    first = np.flatnonzero(result.velocity)[0]
-    assert result.torque[first - 1, 0] == pytest.approx(breaks_at, abs=2e-3)
-    assert np.all(np.diff(result.velocity[first:, 0]) > 0.0)
-
-
-def test_discs_slow_down_under_a_coupling_that_goes_with_the_root_of_their_speed():
-    """Two discs turn against each other: dw/dt = −2 c √w, which ends at rest and stays there."""
-    robot, parameters = disc(1.0, joints=2)
-    result = driven(
-        robot, parameters, np.zeros((1500, 2)),
-        on(robot, "joint_coupling", 1, direction=-1.0, viscous=0.7, power=0.5),
-        initial_velocity=np.array([0.4, -0.6]),
-    )  # fmt: skip
-    time = np.arange(1500) / 1000.0
-    expected = np.maximum(1.0 - 0.7 * time, 0.0) ** 2
-    relative = result.velocity[:, 0] - result.velocity[:, 1]
-    np.testing.assert_allclose(relative, expected, atol=1e-3)
-    np.testing.assert_allclose(result.velocity.sum(axis=1), -0.2, atol=1e-9)
-    assert np.all(relative[1450:] == 0.0)
-
-
-def test_a_pair_that_only_the_coupling_holds_moves_together():
-    """Two discs, one pushed: below the coupling's level they turn as one."""
-    robot, parameters = disc(1.0, joints=2)
-    push = np.zeros((500, 2))
-    push[:, 0] = 1.0
-    geared = on(robot, "joint_coupling", 1, direction=-1.0, coulomb=0.6)
-    result = driven(robot, parameters, push, geared)
-    np.testing.assert_array_equal(result.velocity[:, 0], result.velocity[:, 1])
-    assert result.velocity[-1, 0] == pytest.approx(0.5 * 0.499)
-    weak = on(robot, "joint_coupling", 1, direction=-1.0, coulomb=0.3)
-    result = driven(robot, parameters, push, weak)
-    np.testing.assert_allclose(result.velocity[-1], np.array([0.7, 0.3]) * 0.499)

@@ -1,7 +1,5 @@
 """Torques of the effects, by formulas written here: model + effect = what acts on the joint."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -87,22 +85,6 @@ def test_coupling_resists_with_the_sum_of_its_parts(arm, direction, coulomb, vis
     expected = np.column_stack([f, direction * f])
     accuracy = 1e-9 if power == 1.0 else 1e-8
     np.testing.assert_allclose(extra[slipping], expected[slipping], atol=accuracy)
-
-
-def test_bristles_take_no_more_than_the_coulomb_friction(arm):
-    most = on(1, "presliding", span_1=1e-3, level_1=float(arm.truth.coulomb[1]))
-    more = on(1, "presliding", span_1=1e-3, level_1=50.0)
-    np.testing.assert_allclose(followed(arm, more).position, followed(arm, most).position)
-
-
-def test_friction_that_only_the_sum_keeps_from_driving_is_simulated_whole(arm):
-    """A refit may give Fv < 0 beside a drag that more than makes up for it."""
-    viscous = np.array([-0.4, arm.truth.viscous[1]])
-    parameters = dataclasses.replace(arm.truth, viscous=viscous)
-    drag = on(0, "nonlinear_viscous", coefficient=3.0, power=1.0)
-    result = followed(arm, drag, parameters=parameters)
-    extra, moving = surplus(arm, result, parameters)
-    np.testing.assert_allclose(extra[:, 0], 3.0 * result.velocity[moving, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize(

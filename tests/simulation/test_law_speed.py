@@ -8,7 +8,7 @@ import scipy
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.simulation import ClosedLoopResult, SimulatedEffect, factor_of_lateness
-from tests.simulation.laws import commanded, followed
+from tests.simulation.laws import followed
 
 
 @pytest.fixture(scope="module")
@@ -50,13 +50,6 @@ def test_commands_are_those_of_a_drive_with_that_filter(arm, factor, effects) ->
     slip = arm.velocity_reference - filtered(result, arm.rate, factor)
     wanted = np.clip(law.kp * error + law.kd * slip, -law.torque_limit, law.torque_limit)
     np.testing.assert_allclose(result.torque, wanted, atol=1e-7 * np.abs(wanted).max())
-
-
-def test_a_law_without_a_filter_sees_the_exact_speed(arm: SimulatedArm) -> None:
-    law = dataclasses.replace(arm.law, period=None)
-    result = followed(arm, law=law, initial_velocity=pushed(arm))
-    wanted = np.clip(commanded(arm, result), -law.torque_limit, law.torque_limit)
-    np.testing.assert_allclose(result.torque, wanted, atol=1e-9)
 
 
 @pytest.mark.parametrize("lateness", [0.5e-3, 0.9e-3, 3.3e-3, 9.5e-3])

@@ -17,7 +17,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest, read_urdf_file
 from idim_iv_ros.physical import nearest_physical
 from idim_iv_ros.simulator_files import Exported
-from tests.gap_files import gap_content
+from tests.inputs import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 # Attributes of an MJCF that an export changes.

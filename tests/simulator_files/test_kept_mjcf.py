@@ -14,13 +14,12 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.model import build_inverse_model, read_urdf_file
 from tests.model.mjcf_robots import ARMS, GEN3
 from tests.model.test_mjcf import ARM2, simulator
 from tests.simulator_files.cases import CHANGING, Case, bare, case, cause, refused
 
 # Each with one joint to a body.
-ONE_EACH = ("ur5e", "panda", "iiwa14", "xarm7")
+ONE_EACH = ("ur5e", "iiwa14", "xarm7")
 
 
 def configured(path: Path, joints: tuple[str, ...]) -> Configuration:
@@ -113,30 +112,6 @@ def test_other_ways_to_turn_an_inertial_become_a_quaternion(tmp_path: Path) -> N
     written = arm.export(tmp_path / "out").mjcf.read_text()
     assert "euler" not in written
     assert_same_torques(arm, written, turned)
-
-
-def test_values_of_a_default_class_are_written_at_the_joint(tmp_path: Path) -> None:
-    text, joints, _ = ARMS["ur5e"]
-    arm = arm_of(tmp_path, text, joints)
-    after = arm.export(tmp_path / "out").mjcf.read_text()
-    defaults = [ElementTree.fromstring(content).find("default") for content in (text, after)]
-    assert ElementTree.tostring(defaults[0]) == ElementTree.tostring(defaults[1])
-    joint = re.search(r'<joint name="elbow_joint"[^>]*>', after)
-    assert joint is not None
-    values = dict(re.findall(r'(\w+)="([^"]*)"', joint[0]))
-    assert float(values["armature"]) == pytest.approx(arm.standard["Ia3"], rel=1e-7)
-    assert float(values["frictionloss"]) == pytest.approx(arm.standard["Fc3"], rel=1e-7)
-
-
-def test_as_nominal_model_it_has_the_base_parameters_of_the_result(tmp_path: Path) -> None:
-    text, joints, _ = ARMS["panda"]
-    arm = arm_of(tmp_path, text, joints)
-    made = arm.export(tmp_path / "out")
-    again = build_inverse_model(configured(made.mjcf, joints), read_urdf_file(made.mjcf), "again")
-    offsets = [name.startswith("off") for name in arm.model.base.names]
-    expected = arm.model.base.from_standard(arm.vector())
-    assert again.base.names == arm.model.base.names
-    np.testing.assert_allclose(again.given[~np.array(offsets)], expected[~np.array(offsets)], rtol=1e-6, atol=1e-7)  # fmt: skip
 
 
 def test_inertia_of_geoms_becomes_an_inertial_and_the_geoms_stay(tmp_path: Path) -> None:

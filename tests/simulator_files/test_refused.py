@@ -9,7 +9,7 @@ import pytest
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from tests.configurations import changed
+from tests.inputs import changed
 from tests.simulator_files.cases import CONFIG, Case, case, cause, refused
 
 Change = Callable[[Case, Path], Case]

@@ -64,14 +64,6 @@ def test_inertials_and_dynamics_change_and_nothing_else(decorated: Case, tmp_pat
         assert part[: part.index(end, 1)] in after
 
 
-def test_windows_line_ends_stay(tmp_path: Path) -> None:
-    urdf = tmp_path / "decorated.urdf"
-    urdf.write_bytes(DECORATED.read_bytes().replace(b"\n", b"\r\n"))
-    made = case(tmp_path, configured(urdf, ["shoulder", "elbow"])).export(tmp_path / "out")
-    content = made.urdf.read_bytes()
-    assert content.count(b"\n") == content.count(b"\r\n")
-
-
 def test_numbers_are_those_of_the_result_and_what_is_fixed_to_a_link_stays(decorated, tmp_path):
     """The camera's mass is taken out of what the shoulder carries, and the sum is the result."""
     text = decorated.export(tmp_path / "out").urdf.read_text(encoding="utf-8")

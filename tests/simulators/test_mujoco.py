@@ -5,7 +5,6 @@ closed loop are MuJoCo's here.
 """
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -52,12 +51,6 @@ def opposing(model: mujoco.MjModel, effects: Effects, q: float, dq: float) -> fl
     mujoco.mj_forward(model, data)
     balance = data.qfrc_applied + data.qfrc_passive + data.qfrc_constraint
     return -float(balance[0])
-
-
-def test_constant_torques_leave_dry_friction_as_the_file_has_it() -> None:
-    model = pendulum()
-    Effects(model, [on("torque_offset", 0, offset=0.1), on("spring", 1, linear=1.0)])
-    np.testing.assert_allclose(model.dof_solref[:, 0], [0.02, 2.0 * model.opt.timestep])
 
 
 @pytest.mark.parametrize("name", FORMULAS)
@@ -169,12 +162,6 @@ def arm():
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_motion_is_that_of_the_other_simulator(name: str, arm) -> None:
     motion_is_the_same(arm, MOTIONS[name])
-
-
-@pytest.mark.parametrize("name", ["none", "eccentricity"])
-def test_a_law_with_a_filtered_speed_is_the_same_in_both(name: str, arm) -> None:
-    late = replace(arm, law=replace(arm.law, speed_factor=0.2))
-    motion_is_the_same(late, MOTIONS[name])
 
 
 def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:

@@ -15,7 +15,7 @@ from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.signals import joint_side
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.simulators.recording import simulate, simulated_robot
-from tests.configurations import changed
+from tests.inputs import changed
 
 
 def configured(name: str, **simulated: object) -> Configuration:

@@ -250,18 +250,6 @@ def test_a_model_of_another_robot_is_refused(text, words, bag, configuration, tm
     assert "\n" not in str(refused.value)
 
 
-def test_unknown_effects_and_parameters_are_refused(bag, configuration, tmp_path) -> None:
-    for content, words in (
-        ({"effects": [{"effect": "warp", "joint": "joint_1"}]}, "warp is not an effect"),
-        ({"base_parameters": {"ZZ9": 1.0}}, "ZZ9 is not a base parameter"),
-        ({"effects": [{"effect": "presliding", "joint": "j9"}]}, "no joint j9"),
-    ):  # fmt: skip
-        path = tmp_path / "effects.json"
-        path.write_text(json.dumps({"format": "idim_iv_ros/effects/1", **content}))
-        with pytest.raises(UsageError, match=words):
-            replay_bags(bag, configuration, effects=path)
-
-
 def test_without_references_there_is_nothing_to_replay(bag: Path, tmp_path: Path) -> None:
     text = (CONFIG / "arm2.yaml").read_text().replace("  reference: joint_reference\n", "")
     text = text.replace("urdf: arm2.urdf", f"urdf: {CONFIG / 'arm2.urdf'}")

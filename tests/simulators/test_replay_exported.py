@@ -132,14 +132,3 @@ def test_constant_torques_of_an_export_are_parameters(
         bag, arm.configuration, model=made.mjcf, stages=("corrected",)
     ).stages  # without them
     assert stage.torque != result.stages[1].torque
-
-
-def test_effects_that_lie_beside_the_model_and_are_not_given_are_named(
-    arm: Case,
-    made: Exported,
-    bag: Path,  # noqa: F811
-) -> None:
-    result = replay_bags(bag, arm.configuration, model=made.mjcf, stages=("corrected",))
-    assert (
-        result.notes[-1] == f"without the effects of {made.effects}: add --effects {made.effects}"
-    )

@@ -111,12 +111,6 @@ def test_overall_is_the_least_favourable_joint(white, autocorrelated):
     assert overall.verdict == "misspecified"
 
 
-def test_a_rejection_that_only_all_rows_see_is_not_lost(white):
-    overall = judge_all([judge_joint(VALID, white)], rejected(0.4))
-    assert overall.verdict == "misspecified"
-    assert "No joint alone" in overall.sentence
-
-
 def test_the_joint_with_the_largest_residual_beyond_the_noise_is_named_first(white):
     """An effect at joint 2 may reject the instruments of others, and not its own."""
     accused = replace(judge_joint(rejected(3.0), white), joint="joint_3", torque_percent=1.2)

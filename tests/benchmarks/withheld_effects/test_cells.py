@@ -1,14 +1,11 @@
 import hashlib
-import json
 
-import numpy as np
 import pytest
 
-from benchmarks.withheld_effects.cells import RATIOS, Asked, Cell, all_cells, chosen_cells, family
+from benchmarks.withheld_effects.cells import RATIOS, Asked, Cell, all_cells, chosen_cells
 from benchmarks.withheld_effects.effects import EFFECTS, STRUCTURAL, VARIANTS
 from benchmarks.withheld_effects.generate import LABELS, SEAL, write_cell, write_cells
 from benchmarks.withheld_effects.score import open_labels
-from benchmarks.withheld_effects.session import make_session
 
 SINGLE = Cell(7, "single", "arm2", True, (Asked("stribeck", 1, 1.0),), seconds=5.0)
 CLEAN = Cell(8, "none", "arm2", False, seconds=5.0)
@@ -42,12 +39,6 @@ def test_the_list_holds_what_the_benchmark_promises():
     assert all_cells(1) != cells
 
 
-def test_ten_cells_are_one_of_each_family():
-    families = [family(cell) for cell in chosen_cells("families")]
-    assert len(families) == len(set(families)) == 10
-    assert set(families) == {family(cell) for cell in chosen_cells("fast")}
-
-
 @pytest.mark.bench
 def test_folders_tell_nothing_of_the_label(written):
     out = written
@@ -79,18 +70,3 @@ def test_labels_are_sealed_and_a_changed_one_is_refused(written):
             open_labels(out)
     finally:
         (out / LABELS).write_text(text)
-
-
-@pytest.mark.bench
-def test_the_same_seed_gives_the_same_recordings_and_another_does_not():
-    one, same, other = (make_session(CLEAN, master) for master in (3, 3, 4))
-    assert json.dumps(one.label) == json.dumps(same.label)
-    for a, b in zip(one.records, same.records, strict=True):
-        assert np.array_equal(a.effort, b.effort)
-        assert np.array_equal(a.position, b.position)
-    assert not np.array_equal(one.records[0].effort, other.records[0].effort)
-    # One motion twice with new noise, then another motion.
-    first, repeat, third = one.records
-    assert np.array_equal(first.position_reference, repeat.position_reference)
-    assert not np.array_equal(first.effort, repeat.effort)
-    assert not np.array_equal(first.position_reference, third.position_reference)

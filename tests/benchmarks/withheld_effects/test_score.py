@@ -8,7 +8,7 @@ import pytest
 from benchmarks.withheld_effects.generate import LABELS, OPTIONS, SEAL
 from benchmarks.withheld_effects.run import run
 from benchmarks.withheld_effects.score import score
-from benchmarks.withheld_effects.tables import page_lines, pair_f1
+from benchmarks.withheld_effects.tables import page_lines
 from benchmarks.withheld_effects.verdict import Verdict, judge
 
 
@@ -96,25 +96,6 @@ def test_parametric_causes_are_true_of_an_altered_robot_only():
     assert score_of(label(group="none", altered=False), payload).false_alarms
 
 
-def test_naming_something_outside_the_catalogue_is_a_false_alarm():
-    outside = label(truth("contact_pulses", None, kind="outside"), group="outside")
-    assert score_of(outside, gap(cause("position_ripple"))).false_alarms
-    assert not score_of(outside, gap(verdict="unknown")).false_alarms
-
-
-def test_saying_that_a_recording_cannot_tell_is_an_admission():
-    poor = label(truth("elasticity"), group="poor")
-    assert score_of(poor, gap(verdict="none", not_testable=["elasticity"])).admitted
-    assert not score_of(poor, gap(verdict="none")).admitted
-
-
-def test_f1_of_a_pair_half_found_and_one_made_up():
-    pair = label(truth("stribeck"), truth("spring"), group="pair")
-    result = score_of(pair, gap(cause("stribeck"), cause("time_delay")))
-    assert pair_f1([result]) == pytest.approx(0.5)
-    assert pair_f1([]) is None
-
-
 @pytest.fixture
 def benchmark(tmp_path):
     labels = {"a" * 12: label(truth("stribeck")), "b" * 12: label(group="none", altered=False)}
@@ -156,13 +137,6 @@ def test_a_run_is_scored_and_goes_on_where_it_was(benchmark):
     assert "| none: none → stribeck | 1 |" in page
     # Judged already: a command that fails is not called again.
     assert run(benchmark, command(benchmark, "sys.exit(3)\n")) == 0
-
-
-def test_a_cell_without_a_verdict_is_counted_with_its_reason(benchmark):
-    assert run(benchmark, command(benchmark, "sys.exit('no effort in the bag')\n")) == 2
-    scored = score(benchmark)
-    assert not scored.cells
-    assert "| no verdict: no effort in the bag | 2 |" in "\n".join(page_lines(scored))
 
 
 def test_labels_changed_after_the_first_verdict_are_refused(benchmark):

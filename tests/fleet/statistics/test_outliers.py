@@ -54,14 +54,6 @@ def test_three_robots_are_too_few() -> None:
     assert np.isnan(result.p_values).all() and not result.chosen.units.any()
 
 
-def test_robots_without_an_estimate_are_not_judged() -> None:
-    values, variances = population(5)
-    values[4], values[:, 0] = np.nan, np.nan
-    (result,) = outlying([(values, variances)])
-    assert np.isnan(result.p_values[4]).all() and np.isnan(result.p_values[:, 0]).all()
-    assert np.isfinite(result.p_values[0, 1:]).all()
-
-
 def test_types_share_one_false_discovery_rate() -> None:
     first, second = population(6), population(7)
     first[0][0, 0] += 12.0

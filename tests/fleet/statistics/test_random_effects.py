@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 import scipy
+import statsmodels.api as sm
 from statsmodels.stats.meta_analysis import combine_effects
 
+from idim_iv_ros.estimation.qr import r_factor
+from idim_iv_ros.fleet.regression import stacked
+from idim_iv_ros.fleet.statistics.quantities import regression, shares
 from idim_iv_ros.fleet.statistics.random_effects import (
     between_variance,
     common_between_variance,
@@ -80,12 +84,6 @@ def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> No
     assert estimate["mean_high"] - estimate["mean"] == pytest.approx(half)
 
 
-def test_one_robot_is_no_sample() -> None:
-    estimate = estimate_of(np.array([1.0]), np.array([0.1]))
-    assert estimate.pop("mean") == 1.0
-    assert np.isnan(list(estimate.values())).all()
-
-
 def test_mean_and_interval_are_those_of_statsmodels_on_the_vaccine_trials() -> None:
     values, variances = risk_ratios()
     theirs = combine_effects(values, variances, method_re="iterated", use_t=True)
@@ -111,6 +109,48 @@ def test_variance_common_to_groups_is_not_moved_by_a_third_of_them() -> None:
     assert common_between_variance(groups)[0] < 2.2 * alone
 
 
-def test_groups_of_one_say_nothing_of_the_variance_within() -> None:
-    groups = [(np.ones((1, 2)), np.ones((1, 2)))] * 5
-    assert np.isnan(common_between_variance(groups)).all()
+BAGS, ROWS, WIDTH = 5, 60, 4
+
+
+def recorded(differing: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """X and y of each bag; friction of the last bag differs."""
+    random = np.random.default_rng(2)
+    matrices = [random.normal(size=(ROWS, WIDTH)) * [1.0, 10.0, 0.1, 1.0] for _ in range(BAGS)]
+    torques = []
+    for bag, matrix in enumerate(matrices):
+        true = np.array([1.0, 2.0, 3.0, 4.0 + differing * (bag == BAGS - 1)])
+        torques.append(matrix @ true + random.normal(size=ROWS))
+    return matrices, torques
+
+
+def factors_of(matrices: list[np.ndarray], torques: list[np.ndarray]) -> list[np.ndarray]:
+    pairs = zip(matrices, torques, strict=True)
+    return [r_factor(np.column_stack([matrix, torque])) for matrix, torque in pairs]
+
+
+def test_stacked_factors_give_the_answer_of_all_rows() -> None:
+    matrices, torques = recorded(0.0)
+    whole = sm.OLS(np.concatenate(torques), np.vstack(matrices)).fit()
+    pooled = regression(stacked(factors_of(matrices, torques)), BAGS * ROWS)
+    assert pooled.complete
+    np.testing.assert_allclose(pooled.values, whole.params, rtol=1e-10)
+    np.testing.assert_allclose(pooled.covariance, whole.cov_params(), rtol=1e-10, atol=1e-14)
+    assert pooled.squares == pytest.approx(whole.ssr, rel=1e-10)
+
+
+def test_the_estimate_of_all_is_the_weighted_sum_of_those_of_the_bags() -> None:
+    matrices, torques = recorded(2.0)
+    factors = factors_of(matrices, torques)
+    parts = [regression(factor, ROWS).values for factor in factors]
+    joined = sum(share @ part for share, part in zip(shares(factors), parts, strict=True))
+    np.testing.assert_allclose(joined, regression(stacked(factors), BAGS * ROWS).values)
+
+
+def test_a_bag_that_does_not_show_every_parameter_is_not_complete() -> None:
+    matrices, torques = recorded(0.0)
+    matrices[0][:, 2] = 2.0 * matrices[0][:, 1]
+    factors = factors_of(matrices, torques)
+    assert not regression(factors[0], ROWS).complete
+    whole = sm.OLS(np.concatenate(torques), np.vstack(matrices)).fit()
+    pooled = regression(stacked(factors), BAGS * ROWS)
+    np.testing.assert_allclose(pooled.values, whole.params, rtol=1e-10)

@@ -1,8 +1,9 @@
-"""Content of a gap.json with causes of one's own, as `simulate --effects` reads it."""
+"""Inputs that many tests make: configurations that differ in one section, documents with causes."""
 
 from collections.abc import Mapping
 from typing import Any
 
+from idim_iv_ros.configuration import Configuration
 from tests.report.sample_gap import sample_gap
 
 Content = dict[str, Any]
@@ -30,3 +31,9 @@ def _numbers(values: Mapping[str, Any]) -> Content:
         name: value if isinstance(value, dict) else {"value": value, "std": None, "unit": ""}
         for name, value in values.items()
     }
+
+
+def changed(configuration: Configuration, section: str, **values: Any) -> Configuration:
+    """The configuration with other values in a section."""
+    part = getattr(configuration, section).model_copy(update=values)
+    return configuration.model_copy(update={section: part})
