@@ -6,6 +6,7 @@ import pytest
 
 from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.identification.result import IdentificationResult
+from tests.real.conftest import require_bodies
 from tests.real.recordings import double_pendulum_bag
 
 # identified_model_2.0.yml: m1 = 0.5594, r1 = 0.3, m2 = 0.6043, l1 = 0.3, r2 = 0.1838
@@ -26,6 +27,10 @@ def test_control_law_is_recovered(result: IdentificationResult) -> None:
         assert gains[joint, "kp"].r_squared > 0.95
         assert gains[joint, "kp"].value == pytest.approx(20.0, rel=0.1)
         assert gains[joint, "kd"].value == pytest.approx(0.5, rel=0.25)
+
+
+def test_every_link_is_a_body_and_no_drive_gives_energy(result: IdentificationResult) -> None:
+    require_bodies(result)
 
 
 @pytest.mark.parametrize("name", ["MX1", "MX2"])

@@ -10,6 +10,7 @@ import pytest
 
 from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.identification.result import IdentificationResult
+from tests.real.conftest import require_bodies
 from tests.real.recordings import emps_bag
 
 PUBLISHED = {"M1": 95.1089, "Fv1": 203.5034, "Fc1": 20.3935, "off1": -3.1648}
@@ -52,6 +53,10 @@ def test_iteration_starts_from_one_kilogram_and_converges_in_four(instrumental) 
 def test_instrumental_variables_agree_with_least_squares(instrumental, name, percent) -> None:
     value = {parameter.name: parameter.value for parameter in instrumental.parameters}[name]
     assert value == pytest.approx(PUBLISHED[name], rel=percent / 100.0)
+
+
+def test_the_axis_is_a_body_and_no_drive_gives_energy(instrumental) -> None:
+    require_bodies(instrumental)
 
 
 def test_instrumental_variables_agree_with_an_independent_run(instrumental) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from idim_iv_ros import Configuration, identify
 from idim_iv_ros.identification.result import IdentificationResult
+from tests.real.conftest import require_bodies
 from tests.real.recordings import tx40_bag, tx40_configuration
 
 # Names of the table that stand for the same column.
@@ -38,6 +39,11 @@ def bag(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def result(bag: Path, configuration: Configuration) -> IdentificationResult:
     return identify([bag], configuration, estimator="idim-ls")
+
+
+@pytest.fixture(scope="module")
+def instrumental(bag: Path, configuration: Configuration) -> IdentificationResult:
+    return identify([bag], configuration)
 
 
 @pytest.fixture(scope="module")
@@ -107,9 +113,12 @@ def test_residual_of_each_joint_is_four_to_ten_percent_of_its_torque(result) -> 
         assert 3.0 < residual.relative_percent < 11.0, residual.joint
 
 
-def test_without_references_the_fallback_is_named_and_nothing_is_claimed(bag, configuration):
-    result = identify([bag], configuration)
-    assert "smoothed" in result.instruments.source
-    assert any("no reference is read" in sentence for sentence in result.controller)
-    assert result.instruments.accepted is None
-    assert all(verdict.verdict == "inconclusive" for verdict in result.residuals)
+def test_without_references_the_fallback_is_named_and_nothing_is_claimed(instrumental) -> None:
+    assert "smoothed" in instrumental.instruments.source
+    assert any("no reference is read" in sentence for sentence in instrumental.controller)
+    assert instrumental.instruments.accepted is None
+    assert all(verdict.verdict == "inconclusive" for verdict in instrumental.residuals)
+
+
+def test_every_link_is_a_body_and_no_drive_gives_energy(instrumental) -> None:
+    require_bodies(instrumental)
