@@ -107,7 +107,7 @@ class TableMap(_Part):
     time: Stamps | None = None
     rate: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
     rows: dict[str, float] = {}
-    joints: Annotated[dict[str, JointColumns], Field(min_length=1)]
+    joints: Annotated[dict[Annotated[str, Field(min_length=1)], JointColumns], Field(min_length=1)]
     units: Units = Units()
     delimiter: Annotated[str, Field(max_length=1)] = ""
     decimal: Literal[".", ","] = "."

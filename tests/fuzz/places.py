@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+from tests.fuzz import tables
 from tests.fuzz.case import (
     CONFIG,
     Case,
@@ -71,9 +72,7 @@ _REPLACEABLE = ("folder", "fifo", "socket", "link-to-itself")
 
 def _table(folder: Path, path: Path) -> list[str]:
     (folder / "good.csv").write_text("1,2\n2,3\n3,4\n5,6\n")
-    good = str(folder / "good.csv")
-    options = ["--effort", good, "--joints", "a,b", "--rate", "9"]
-    return ["import", str(folder / "o.mcap"), "--position", str(path), *options]
+    return tables.table(folder, path.name)
 
 
 def _excite(out: Path, folder: Path, urdf: Path = CONFIG / "arm2.urdf") -> list[str]:

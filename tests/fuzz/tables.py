@@ -1,5 +1,6 @@
 """Tables for `import` that are no tables, or of no use."""
 
+import json
 import struct
 import zipfile
 from collections.abc import Callable, Iterator
@@ -13,16 +14,17 @@ from scipy.io import savemat
 from tests.fuzz.case import Case, Good, flipped
 
 _ROWS = 400
-_COMPLETE = {"position": "good.npy", "effort": "good.npy", "joints": "a,b", "rate": "100"}
+# What a map calls the columns of a file, where the case does not say it.
+_COLUMNS = {".npy": "array[{}]", ".npz": "q[{}]", ".mat": "q[{}]"}
+_RATE = {"rate": 100.0}
 
 
 def cases(seed: int) -> Iterator[Case]:
-    """Each table once as positions, efforts or references; then stamps, rates and names."""
-    for number, (name, write) in enumerate({**_USELESS, **_ODD}.items()):
-        place = ("position", "effort", "reference")[(number + seed) % 3]
-        yield Case(f"table-{name}", partial(_with_table, write, place), name in _USELESS)
+    """Each table by a map; then stamps, and what a map may say wrong."""
+    for name, write in {**_USELESS, **_ODD}.items():
+        yield Case(f"table-{name}", partial(_with_table, write), name in _USELESS)
     for name, stamps in _STAMPS.items():
-        build = partial(_with_table, _saved("npy", stamps), "time")
+        build = partial(_with_stamps, stamps)
         yield Case(f"time-{name}", build, name not in ("text", "jump"))
     for number in range(6):
         yield Case(f"table-flipped-{number}", partial(_flipped, number))
@@ -31,24 +33,35 @@ def cases(seed: int) -> Iterator[Case]:
         yield Case(f"import-{name}", build, name not in ("long-joint", "surrogate-joint"))
 
 
-def table(folder: Path, **options: str | None) -> list[str]:
-    """Arguments of `import`; good tables and names where `options` give no others."""
+def table(
+    folder: Path,
+    spec: str = "good.npy",
+    *,
+    time: dict[str, Any] = _RATE,
+    joints: tuple[str, ...] = ("a", "b"),
+    urdf: str | None = None,
+) -> list[str]:
+    """Arguments of `import` for a file ``FILE[:COLUMN,COLUMN]``, or ``FILE:ARRAY``, and its map."""
     random = np.random.default_rng(0)
     np.save(folder / "good.npy", random.normal(size=(_ROWS, 2)).cumsum(axis=0))
-    arguments = ["import", str(folder / "o.mcap")]
-    for name, value in {**_COMPLETE, **options}.items():
-        if value is not None:
-            value = value if name in ("rate", "joints") else str(folder / value)
-            arguments += [f"--{name.replace('_', '-')}", value]
-    return arguments
+    file, _, key = spec.partition(":")
+    usual = f"{key}[{{}}]" if key else _COLUMNS.get(Path(file).suffix, "{}")
+    columns = key.split(",") if "," in key else [usual.format(k) for k in range(len(joints))]
+    described = {joint: {"position": name} for joint, name in zip(joints, columns, strict=True)}
+    text = json.dumps({"file": file, **time, "joints": described})
+    (folder / "map.yaml").write_text(text, encoding="utf-8")
+    arguments = ["import", str(folder / "o.mcap"), "--columns", str(folder / "map.yaml")]
+    return arguments if urdf is None else [*arguments, "--urdf", str(folder / urdf)]
 
 
-def _with_table(
-    write: Callable[[Path], str], place: str, folder: Path, good: Good, _: object
-) -> list[str]:
+def _with_table(write: Callable[[Path], str], folder: Path, good: Good, _: object) -> list[str]:
     (folder / "t").mkdir()
-    spec = f"t/{write(folder / 't')}"
-    return table(folder, **{place: spec}, **({"rate": None} if place == "time" else {}))
+    return table(folder, f"t/{write(folder / 't')}")
+
+
+def _with_stamps(stamps: np.ndarray, folder: Path, good: Good, _: object) -> list[str]:
+    np.savez(folder / "t.npz", q=_VALUES, t=stamps)
+    return table(folder, "t.npz", time={"time": {"column": "t"}})
 
 
 def _flipped(number: int, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
@@ -56,7 +69,7 @@ def _flipped(number: int, folder: Path, good: Good, random: np.random.Generator)
     path = folder / _saved(suffix, {"q": values} if suffix == "npz" else values)(folder)
     content = path.read_bytes()
     path.write_bytes(flipped(content, random, 4, end=min(len(content), 300)))
-    return table(folder, position=path.name)
+    return table(folder, path.name)
 
 
 def _saved(suffix: str, values: Any, key: str = "") -> Callable[[Path], str]:
@@ -118,9 +131,8 @@ _USELESS = {
     "long-doubles": _saved("npy", _VALUES.astype(np.longdouble) * np.longdouble("1e4000")),
     "empty": _saved("npy", np.zeros((0, 2))),
     "one-row": _saved("npy", np.ones((1, 2))),
-    "three-columns": _saved("npy", np.ones((_ROWS, 3))),
     "three-dimensions": _saved("npy", np.ones((_ROWS, 2, 2))),
-    "other-length": _saved("npy", np.ones((_ROWS - 3, 2))),
+    "other-length": _saved("npz", {"a": _VALUES[:-3, 0], "b": _VALUES[:, 0]}, ":a,b"),
     "nan": _saved("npy", np.where(_EIGHTH, np.nan, _VALUES)),
     "infinite": _saved("npy", np.where(_EIGHTH, np.inf, _VALUES)),
     "huge": _saved("npy", _VALUES * 1e300),
@@ -156,7 +168,7 @@ _ODD = {
     "csv-one-long-line": _bytes("t.csv", b"1," * 200_000),
     "csv-column-superscript": _bytes("t.csv:²,0", GOOD_CSV.encode()),
     "csv-column-huge": _bytes("t.csv:99999999999999999999,0", GOOD_CSV.encode()),
-    "npy-key-out-of-range": _saved("npy", _VALUES, ":0,7"),
+    "npy-key-out-of-range": _saved("npy", _VALUES, ":array[0],array[7]"),
 }
 
 _STEADY = np.arange(_ROWS) / 100.0
@@ -177,16 +189,16 @@ _STAMPS = {
     "jump": _STEADY + 1.7e9 * (_STEADY > 2.0),
 }
 
-_OPTIONS: dict[str, dict[str, str | None]] = {
-    **{f"rate-{rate}": {"rate": rate} for rate in ("0", "-1", "nan", "1e-300", "1e300", "text")},
-    "no-rate": {"rate": None},
-    "same-joints": {"joints": "a,a"},
-    "one-joint": {"joints": "a"},
-    "empty-joint": {"joints": "a,"},
-    "long-joint": {"joints": "a" * 100_000 + ",b"},
-    "surrogate-joint": {"joints": "\udcff,b"},
-    "no-file": {"position": "none.npy"},
-    "reference-time-alone": {"reference_time": "good.npy"},
+_OPTIONS: dict[str, dict[str, Any]] = {
+    **{
+        f"rate-{rate}": {"time": {"rate": rate}}
+        for rate in (0, -1, float("nan"), 1e-300, 1e300, "text")
+    },
+    "no-rate": {"time": {}},
+    "empty-joint": {"joints": ("a", "")},
+    "long-joint": {"joints": ("a" * 50_000, "b")},
+    "surrogate-joint": {"joints": ("\udcff", "b")},
+    "no-file": {"spec": "none.npy"},
     "urdf-missing": {"urdf": "none.urdf"},
     "urdf-not-text": {"urdf": "good.npy"},
 }

@@ -151,7 +151,7 @@ def _followed(folder: Path, good: Good, text: str) -> list[str]:
 
 
 def _imported(folder: Path, good: Good, text: str) -> list[str]:
-    return tables.table(folder, position=write_text(folder / "t.csv", text).name)
+    return tables.table(folder, write_text(folder / "t.csv", text).name)
 
 
 def _document_of(effect: str) -> str:
