@@ -121,7 +121,9 @@ def test_a_snapshot_of_nothing_is_refused_and_an_error_of_another_node_writes_on
 
 
 @pytest.fixture
-def recorder(observer: Observer, bags: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Recorder]:
+def recorder_here(
+    observer: Observer, bags: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Recorder]:
     """One in this process, whose callbacks the observer runs."""
     monkeypatch.chdir(bags)
     recorder = Recorder()
@@ -133,19 +135,19 @@ def recorder(observer: Observer, bags: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize(("service", "whole"), [("stop", True), ("abort", False)])
 def test_folder_and_announcement_tell_a_bag_that_was_given_up(
-    recorder: Recorder, observer: Observer, bags: Path, service: str, whole: bool
+    recorder_here: Recorder, observer: Observer, bags: Path, service: str, whole: bool
 ) -> None:
-    session = recorder._session
+    session = recorder_here._session
     publisher = observer.node.create_publisher(JointState, "/joint_states", 10)
     closed: list[BagClosed] = []
     heard = observer.node.create_subscription(BagClosed, "/recorder/bag_closed", closed.append, 10)
     observer.until(publisher.get_subscription_count, "the recorder")
     observer.until(heard.get_publisher_count, "the announcements")
-    recorder.act("start")
+    recorder_here.act("start")
     name = session.bag.folder.name
     publisher.publish(JointState(name=["a"], position=[1.0]))
     observer.until(lambda: session.recorded("/joint_states"), "the message")
-    answer = recorder.act(service)
+    answer = recorder_here.act(service)
     observer.until(lambda: closed, "the announcement")
     bag = bags / (name if whole else f"{name}_aborted")
     assert list(bags.iterdir()) == [bag]
@@ -158,15 +160,15 @@ def test_folder_and_announcement_tell_a_bag_that_was_given_up(
 
 
 def test_bag_that_was_given_up_is_marked_when_its_folder_cannot_be_renamed(
-    recorder: Recorder, bags: Path
+    recorder_here: Recorder, bags: Path
 ) -> None:
-    recorder.act("start")
-    folder = recorder._session.bag.folder
+    recorder_here.act("start")
+    folder = recorder_here._session.bag.folder
     taken = folder.with_name(f"{folder.name}_aborted")
     taken.mkdir()
     (taken / "file").write_text("in the way")
     closed: list = []
-    recorder._session._closed = lambda bag, faulty: closed.append((bag.folder, faulty))
-    recorder.act("abort")
+    recorder_here._session._closed = lambda bag, faulty: closed.append((bag.folder, faulty))
+    recorder_here.act("abort")
     assert closed == [(folder, True)]
     assert all(path.is_dir() for path in bags.iterdir())
