@@ -72,10 +72,7 @@ def test_shipped_configurations_are_right(path: Path) -> None:
             GOOD.replace("[a, b]", "[a, b]\n  motor_to_joint: [[1, 0]]"),
             "motor_to_joint must be 2 by 2",
         ),
-        (
-            GOOD.replace("[a, b]", "[a, b]\n  couplings: [{joints: [a, c]}]"),
-            "couplings names c",
-        ),
+        (GOOD.replace("[a, b]", "[a, b]\n  couplings: [{joints: [a, c]}]"), "couplings names c"),
     ],
 )
 def test_wrong_file_names_the_key(tmp_path: Path, text: str, words: str) -> None:

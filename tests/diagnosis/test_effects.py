@@ -1,7 +1,9 @@
 """Every effect of the catalogue: its torque by a formula of its own, its shapes, names, signs."""
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -9,7 +11,9 @@ import pytest
 from numba import njit
 
 from bags.simulated_arms import arm2
+from idim_iv_ros import effects
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
 from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Load, Torque, TorqueTerm
@@ -537,3 +541,13 @@ def test_a_part_that_is_not_there_is_a_body_with_the_other_sign(space: Parameter
     assert allowed(space, point)
     assert not allowed(space, point | {"moment_x": 5.0})
     assert allowed(replace(space, difference=True), point)
+
+
+def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (Path(effects.__path__[0]) / "spring.py").read_text()
+    text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
+    (tmp_path / "rope.py").write_text(text)
+    monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
+    names = [cause.name for cause in registry._one_of_each(registry._modules())]
+    assert names.index("rope") == names.index("stribeck") - 1
+    del sys.modules["idim_iv_ros.effects.rope"]

@@ -9,9 +9,7 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
-from idim_iv_ros.diagnosis.identifiability import (
-    not_shown_by_motion,
-)
+from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of

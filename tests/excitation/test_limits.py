@@ -9,12 +9,7 @@ import pytest
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import (
-    load_model,
-    motion_limits,
-    require_sampling,
-    servo_motion,
-)
+from idim_iv_ros.excitation import load_model, motion_limits, require_sampling, servo_motion
 from idim_iv_ros.excitation.design import DesignSettings, require_possible
 from idim_iv_ros.excitation.limits import moving_frames, require_reachable
 from idim_iv_ros.model import JointLimits

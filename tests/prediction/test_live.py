@@ -18,11 +18,7 @@ from idim_iv_ros.prediction import (
 )
 from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE
 from idim_iv_ros.prediction.rows import joint_levels
-from idim_iv_ros.signals import (
-    ParallelDecimation,
-    central_differences,
-    zero_phase_butterworth,
-)
+from idim_iv_ros.signals import ParallelDecimation, central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray
 from tests.inputs import changed
@@ -392,9 +388,7 @@ def test_signals_of_motors_are_brought_to_the_joints(identified, recording) -> N
     """Gears of a hundred and efforts in quarters: the same robot, the same predictions."""
     ratio, scale = 100.0, 0.25
     transform = replace(
-        identified.transform,
-        to_joint=np.eye(6) / ratio,
-        to_torque=np.eye(6) * ratio * scale,
+        identified.transform, to_joint=np.eye(6) / ratio, to_torque=np.eye(6) * ratio * scale
     )
     motors = replace(identified, transform=transform)
     positions, efforts = samples(recording, slice(0, 2))

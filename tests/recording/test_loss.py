@@ -131,31 +131,6 @@ def test_a_bag_torn_before_its_first_message_is_not_called_empty(tmp_path: Path)
     assert ": 0 messages on /joint_states" in str(caught.value)
 
 
-@pytest.mark.parametrize("count", [1, 50])
-def test_unreadable_references_are_not_called_missing(tmp_path: Path, count: int) -> None:
-    junk = bag_writer.float_array([1.0])
-    path = tmp_path / "bag.mcap"
-    stamps = np.round((1.0 + np.arange(200) / 100) * 1e9).astype(np.int64)
-    topic = JointTopic("/joint_states", JOINTS, stamps * 1e-9, VALUES[:200], None, VALUES[:200])
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channels = [
-            TopicChannel(name, JOINT_STATE).register(writer)
-            for name in ("/joint_states", "/joint_reference")
-        ]
-        for k, message in enumerate(serialised(topic, stamps)):
-            stamp = int(stamps[k])
-            writer.add_message(channels[0], stamp, message.tobytes(), stamp, k)
-            if k < count:
-                raw = bytes(bag_writer.STORE.serialize_cdr(junk, junk.__msgtype__))
-                writer.add_message(channels[1], stamp, raw[: 5 + k % 4], stamp, k)
-        writer.finish()
-    with pytest.raises(DataError) as caught:
-        read_recordings([path], joints=JOINTS, reference="/joint_reference")
-    assert f"/joint_reference can be read: all {count}" in str(caught.value)
-
-
 def test_a_bad_page_of_a_database_costs_its_rows_only(tmp_path: Path) -> None:
     folder = bag_writer.write(tmp_path / "bag", bag_writer.steady(2000), StoragePlugin.SQLITE3)
     (path,) = folder.glob("*.db3")

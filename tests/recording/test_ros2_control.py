@@ -160,16 +160,6 @@ def test_a_controller_that_was_never_active_is_refused(tmp_path: Path) -> None:
         read(bag.write(tmp_path / "bag"), reference=STATE)
 
 
-def test_a_slower_reference_is_interpolated(tmp_path: Path) -> None:
-    bag = on_controller(on_states(ControlBag()), STAMPS[::4]).write(tmp_path / "bag")
-    reference = read(bag, reference=STATE).position_reference
-    inside = slice(4, 190)
-    assert not reference.invented[inside].any()
-    # A cubic spline through points 40 ms apart: error below 5/384 h⁴ max|f⁗| (de Boor).
-    difference = reference.values - column(asked)[: len(reference.values)]
-    assert np.abs(difference[inside]).max() < 5.0 / 384.0 * 0.04**4 * 1.1
-
-
 INTERFACES = [["effort", "position", "velocity", "motor_current"], ["position", "effort"]]
 
 

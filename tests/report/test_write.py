@@ -1,4 +1,4 @@
-"""None"""
+"""Pages and numbers on disk, whatever the disk does, and those of a fleet."""
 
 import json
 import os

@@ -13,11 +13,7 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import (
-    changed,
-    declare,
-    refuse_unknown_arguments,
-)
+from idim_iv_ros.nodes.parameters import changed, declare, refuse_unknown_arguments
 from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.conftest import ARM2
 from tests.ros.node_alone import node_alone

@@ -214,9 +214,7 @@ def test_topics_of_a_list_and_of_an_expression_are_recorded_as_they_are(
     recorder, observer, bags: Path
 ) -> None:
     recorder(
-        extra_topics=["/tool/wrench", "~/status"],
-        extra_topics_regex="^/drive_[0-9]/",
-        record=True,
+        extra_topics=["/tool/wrench", "~/status"], extra_topics_regex="^/drive_[0-9]/", record=True
     )
     topics = {"/tool/wrench": WrenchStamped, "/drive_1/temperature": Temperature}
     publish(observer, topics, 20)

@@ -1,4 +1,4 @@
-"""None"""
+"""What a residual is: its autocorrelation, its distribution, and how far its RMS scatters."""
 
 import numpy as np
 import pytest
