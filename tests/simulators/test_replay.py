@@ -29,7 +29,8 @@ from idim_iv_ros.simulators.mujoco_parts import (
     set_inertias,
 )
 from idim_iv_ros.simulators.replay_result import ReplayResult
-from tests.cli.conftest import record, robot_bag  # noqa: F401 (fixtures)
+from tests.cli.conftest import bag as robot_bag  # noqa: F401 (fixtures)
+from tests.cli.conftest import record  # noqa: F401
 from tests.simulator_files.cases import Case, case, cause
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
