@@ -132,16 +132,3 @@ def test_check_says_that_the_armature_was_not_given(run, bag, config) -> None:
     said = run("check", bag, "--config", config((armature, "")))
     assert "simulator.armature" in said.out
     assert "simulator.armature" not in run("check", bag, "--config", config()).out
-
-
-def test_a_second_that_is_lost_costs_little_accuracy(run, config, record, tmp_path: Path) -> None:
-    """The relative error is that of the whole recording: no corner at a gap widens the filters."""
-    errors = []
-    for lost in (slice(0, 0), slice(1200, 1700)):
-        rows = np.delete(np.arange(0, len(record.time), 2), lost)
-        bag = write_arm(tmp_path / "arm.mcap", record, rows)
-        out = tmp_path / f"out{lost.stop}"
-        assert run("identify", bag, "--config", config(), "--out", out).status == 0
-        document = json.loads((out / "result.json").read_text())
-        errors.append(document["fit"]["relative_error_percent"])
-    assert errors[1] < 1.5 * errors[0]

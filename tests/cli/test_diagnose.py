@@ -1,6 +1,5 @@
 """The command around a diagnosis; what it computes is made up here."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,14 +61,6 @@ def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_p
     assert "\n" not in str(refusal.value)
     assert stand_in.calls == []
     assert not (tmp_path / "why").exists()
-
-
-def test_brackets_in_names_are_printed_as_they_are(diagnose, tmp_path: Path, capsys) -> None:
-    named = sample_gap(2, "structural", first="[red]arm[/]")
-    diagnose(lambda *_, **__: named)
-    assert "[red]arm[/]" in "".join(capsys.readouterr().out.split())
-    document = json.loads((tmp_path / "why" / "gap.json").read_text(encoding="utf-8"))
-    assert document["joints"][0] == "[red]arm[/]"
 
 
 @pytest.mark.parametrize(

@@ -153,15 +153,6 @@ def test_efforts_that_are_no_torques_are_not_taken_for_torques(run, init, record
     assert run("identify", bag, "--config", out, "--out", tmp_path / "r").status == 0
 
 
-def test_ratio_of_effort_and_torque_is_not_moved_by_drives_that_no_urdf_has(init, record) -> None:
-    """The arm's masses are 10 to 30 % off the URDF's, its drives add as much again."""
-    _, done, _ = init(states(record), options=["--json"])
-    reason = json.loads(done.out)["reasons"]["signals.effort_unit"]
-    ratios = [float(ratio) for ratio in re.findall(r"joint_\d (\d\.?\d*)", reason)]
-    assert ratios
-    assert all(0.7 <= ratio <= 1.3 for ratio in ratios)
-
-
 @pytest.mark.parametrize(
     ("effort", "words"), [(0.0, ("effort", "zero throughout")), (np.nan, ("effort", "empty"))]
 )

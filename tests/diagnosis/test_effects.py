@@ -33,7 +33,7 @@ from idim_iv_ros.effects.spring import BentShape, CubicShape
 from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
-from idim_iv_ros.effects.waves import Waves, wave_columns
+from idim_iv_ros.effects.waves import Waves
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
@@ -185,24 +185,6 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
         assert np.abs(torques[joint] - expected[:, joint])[calm].max() < 0.02 * largest
 
 
-@pytest.mark.parametrize("name", ["elasticity", "backlash"])
-def test_a_transmission_moves_all_joints_and_vanishes_when_stiff(name: str) -> None:
-    motion = synthetic()
-    inertia = float(motion.inertia[:, 1, 1].mean())
-    stiffness = inertia * (2 * np.pi * 8.0) ** 2
-    damping = 0.4 * np.sqrt(stiffness * inertia)
-    soft, stiff = (stiffness, damping), (400 * stiffness, 20 * damping)
-    shaft = name == "elasticity"
-    shape = ShaftShape(*soft) if shaft else BacklashShape(5e-3, *soft, 1.0)
-    torques = BY_NAME[name].columns(motion, Place(1), shape)
-    assert sorted(torques) == [0, 1]
-    assert min(np.abs(torques[j]).max() for j in (0, 1)) > 1e-3
-    harder = ShaftShape(*stiff) if shaft else BacklashShape(1e-7, *stiff, 1.0)
-    rigid = BY_NAME[name].columns(motion, Place(1), harder)
-    for joint in (0, 1):
-        assert np.std(rigid[joint][100:]) < 0.02 * np.std(torques[joint][100:])
-
-
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
     motion = synthetic(3.0)
@@ -305,31 +287,6 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
         shape = BacklashShape(gap, 1e5, 10.0, 1.0)
         scale = JointScale(sliding, 1, 1.0)
         assert play.plausible(shape, np.ones(1), 1.0, scale) == common
-
-
-def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
-    """A ripple over 0.2 m of a screw, beside a joint that turns by 3 rad."""
-    covered = replace(
-        operating_range_of(synthetic()),
-        low=np.array([-1.0, 0.3]),
-        high=np.array([2.0, 0.5]),
-        slowest=np.array([0.02, 0.002]),
-        lever=np.array([1.0, 0.1]),
-    )
-    pitch = 2.0 * np.pi / 0.02  # 1/m
-    position = np.linspace(0.3, 0.5, 2000)
-    ripple = BY_NAME["position_ripple"]
-
-    def left(shape: Waves) -> float:
-        rows = wave_columns(position, [shape])[0]
-        torque = np.sin(pitch * position + 0.7)
-        return float(np.var(torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]))
-
-    best = min(ripple.grid(Place(1), covered), key=left)
-    for step in 4 * [0.3] + 4 * [0.15] + 4 * [0.07]:
-        best = min([best, *ripple.neighbours(best, step, Place(1), covered)], key=left)
-    assert best.wave_numbers[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
-    assert left(best) < 0.01 * 0.5
 
 
 @pytest.mark.parametrize(

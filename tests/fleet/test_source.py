@@ -230,3 +230,10 @@ def test_a_bucket_is_searched_and_its_checksums_tell_contents_apart(bucket, fold
     first, second, same = (content_of(entry.uri) for entry in entries)
     assert first != second
     assert first == same
+
+
+def test_an_empty_folder_and_a_missing_one_end_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no bag found"):
+        find_bags(str(tmp_path))
+    with pytest.raises(UsageError, match="no such file, folder or URL"):
+        find_bags(str(tmp_path / "nowhere"))

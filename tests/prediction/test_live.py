@@ -375,15 +375,6 @@ def test_a_result_of_unknown_processing_is_refused(
     assert "\n" not in str(refusal.value)
 
 
-def test_units_follow_the_joint_and_the_effort(identified) -> None:
-    types = ("prismatic", *identified.result.joint_types[1:])
-    sliding = replace(identified, result=replace(identified.result, joint_types=types))
-    assert sliding.units == ("N", *["N m"] * 5)
-    assert sliding.turning == (False, *[True] * 5)
-    current = replace(identified, result=replace(identified.result, effort_unit="A"))
-    assert set(current.units) == {"A"}
-
-
 def test_signals_of_motors_are_brought_to_the_joints(identified, recording) -> None:
     """Gears of a hundred and efforts in quarters: the same robot, the same predictions."""
     ratio, scale = 100.0, 0.25

@@ -140,10 +140,6 @@ def test_a_bound_and_the_reason_stand_where_nothing_is_measured() -> None:
     assert "transmission-1" not in text
 
 
-def test_without_encoders_there_is_no_section() -> None:
-    assert shown() == ""
-
-
 T = "\N{NARROW NO-BREAK SPACE}"
 
 

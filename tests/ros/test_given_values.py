@@ -77,13 +77,6 @@ def test_a_wrong_start_names_parameter_value_and_need(
     assert all(word in str(refused.value) for word in words), refused.value
 
 
-def test_what_is_meant_is_taken(node) -> None:
-    given = ["-p", "late_after:=5", "-p", "extra_topics:=[]", "-p", "use_sim_time:=true"]
-    made = node(*given)
-    settings = declare(made, RecorderSettings, ["--ros-args", *given])
-    assert (settings.late_after, list(settings.extra_topics)) == (5.0, [""])
-
-
 @pytest.mark.parametrize("word", ["record:=3", "recorder:record:=false"])
 def test_a_parameter_that_the_command_sets_cannot_be_set_again(word: str) -> None:
     with pytest.raises(UsageError, match=f"{word}: an option"):

@@ -8,15 +8,12 @@ import os
 import re
 from dataclasses import MISSING, fields
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 import yaml
 from ruamel.yaml import YAML
 
 from idim_iv_interfaces.msg import Prediction
-from idim_iv_ros.nodes.parameters import Settings, declare
-from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.launch_file import Launched, launch, launched_nodes
 from tests.ros.node_alone import node_alone
 from tests.ros.processes import ROOT, SETTINGS
@@ -289,20 +286,6 @@ def test_file_lists_every_parameter_with_its_default(node: str) -> None:
     }
 
 
-def settings_of(kind: type[Settings], *arguments: str) -> Settings:
-    """Of a node in the namespace /left."""
-    with node_alone("recorder", "-r", "__ns:=/left", *arguments) as node:
-        return declare(node, kind)
-
-
-def test_file_is_for_nodes_in_any_namespace_and_arguments_win(tmp_path) -> None:
-    mine = tmp_path / "mine.yaml"
-    mine.write_text(FILE.read_text().replace("bag_prefix: recording", "bag_prefix: mine"))
-    given = ["--params-file", str(mine)]
-    assert settings_of(RecorderSettings, *given).bag_prefix == "mine"
-    assert settings_of(RecorderSettings, *given, "-p", "bag_prefix:=other").bag_prefix == "other"
-
-
 def test_groups_of_the_aggregator_hold_every_status() -> None:
     document = YAML(typ="safe").load((FILE.parent / "diagnostics_aggregator.yaml").read_text())
     groups = document["analyzers"]["ros__parameters"]
@@ -323,36 +306,17 @@ FIELDS = set(Prediction.get_fields_and_field_types())
 LAYOUTS = ROOT / "layouts"
 
 
-def panels(node: object) -> set[str]:
-    if isinstance(node, str):
-        return {node}
-    return panels(node["first"]) | panels(node["second"])
-
-
-def test_foxglove_shows_every_panel_that_it_describes() -> None:
-    layout = json.loads((LAYOUTS / "foxglove.json").read_text())
-    assert panels(layout["layout"]) == set(layout["configById"])
-    paths = [
-        path["value"] for panel in layout["configById"].values() for path in panel.get("paths", [])
-    ]
-    assert len(paths) == 4 * 7
-    for path in paths:
-        topic, field = path.rsplit(".", 1)
-        assert topic == "/predictor/prediction"
-        assert re.sub(r"\[[0-6]\]$", "", field) in FIELDS
-
-
-def test_plotjuggler_names_fields_of_the_message() -> None:
-    root = ElementTree.parse(LAYOUTS / "plotjuggler.xml").getroot()
-    assert root.find("previouslyLoaded_Streamer").get("name") == "ROS2 Topic Subscriber"
-    for splitter in root.iter("DockSplitter"):
-        assert int(splitter.get("count")) == len(splitter.findall("DockArea"))
-        assert len(splitter.get("sizes").split(";")) == int(splitter.get("count"))
-    curves = [curve.get("name") for curve in root.iter("curve")]
-    assert len(curves) == 4 * 7
-    for curve in curves:
-        match = re.fullmatch(r"/predictor/prediction/(\w+)\[[0-6]\]", curve)
-        assert match and match[1] in FIELDS
+@pytest.mark.parametrize(
+    ("file", "curve"),
+    [
+        ("foxglove.json", r'"/predictor/prediction\.(\w+)\[[0-6]\]"'),
+        ("plotjuggler.xml", r'<curve [^>]*name="/predictor/prediction/(\w+)\[[0-6]\]"'),
+    ],
+)
+def test_layouts_plot_fields_of_the_message(file: str, curve: str) -> None:
+    plotted = re.findall(curve, (LAYOUTS / file).read_text())
+    assert len(plotted) == 4 * 7
+    assert set(plotted) <= FIELDS
 
 
 def test_rviz_shows_the_markers() -> None:

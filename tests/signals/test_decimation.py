@@ -105,12 +105,6 @@ def test_gain_at_the_cutoff_is_one_half_after_two_passes() -> None:
     assert np.abs(filtered[1000:3000]).max() == pytest.approx(0.5, rel=1e-3)
 
 
-def test_differences_of_a_parabola_are_exact_inside() -> None:
-    velocity, acceleration = central_differences((3.0 * TIME**2)[:, None], rate=RATE)
-    np.testing.assert_allclose(velocity[1:-1, 0], 6.0 * TIME[1:-1], atol=1e-9)
-    np.testing.assert_allclose(acceleration[2:-2, 0], 6.0, atol=1e-6)
-
-
 def test_a_piece_has_the_derivatives_of_the_whole() -> None:
     signal = np.random.default_rng(0).normal(size=(500, 2))
     velocity, acceleration = central_differences(signal, rate=RATE)

@@ -7,9 +7,12 @@ import pytest
 import scipy
 
 from bags.simulated_arms import SimulatedArm, arm2, arm6, record
+from idim_iv_ros.configuration import ControllerSection
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import (
     ClosedLoopResult,
     SimulatedEffect,
+    control_law,
     factor_of_lateness,
     filter_reference,
     fit_controller,
@@ -160,3 +163,8 @@ def test_the_filter_is_as_late_as_it_is_asked_to_be(lateness: float) -> None:
 
 def test_a_speed_that_differences_cannot_be_early_enough_for_is_exact() -> None:
     assert factor_of_lateness(0.25e-3, 1e-3) is None
+
+
+def test_unknown_law_cannot_be_built_from_a_configuration() -> None:
+    with pytest.raises(UsageError, match=r"controller\.type is unknown"):
+        control_law(ControllerSection(), 2)

@@ -329,24 +329,6 @@ def test_native_effects_are_simulated_once(
     assert rms(native - at_each_step) < 0.02 * rms(without - at_each_step)
 
 
-def test_the_exported_mjcf_is_the_same_nominal_model_as_the_exported_urdf(arm, made, tmp_path):
-    """Native effects are none of it, and a note says so."""
-    given = []
-    for key, path in (("urdf", made.urdf), ("mjcf", made.mjcf)):
-        configuration = nominal(made, tmp_path, key, path)
-        model = build_inverse_model(configuration, read_urdf_file(path), path.name)
-        assert model.base.names == arm.model.base.names
-        given.append(model.given)
-    np.testing.assert_allclose(given[1], given[0], rtol=1e-9, atol=1e-12)
-    text = read_urdf_file(made.mjcf)
-    for words in (
-        "spring of joint_2",
-        "nonlinear_viscous of joint_1",
-        "joint_coupling of joint_1_",
-    ):
-        assert words in text
-
-
 def test_files_of_two_exports_are_refused(
     arm: Case,
     made: Exported,

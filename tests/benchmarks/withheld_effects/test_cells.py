@@ -9,9 +9,8 @@ import pinocchio as pin
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from benchmarks.withheld_effects.cells import RATIOS, Asked, Cell, all_cells, chosen_cells
+from benchmarks.withheld_effects.cells import Asked, Cell
 from benchmarks.withheld_effects.drive import altered
-from benchmarks.withheld_effects.effects import EFFECTS, STRUCTURAL, VARIANTS
 from benchmarks.withheld_effects.generate import LABELS, SEAL, generate, write_cell, write_cells
 from benchmarks.withheld_effects.run import run
 from benchmarks.withheld_effects.score import open_labels, score
@@ -36,20 +35,6 @@ def written(tmp_path_factory):
     write_cells(out, CELLS, master=3, processes=1)
     assert {path: path.stat().st_mtime_ns for path in stamps} == stamps
     return out
-
-
-def test_the_list_holds_what_the_benchmark_promises():
-    cells = all_cells()
-    assert [cell.index for cell in cells] == list(range(len(cells)))
-    quiet = [cell for cell in cells if cell.group == "none" and cell.robot == "arm2"]
-    assert sum(not cell.altered and cell.without is None for cell in quiet) >= 100
-    single = {(c.effects[0].effect, c.effects[0].rho) for c in cells if c.group == "single"}
-    assert {(name, rho) for name in STRUCTURAL for rho in RATIOS} <= single
-    assert {cell.without for cell in cells if cell.group == "without"} == set(STRUCTURAL)
-    assert {asked.effect for cell in cells for asked in cell.effects} == {*EFFECTS} - {*VARIANTS}
-    assert set(chosen_cells("families")) < set(chosen_cells("fast")) < set(cells)
-    assert all_cells() == cells
-    assert all_cells(1) != cells
 
 
 @pytest.mark.bench
