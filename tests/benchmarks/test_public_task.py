@@ -1,25 +1,15 @@
 """The task's scorer by itself, on answers whose figures are plain."""
 
 import csv
-import json
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from benchmarks import measurement, sensitivity
-from benchmarks.fleet.arms import TYPE, payload
-from benchmarks.fleet.make import make
 from benchmarks.public_task import score
 from benchmarks.public_task.__main__ import ANSWERS, LABELS, label_rows, our_rows
-from idim_iv_ros import load_configuration
-from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.errors import DataError
-from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.recording import read_recordings
 
 SCORE = Path(score.__file__)
 EFFECT = {"kind": "structural", "strength": 1.0, "mass": None, "joints": []}
@@ -95,65 +85,3 @@ def test_the_scorer_runs_without_the_package(files: tuple[Path, Path], tmp_path:
     assert done.returncode == 1
     assert "no recording z" in done.stderr
     assert done.stderr.count("\n") == 1
-
-
-def test_a_small_fleet_has_bags_a_manifest_and_the_truth(tmp_path: Path) -> None:
-    make(tmp_path, robots=2, bags=2, seconds=3.0)
-    truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
-    with (tmp_path / "manifest.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 4 and len({row["time"] for row in rows}) == 4
-    assert len(truth["corrupt"]) == 1
-    joints = load_configuration(tmp_path / "arm2.yaml").robot.joints
-    for row in rows:
-        if row["uri"] in truth["corrupt"]:
-            with pytest.raises(DataError):
-                read_recordings([tmp_path / row["uri"]], joints=joints)
-        else:
-            (recording,) = read_recordings([tmp_path / row["uri"]], joints=joints)
-            assert recording.duration == pytest.approx(3.0, abs=0.01)
-
-
-def test_a_payload_changes_the_base_parameters_as_a_body_on_the_last_link_does() -> None:
-    configuration = load_configuration(Path(__file__).parents[2] / "config" / "arm2.yaml")
-    urdf = configuration.robot.urdf
-    assert urdf is not None
-    model = build_inverse_model(configuration, urdf.read_text(encoding="utf-8"), urdf.name)
-    layout = model.regressor.layout
-    x, z, mass = 0.34, 0.03, 0.5
-    body = dict.fromkeys((parameter.name for parameter in layout.parameters), 0.0)
-    body.update(M2=mass, MX2=mass * x, MZ2=mass * z, XX2=mass * z**2, ZZ2=mass * x**2)
-    body.update(YY2=mass * (x**2 + z**2), XZ2=-mass * x * z)
-    vector = np.array([body[parameter.name] for parameter in layout.parameters])
-    expected = dict(zip(model.base.names, model.base.from_standard(vector), strict=True))
-    for name in TYPE:
-        assert payload(mass, x, z).get(name, 0.0) == pytest.approx(expected[name], abs=1e-12)
-
-
-def test_what_was_argued_by_hand_outlives_new_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(measurement, "RESULTS", tmp_path)
-    measurement.write_page("speed", "Speed", ["first figures"])
-    page = tmp_path / "speed.md"
-    with page.open("a") as file:
-        file.write(f"\n{measurement.BY_HAND}\n\n## Reasons\n\nBecause.\n")
-    for figures in ("second figures", "third figures"):
-        measurement.write_page("speed", "Speed", [figures])
-        text = page.read_text()
-        assert figures in text and "first" not in text
-        assert text.endswith("## Reasons\n\nBecause.\n") and text.count("Because") == 1
-        assert "read again" in capsys.readouterr().out
-
-
-def test_a_setting_is_changed_for_a_while_and_what_came_before_it_is_kept() -> None:
-    before = settings.LEAST_SUPPORT
-    with sensitivity.changed("LEAST_SUPPORT", 2.0 * before):
-        assert 2.0 * before == settings.LEAST_SUPPORT
-    assert settings.LEAST_SUPPORT is before
-    assert sensitivity.first_step("MEASURED_BELOW") == "refit"
-    assert sensitivity.first_step("WORDS_OF_SUMMARY") == "conclusion"
-
-
-def test_every_setting_is_read_somewhere() -> None:
-    assert [name for name, files in sensitivity.readers().items() if not files] == []

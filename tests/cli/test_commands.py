@@ -13,7 +13,6 @@ from bags.demo import demo
 from idim_iv_ros.identification.compare import compare_results
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.recording import read_recordings
-from idim_iv_ros.report import page
 from tests.report.sample_result import sample_result
 
 
@@ -58,20 +57,6 @@ def test_demo_compares_the_estimates_with_the_truth_and_writes_a_report(tmp_path
 
 def _fails(*_: object, **__: object) -> str:
     raise ValueError("'list' argument must have no negative elements")
-
-
-def test_a_page_that_cannot_be_drawn_at_all_leaves_the_numbers(
-    run, config, bag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(page, "page_html", _fails)
-    out = tmp_path / "out"
-    done = run("identify", bag, "--config", config(), "--out", out, status=0)
-    (warning,) = (line for line in done.error.splitlines() if "warning" in line)
-    (numbers,) = out.iterdir()
-    assert json.loads(numbers.read_text())["robot"]
-    assert f"Numbers: {numbers}" in done.out.replace("\n", "")
-    assert str(numbers) in warning
-    assert "Traceback" not in done.error
 
 
 def _written(path: Path, result: IdentificationResult) -> Path:

@@ -4,7 +4,7 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from tests.diagnosis.simulated_sessions import arm2_session
+from tests.diagnosis.motions import arm2_session
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from bags.simulated_arms import SimulatedArm, arm2
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.signals import ParallelDecimation
+from tests.estimation.test_simulated_arms import recorded
 
 RATE = 500.0
 
@@ -60,3 +63,17 @@ def smooth_motion(
         decimation=ParallelDecimation(factor, samples, 0.95),
         kept=np.ones((samples // factor, position.shape[1]), bool),
     )
+
+
+@cache
+def arm2_session(seconds: float) -> Baseline:
+    """One recording, refitted; what the arm really is differs from its configuration."""
+    arm = arm2(seconds=seconds)
+    return baseline([recorded(arm, 1)], arm.configuration)
+
+
+def with_signals(data: Baseline, **changes: Any) -> Baseline:
+    """The same session of one recording with other signals."""
+    (motion,) = data.prepared.motions
+    changed = replace(motion, signals=replace(motion.signals, **changes))
+    return replace(data, prepared=replace(data.prepared, motions=(changed,)))

@@ -23,7 +23,7 @@ from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from tests.diagnosis.simulated_sessions import arm2_session
+from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import NOISE, PULSES, SINGLE, Torque, pulses, world
 from tests.estimation.test_simulated_arms import recorded
 

@@ -11,12 +11,11 @@ import pytest
 from bags.simulated_arms import SimulatedArm
 from idim_iv_ros.diagnosis.controller import check_law
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, command_rows
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.signals import JointSignals
-from idim_iv_ros.simulation import control_law, simulate_closed_loop
-from tests.diagnosis.simulated_sessions import with_signals
+from idim_iv_ros.simulation import simulate_closed_loop
+from tests.diagnosis.motions import with_signals
 from tests.diagnosis.test_answer import cause
 from tests.estimation.test_simulated_arms import recorded
 
@@ -37,8 +36,7 @@ def test_the_configured_law_is_no_mismatch(arm: SimulatedArm, seed: int) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "joint", "factor"),
-    [("kp", 1, 1.3), ("kp", 0, 0.8), ("kd", 1, 1.4), ("kd", 0, 0.7)],
+    ("name", "joint", "factor"), [("kp", 1, 1.3), ("kp", 0, 0.8), ("kd", 1, 1.4), ("kd", 0, 0.7)]
 )
 def test_another_gain_is_found_at_its_joint_with_its_size(arm, name, joint, factor) -> None:
     gains = getattr(arm.law, name).copy()
@@ -71,30 +69,6 @@ def test_a_gain_of_the_recorded_effort_is_no_other_law(arm, joint, factor, left)
     gain = {"factor": EffectParameter(factor, 0.004, "")}
     gained = replace(cause("torque_gain", "parametric"), joint=joint, parameters=gain)
     assert len(law.not_shown_by_torque(data, [gained], ()).causes) == left
-
-
-def test_one_shock_in_the_commands_is_no_other_law(arm: SimulatedArm) -> None:
-    """Efforts of a slower topic miss a shock: one stretch of time speaks for every other law."""
-    data = diagnosed(arm, 1)
-    signals = data.prepared.motions[0].signals
-    law = control_law(data.prepared.configuration.controller, len(data.joints))
-    position, torque = signals.position.copy(), signals.torque.copy()
-    length = round(0.2 * signals.rate)
-    middle = slice(len(torque) // 2, len(torque) // 2 + length)
-    knock = 0.05 * np.sin(np.pi * np.arange(length) / length) ** 2  # rad
-    position[middle, 0] += knock
-    kp, kd = (gain[0] for gain in law.torque_gains[:2])
-    torque[middle, 0] -= kp * knock + 0.7 * kd * np.gradient(knock, 1.0 / signals.rate)
-    data = with_signals(data, position=position, torque=torque)
-    rows = command_rows(data.prepared.motions, law, 0, LawSpeed(), 1.0 / signals.rate)
-    assert rows is not None
-    columns = np.column_stack([rows.constants, rows.errors[:, 0]])
-    plain, other = (
-        rows.rest - table @ np.linalg.lstsq(table, rows.rest)[0]
-        for table in (columns, np.column_stack([columns, rows.groups["kd"]]))
-    )
-    assert np.sum(other**2) < 0.9 * np.sum(plain**2)  # all rows together are for another gain
-    assert check_law(data).causes == ()
 
 
 @pytest.mark.parametrize(("late", "names"), [(-6e-3, []), (6e-3, ["joint_1"])])

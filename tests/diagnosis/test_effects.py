@@ -1,13 +1,19 @@
 """Every effect of the catalogue: its torque by a formula of its own, its shapes, names, signs."""
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numba import njit
 
+from bags.simulated_arms import arm2
+from idim_iv_ros import effects
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
 from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Load, Torque, TorqueTerm
@@ -18,6 +24,8 @@ from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.joint_coupling import CouplingShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.nonlinear_viscous import PowerShape
+from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
+from idim_iv_ros.effects.payload import Payload
 from idim_iv_ros.effects.position_dependent_friction import TightSpot
 from idim_iv_ros.effects.presliding import BristleShape
 from idim_iv_ros.effects.registry import CAUSES, EFFECTS, PARAMETRIC, STRUCTURAL
@@ -25,7 +33,8 @@ from idim_iv_ros.effects.spring import BentShape, CubicShape
 from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
-from idim_iv_ros.effects.waves import Waves, wave_columns
+from idim_iv_ros.effects.waves import Waves
+from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 
@@ -176,24 +185,6 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
         assert np.abs(torques[joint] - expected[:, joint])[calm].max() < 0.02 * largest
 
 
-@pytest.mark.parametrize("name", ["elasticity", "backlash"])
-def test_a_transmission_moves_all_joints_and_vanishes_when_stiff(name: str) -> None:
-    motion = synthetic()
-    inertia = float(motion.inertia[:, 1, 1].mean())
-    stiffness = inertia * (2 * np.pi * 8.0) ** 2
-    damping = 0.4 * np.sqrt(stiffness * inertia)
-    soft, stiff = (stiffness, damping), (400 * stiffness, 20 * damping)
-    shaft = name == "elasticity"
-    shape = ShaftShape(*soft) if shaft else BacklashShape(5e-3, *soft, 1.0)
-    torques = BY_NAME[name].columns(motion, Place(1), shape)
-    assert sorted(torques) == [0, 1]
-    assert min(np.abs(torques[j]).max() for j in (0, 1)) > 1e-3
-    harder = ShaftShape(*stiff) if shaft else BacklashShape(1e-7, *stiff, 1.0)
-    rigid = BY_NAME[name].columns(motion, Place(1), harder)
-    for joint in (0, 1):
-        assert np.std(rigid[joint][100:]) < 0.02 * np.std(torques[joint][100:])
-
-
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
     motion = synthetic(3.0)
@@ -296,31 +287,6 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
         shape = BacklashShape(gap, 1e5, 10.0, 1.0)
         scale = JointScale(sliding, 1, 1.0)
         assert play.plausible(shape, np.ones(1), 1.0, scale) == common
-
-
-def test_shapes_are_refined_in_the_range_of_their_own_joint() -> None:
-    """A ripple over 0.2 m of a screw, beside a joint that turns by 3 rad."""
-    covered = replace(
-        operating_range_of(synthetic()),
-        low=np.array([-1.0, 0.3]),
-        high=np.array([2.0, 0.5]),
-        slowest=np.array([0.02, 0.002]),
-        lever=np.array([1.0, 0.1]),
-    )
-    pitch = 2.0 * np.pi / 0.02  # 1/m
-    position = np.linspace(0.3, 0.5, 2000)
-    ripple = BY_NAME["position_ripple"]
-
-    def left(shape: Waves) -> float:
-        rows = wave_columns(position, [shape])[0]
-        torque = np.sin(pitch * position + 0.7)
-        return float(np.var(torque - rows @ np.linalg.lstsq(rows, torque, rcond=None)[0]))
-
-    best = min(ripple.grid(Place(1), covered), key=left)
-    for step in 4 * [0.3] + 4 * [0.15] + 4 * [0.07]:
-        best = min([best, *ripple.neighbours(best, step, Place(1), covered)], key=left)
-    assert best.wave_numbers[0] == pytest.approx(pitch, abs=0.05 * 2.0 * np.pi / 0.2)
-    assert left(best) < 0.01 * 0.5
 
 
 @pytest.mark.parametrize(
@@ -455,3 +421,89 @@ def test_numbers_of_an_engineer(effect, shape, coefficient, name, value, std) ->
     """Slope beyond the knee, stiffness and delay from coefficients, with their deviations."""
     numbers = BY_NAME[effect].parameters(shape, np.array([coefficient]), np.array([0.05]))
     assert (numbers[name].value, numbers[name].std) == (pytest.approx(value), pytest.approx(std))
+
+
+_INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
+_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+
+
+@pytest.fixture(scope="module")
+def space() -> ParameterSpace:
+    configuration = arm2(seconds=2.0).configuration
+    urdf = configuration.robot.urdf
+    assert urdf is not None
+    model = build_inverse_model(configuration, urdf.read_text(encoding="utf-8"), urdf.name)
+    return ParameterSpace(model, model.given, np.eye(3)[:2])
+
+
+def body(mass: float, centre: tuple[float, float, float]) -> dict[str, float]:
+    """The ten numbers of a box of 0.1 × 0.2 × 0.3 m about the link's frame, by pinocchio."""
+    box = pin.Inertia.FromBox(mass, 0.1, 0.2, 0.3)
+    moved = pin.Inertia(mass, np.array(centre), box.inertia)
+    about = moved.toDynamicParameters()[4:]
+    matrix = np.array([[about[0], about[1], about[3]], [about[1], about[2], about[4]],
+                       [about[3], about[4], about[5]]])  # fmt: skip
+    numbers = {"mass": mass}
+    numbers |= {f"moment_{axis}": mass * value for axis, value in zip("xyz", centre, strict=True)}
+    return numbers | {
+        f"inertia_{name}": float(matrix[place])
+        for name, place in zip(_INERTIA, _PLACES, strict=True)
+    }
+
+
+def allowed(
+    space: ParameterSpace, numbers: Mapping[str, float], std: float = 1e-4, unknown: str = ""
+) -> bool:
+    none = np.zeros(space.size)
+    estimates = [
+        Estimated(Change(name, "", none), value, None if name == unknown else std)
+        for name, value in numbers.items()
+    ]
+    return Payload().admissible(space, space.joints - 1, estimates)
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.1, -0.05, 0.2), (0.3, 0.0, 0.0)])
+def test_bodies_are_allowed(space: ParameterSpace, centre: tuple[float, float, float]) -> None:
+    assert allowed(space, body(1.5, centre))
+
+
+def test_a_centre_beyond_the_size_of_the_arm_is_none(space: ParameterSpace) -> None:
+    far = body(0.5, (20.0, 0.0, 0.0))
+    assert not allowed(space, far)
+    point = {name: far[name] for name in ("mass", "moment_x", "moment_y", "moment_z")}
+    assert not allowed(space, point)
+    assert allowed(space, point, std=4.0)  # it may be near: so wide is the interval
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("inertia_xx", 1.0),  # more than the other two together
+        ("inertia_xy", 0.5),  # more than its products allow
+        ("moment_x", 0.8),  # the inertia about the frame is too small for it
+    ],
+)
+def test_numbers_that_no_body_has_are_none(space: ParameterSpace, name: str, value: float) -> None:
+    numbers = body(1.5, (0.05, 0.0, 0.1)) | {name: value}
+    assert not allowed(space, numbers)
+    assert allowed(space, numbers, std=1.0)
+
+
+def test_a_part_that_is_not_there_is_a_body_with_the_other_sign(space: ParameterSpace) -> None:
+    joint = space.joints - 1
+    there = space.model.robot.given.inertial[joint]
+    assert there[0] > 0.2
+    part = {name: -value for name, value in body(0.2, (0.05, 0.0, 0.02)).items()}
+    point = {name: part[name] for name in ("mass", "moment_x", "moment_y", "moment_z")}
+    assert allowed(space, point)
+    assert not allowed(space, point | {"moment_x": 5.0})
+
+
+def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (Path(effects.__path__[0]) / "spring.py").read_text()
+    text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
+    (tmp_path / "rope.py").write_text(text)
+    monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
+    names = [cause.name for cause in registry._one_of_each(registry._modules())]
+    assert names.index("rope") == names.index("stribeck") - 1
+    del sys.modules["idim_iv_ros.effects.rope"]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, record
-from idim_iv_ros import identify
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import EFFECTS
@@ -91,15 +90,3 @@ def test_bags_that_start_at_the_same_stamp_give_the_same_causes_in_any_order(bag
     assert [(c.effect, c.joint) for c in one.causes] == [(c.effect, c.joint) for c in two.causes]
     for a, b in zip(one.stages, two.stages, strict=True):
         assert a.torque_rms == pytest.approx(b.torque_rms, rel=1e-6)
-
-
-def test_any_order_of_bags_gives_the_same_identification(bags: Bags, arm: SimulatedArm) -> None:
-    paths = bags(STARTS)
-    documents = []
-    for order in (paths, [paths[1], paths[2], paths[0]]):
-        result = identify(order, arm.configuration)
-        assert np.all(np.diff(result.series[0].time) > 0.0)
-        documents.append(result.to_document())
-    first, second = documents
-    assert without_timing(first) == without_timing(second)
-    require_same_physical(first, second)

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
 from idim_iv_ros.recording import Recording
-from tests.diagnosis.simulated_sessions import with_signals
+from tests.diagnosis.motions import with_signals
 from tests.estimation.test_simulated_arms import recorded
 from tests.inputs import changed
 

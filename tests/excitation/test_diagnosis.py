@@ -17,12 +17,7 @@ def of_kind(diagnosis, kind: str):
     for segment in diagnosis.segments:
         if segment.kind == kind:
             part = slice(round(segment.start * motion.rate), round(segment.end * motion.rate))
-            yield (
-                segment,
-                motion.position[part],
-                motion.velocity[part],
-                motion.acceleration[part],
-            )
+            yield (segment, motion.position[part], motion.velocity[part], motion.acceleration[part])
 
 
 def test_every_limit_holds_at_every_sample(diagnosis) -> None:

@@ -9,13 +9,7 @@ import pytest
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import (
-    load_model,
-    motion_limits,
-    require_sampling,
-    servo_motion,
-)
-from idim_iv_ros.excitation.design import DesignSettings, require_possible
+from idim_iv_ros.excitation import load_model, motion_limits, require_sampling, servo_motion
 from idim_iv_ros.excitation.limits import moving_frames, require_reachable
 from idim_iv_ros.model import JointLimits
 from tests.fuzz.case import CONFIG
@@ -54,11 +48,6 @@ def test_continuous_joints_get_half_a_turn_each_way(robots) -> None:
     limits = motion_limits(model, configuration)
     np.testing.assert_allclose(limits.lower, -np.pi)
     np.testing.assert_allclose(limits.upper, np.pi)
-
-
-def test_robot_without_inertials_has_no_torques_to_check(robots) -> None:
-    configuration, model = robots("ur10")
-    assert not motion_limits(model, configuration).torque_known
 
 
 @pytest.mark.parametrize(
@@ -130,15 +119,6 @@ def configuration():
 def test_sampling_that_cannot_be_computed_is_refused(rate, duration, words) -> None:
     with pytest.raises(UsageError, match=words):
         require_sampling(rate, duration, "the motion")
-
-
-@pytest.mark.parametrize(
-    "settings", [{"period": 1e300}, {"repeats": 10**9}, {"harmonics": 10**9}, {"rate": 1e300}]
-)
-def test_design_that_cannot_be_computed_is_refused(configuration, settings) -> None:
-    limits = motion_limits(load_model(configuration), configuration)
-    with pytest.raises(UsageError, match=r"motion (lasts|has)|harmonics|repeats"):
-        require_possible(DesignSettings(**settings), limits, ("joint_1", "joint_2"))
 
 
 def test_motion_for_servos_uses_its_limits_and_keeps_them() -> None:

@@ -158,3 +158,10 @@ def test_intervals_cover_and_discoveries_are_rarely_false(special: bool) -> None
     if special:
         assert counts.found >= 0.9 * counts.planted
         assert counts.dates >= 0.9 * counts.drifting
+
+
+def test_one_bag_a_robot_says_that_days_are_unknown(bags: Sequence[BagResult]) -> None:
+    single = fleet_result([bag for bag in bags if bag.uri.endswith("01.mcap")])
+    assert any("no robot has two bags" in note for note in single.types[0].notes)
+    assert np.isnan(single.types[0].quantities[0].between_bags)
+    assert np.isfinite(single.types[0].quantities[0].sigma)

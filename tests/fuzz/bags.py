@@ -1,5 +1,6 @@
 """Bags that are torn, flipped, or hold what no driver should send."""
 
+import os
 import shutil
 import struct
 from collections.abc import Callable, Iterator, Sequence
@@ -23,6 +24,7 @@ def cases(seed: int) -> Iterator[Case]:
     for number in range(12):
         storage = ("mcap", "db3")[number % 4 == 3]
         yield Case(f"torn-{storage}-{number}", partial(_torn, storage))
+    yield Case("torn-and-three-gigabytes-of-nothing", _sparse)
     for storage in ("mcap", "lz4", "db3"):
         for part in ("head", "tail", "anywhere", *(["lengths"] if storage != "db3" else [])):
             for number in range(3):
@@ -43,6 +45,13 @@ def _torn(storage: str, folder: Path, good: Good, random: np.random.Generator) -
     path = folder / f"torn.{storage}"
     path.write_bytes(content[: int(share * len(content))])
     return command(_COMMANDS[int(random.integers(8))], folder, [path])
+
+
+def _sparse(folder: Path, good: Good, _: object) -> list[str]:
+    path = folder / "sparse.mcap"
+    path.write_bytes(good.bag.read_bytes()[: good.bag.stat().st_size // 2])
+    os.truncate(path, 3 << 30)
+    return command("check", folder, [path])
 
 
 def _flipped(

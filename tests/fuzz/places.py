@@ -40,8 +40,6 @@ def cases(seed: int) -> Iterator[Case]:
         build = partial(lambda how, text, folder, good, _: _writing(how, folder, good, text),
                         how, text)  # fmt: skip
         yield Case(f"out-{name}", build, refused=name not in _FINE)
-    for name in ("result.json", "report.html"):
-        yield Case(f"out-{name}-is-a-folder", partial(_over_a_folder, name), refused=True)
 
 
 def _socket(path: Path) -> None:
@@ -121,11 +119,6 @@ def _over_what_is_there(
 ) -> list[str]:
     make(folder / name)
     return _writing(how, folder, good, name)
-
-
-def _over_a_folder(name: str, folder: Path, good: Good, _: object) -> list[str]:
-    (folder / "out" / name).mkdir(parents=True)
-    return _writing("identify", folder, good, "out")
 
 
 def _writing(how: str, folder: Path, good: Good, name: str | None) -> list[str]:

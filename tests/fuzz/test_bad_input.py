@@ -25,7 +25,7 @@ _ALWAYS = (
     "out-import-fifo", "out-no-name", "table-nothing.mat", "table-flipped-5",
     "table-csv-same-header", "import-surrogate-joint", "content-same-joints",
     "arguments-repeats-of-400-digits", "arguments-torque-noise-of-1e-300",
-    "arguments-time-limit-infinite",
+    "arguments-time-limit-infinite", "torn-and-three-gigabytes-of-nothing",
     "trajectory-hour-steps", "simulate--duration-infinite", "file-trajectory-endless-zeros",
 )  # fmt: skip
 

@@ -109,12 +109,7 @@ def _torn(good: str, random: np.random.Generator) -> str:
     return good[: int(random.integers(len(good)))]
 
 
-_DAMAGES = {
-    "number": _odd_number,
-    "word": _odd_word,
-    "flipped": _flipped,
-    "torn": _torn,
-}
+_DAMAGES = {"number": _odd_number, "word": _odd_word, "flipped": _flipped, "torn": _torn}
 
 
 def _configured(what: str, folder: Path, good: Good, text: str) -> list[str]:

@@ -1,16 +1,137 @@
-"""result.json: what is written is what is read, and the keys of the design are there."""
+"""The result of an identification: what is written, read back and remarked."""
 
+import io
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
+from rich.console import Console
 
+from bags.simulated_arms import arm6
+from idim_iv_ros.cli.identify import print_parameters, print_verdict
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
+from idim_iv_ros.identification.assembly import refined_result
+from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
+from idim_iv_ros.model import build_inverse_model
+from idim_iv_ros.report import report_html
 from tests.report.sample_result import sample_result
+
+
+def with_value(value: float, std: float, non_negative: bool) -> IdentificationResult:
+    """Return a result whose first parameter, essential, has this value."""
+    result = sample_result()
+    first, *others = result.parameters
+    changed = replace(
+        first,
+        name="FvX",
+        value=value,
+        std=std,
+        essential=True,
+        essential_value=value,
+        essential_std=std,
+        non_negative=non_negative,
+    )
+    return replace(result, parameters=(changed, *others))
+
+
+def printed(*prints: Callable[[Console], None]) -> str:
+    text = io.StringIO()
+    for one in prints:
+        one(Console(file=text, width=300))
+    return text.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "non_negative", "remark"),
+    [
+        (-0.5, 0.1, True, IMPOSSIBLE),
+        (-0.1, 0.1, True, NOT_SIGNIFICANT),  # it may be zero
+        (-0.5, 0.1, False, ""),  # a first moment, an offset
+        (0.1, 0.4, True, NOT_SIGNIFICANT),  # σ of 400 %
+        (0.5, 0.1, True, ""),
+    ],
+)
+def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark, monkeypatch) -> None:
+    monkeypatch.setattr("idim_iv_ros.cli.identify.LONGEST", None)
+    result = with_value(value, std, non_negative)
+    parameter = result.to_document()["parameters"][0]
+    assert (parameter["remark"], parameter["essential_remark"]) == (remark, remark)
+    text = printed(lambda console: print_parameters(console, result))
+    (line,) = [line for line in text.splitlines() if "FvX" in line]
+    html = report_html(result)
+    row = html[html.index(">FvX<", html.index('<section id="parameters"')) :].split("</tr>")[0]
+    for known_remark in (IMPOSSIBLE, NOT_SIGNIFICANT):
+        assert (known_remark in line) == (known_remark == remark)
+        assert (known_remark in row) == (known_remark == remark)
+    assert ("Some values are physically impossible" in html) == (remark == IMPOSSIBLE)
+
+
+def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
+    arm = arm6(seconds=1.0)
+    urdf = arm.configuration.robot.urdf
+    assert urdf is not None
+    base = build_inverse_model(arm.configuration, urdf.read_text(), urdf.name).base
+    forbidden = {
+        name
+        for name, never_negative in zip(base.names, base.non_negative, strict=True)
+        if never_negative
+    }
+    kinds = ("Ia", "Fv", "Fc")
+    assert {f"{kind}{k}" for kind in kinds for k in range(1, 7)} & set(base.names) <= forbidden
+    assert not any(name.startswith(("off", "M", "XY", "XZ", "YZ")) for name in forbidden)
+    minus = [
+        name
+        for name, expression in zip(base.names, base.expressions, strict=True)
+        if " - " in expression
+    ]
+    assert minus
+    assert not forbidden & set(minus)
+    # Of any robot that can be built they are not: random positive values.
+    random = np.random.default_rng(3)
+    kind_of = [parameter.kind for parameter in base.layout.parameters]
+    standard = np.array(
+        [
+            random.uniform(-1, 1) if kind in ("XY", "XZ", "YZ", "MX", "MY", "MZ", "off")
+            else random.uniform(0, 1)
+            for kind in kind_of
+        ]
+    )  # fmt: skip
+    values = dict(zip(base.names, base.from_standard(standard), strict=True))
+    assert all(values[name] >= 0.0 for name in forbidden)
+
+
+@pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])
+def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(deviations, essential):
+    result = sample_result(2, "coloured")
+    assert result.refined is not None
+    first, *others = result.refined.parameters
+    parameter = replace(result.parameters[0], essential=essential)
+    far = replace(
+        first, value=parameter.value + deviations * float(np.hypot(parameter.std, first.std))
+    )
+    estimates = (far, *others)
+    refined = RefinedIdimIv(
+        np.array([estimate.value for estimate in estimates]),
+        np.diag([estimate.std**2 for estimate in estimates]),
+        (),
+    )
+    made = refined_result(refined, (parameter, *result.parameters[1:]))
+    assert made.moved == ((parameter.name,) if essential and deviations > 3.0 else ())
+
+
+def test_the_relative_error_of_each_joint_is_printed_and_saved() -> None:
+    result = sample_result()
+    errors = {result.joints[0]: 12.3456, result.joints[1]: None}
+    result = replace(result, fit=replace(result.fit, joint_relative_error_percent=errors))
+    assert result.to_document()["fit"]["joint_relative_error_percent"] == errors
+    text = printed(lambda console: print_verdict(console, result))
+    assert f"{result.joints[0]} 12.3 %, {result.joints[1]} –" in text
+
 
 CASES = ("white", "coloured", "rejected", "untested")
 

@@ -1,4 +1,4 @@
-"""None"""
+"""The links of a result as rigid bodies, nearest to what was estimated."""
 
 from dataclasses import replace
 

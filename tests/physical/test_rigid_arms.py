@@ -59,7 +59,7 @@ def robot(text: str, random: np.random.Generator) -> mujoco.MjModel:
     return model
 
 
-def arm(number: int, folder: Path) -> PhysicalParameters:
+def rigid(number: int, folder: Path) -> PhysicalParameters:
     """The physical parameters that an identification of this arm has."""
     random = np.random.default_rng(number)
     joints = 2 + number % 6
@@ -110,7 +110,7 @@ def arm(number: int, folder: Path) -> PhysicalParameters:
 @pytest.mark.parametrize("number", [2, 12])
 def test_the_divergence_from_the_nominal_model_outweighs_no_recording(number, tmp_path) -> None:
     """Arms of four and two joints that a tie-breaker of 0.1 called impossible."""
-    test = arm(number, tmp_path).test
+    test = rigid(number, tmp_path).test
     assert test.statistic is not None and test.df is not None
     assert test.statistic < 0.1 * test.df
 
@@ -118,5 +118,5 @@ def test_the_divergence_from_the_nominal_model_outweighs_no_recording(number, tm
 @pytest.mark.slow
 def test_no_more_rigid_arms_are_called_impossible_than_the_level_says(tmp_path: Path) -> None:
     """At 1 %, of 200 arms of two to seven joints, every second with a load nobody told of."""
-    rejected = sum(not arm(number, tmp_path).test.accepted for number in range(ARMS))
+    rejected = sum(not rigid(number, tmp_path).test.accepted for number in range(ARMS))
     assert rejected <= binom.ppf(0.99, ARMS, 0.01)

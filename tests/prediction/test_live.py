@@ -1,22 +1,28 @@
 """What is predicted live is what the identification would say of the same samples."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.prepare import prepare
-from idim_iv_ros.prediction import IdentifiedModel, JointSamples, LivePrediction, Prediction
+from idim_iv_ros.model import build_inverse_model
+from idim_iv_ros.prediction import (
+    IdentifiedModel,
+    JointSamples,
+    LivePrediction,
+    Prediction,
+    identified_model,
+)
 from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE
 from idim_iv_ros.prediction.rows import joint_levels
-from idim_iv_ros.signals import (
-    ParallelDecimation,
-    central_differences,
-    zero_phase_butterworth,
-)
+from idim_iv_ros.signals import ParallelDecimation, central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray
-from tests.prediction.arm6 import PERIOD, START, play, samples
+from tests.inputs import changed
+from tests.prediction.arm6 import PERIOD, START, play, samples, urdf_of
 
 FIVE = slice(0, 5)  # s: enough for everything but the statistics
 RATE = 1000.0
@@ -324,3 +330,64 @@ def test_a_joint_without_any_position_is_named(identified, recording) -> None:
     values[:, 1] = np.nan
     last = play(LivePrediction(identified), JointSamples(positions.time, values), efforts)[-1]
     assert "position of joint_2" in last.reason
+
+
+@pytest.mark.parametrize(
+    ("section", "values", "words"),
+    [
+        ("robot", {"gravity": [0.0, 0.0, 9.81]}, "another robot.gravity"),
+        ("robot", {"joints": [f"joint_{k}" for k in (2, 1, 3, 4, 5, 6)]}, "another robot"),
+        ("signals", {"effort_scale": [2.0] * 6}, "another signals.effort_scale"),
+        ("signals", {"effort_unit": "A"}, "another signals.effort_unit"),
+        ("robot", {"motor_to_joint": np.eye(6).tolist()}, "another robot.motor_to_joint"),
+        ("identification", {"friction": ["viscous"]}, "another identification.friction"),
+    ],
+)
+def test_a_result_of_another_configuration_is_refused_in_one_line(
+    result, configuration, identified, section, values, words
+) -> None:
+    other = changed(configuration, section, **values)
+    with pytest.raises(UsageError, match=words) as refusal:
+        identified_model(result, other, identified.model, "arm6.urdf")
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_result_of_another_urdf_is_refused(result, configuration) -> None:
+    text, source = urdf_of(configuration)
+    place = text.index("<origin", text.index('<joint name="joint_2"'))
+    end = text.index("/>", place)
+    longer = text[:place] + '<origin xyz="0.1 0.2 0.3" rpy="0 0 0"' + text[end:]
+    model = build_inverse_model(configuration, longer, source)
+    with pytest.raises(UsageError, match="placed or turned"):
+        identified_model(result, configuration, model, source)
+
+
+@pytest.mark.parametrize("processing", [{"colour": 1}, {"decimation_edge": -1.0}, 5])
+def test_a_result_of_unknown_processing_is_refused(
+    tmp_path, result, configuration, identified, processing
+) -> None:
+    document = json.loads(result.read_text())
+    document["configuration"]["processing"] = processing
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(UsageError) as refusal:
+        identified_model(path, configuration, identified.model, "arm6.urdf")
+    assert "\n" not in str(refusal.value)
+
+
+def test_signals_of_motors_are_brought_to_the_joints(identified, recording) -> None:
+    """Gears of a hundred and efforts in quarters: the same robot, the same predictions."""
+    ratio, scale = 100.0, 0.25
+    transform = replace(
+        identified.transform, to_joint=np.eye(6) / ratio, to_torque=np.eye(6) * ratio * scale
+    )
+    motors = replace(identified, transform=transform)
+    positions, efforts = samples(recording, slice(0, 2))
+    expected = play(LivePrediction(identified), positions, efforts)[-1]
+    prediction = play(
+        LivePrediction(motors),
+        replace(positions, values=positions.values * ratio),
+        replace(efforts, values=efforts.values / ratio / scale),
+    )[-1]
+    assert prediction.measured == pytest.approx(expected.measured, abs=1e-6)
+    assert prediction.predicted == pytest.approx(expected.predicted, abs=1e-6, nan_ok=True)

@@ -1,7 +1,4 @@
-"""Real recordings of which one thing is known that the nominal model, or the effort, lacks.
-
-All of them, with their controls: `python -m benchmarks.real_causes`.
-"""
+"""Causes that are known to be in real recordings."""
 
 from pathlib import Path
 

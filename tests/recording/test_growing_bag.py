@@ -11,13 +11,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from idim_iv_ros.recording.writing.growing_bag import GrowingBag, Message, SplitLimits
-from idim_iv_ros.recording.writing.write import PRESETS, OfferedQos, TopicChannel
+from idim_iv_ros.recording.writing.write import PRESETS, TopicChannel
 from tests.recording.bag_writer import STORE, joint_state
 
 TOPIC = TopicChannel("/joint_states", "sensor_msgs/msg/JointState")
-DESCRIPTION = TopicChannel(
-    "/robot_description", "std_msgs/msg/String", (OfferedQos(durability="transient_local"),)
-)
 
 
 def messages(first: int, count: int) -> list[Message]:
@@ -88,28 +85,6 @@ def test_a_bag_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch) -> None:
     with pytest.raises(OSError, match="No space"):
         GrowingBag(tmp_path / "bag", SplitLimits(), topics=[TOPIC])
     assert not (tmp_path / "bag").exists()
-
-
-def test_latched_messages_wait_for_log_time(tmp_path: Path) -> None:
-    now = 0
-    text = bytes(
-        STORE.serialize_cdr(
-            STORE.types[DESCRIPTION.message_type]("<robot/>"), DESCRIPTION.message_type
-        )
-    )
-    latched = {DESCRIPTION.name: (0, DESCRIPTION.name, text, 1, 1)}
-    bag = GrowingBag(
-        tmp_path / "bag", SplitLimits(), lambda: now, latched, topics=[TOPIC, DESCRIPTION]
-    )
-    bag.split()
-    assert counts(bag.folder) == (0, 0)
-    now = 7_000
-    bag.commit()
-    now = 8_000
-    bag.split()
-    bag.close()
-    with Reader(bag.folder) as reader:
-        assert [time for _, time, _ in reader.messages()] == [7_000, 8_000]
 
 
 @pytest.mark.parametrize(

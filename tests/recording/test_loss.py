@@ -1,10 +1,7 @@
 """What one bad byte, a torn end or an unreadable message costs, and what is said of it."""
 
-import mmap
-import os
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +10,6 @@ from rosbags.rosbag2 import StoragePlugin
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
-from idim_iv_ros.recording.bags import mcap
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.write import TopicChannel, serialised
@@ -131,31 +127,6 @@ def test_a_bag_torn_before_its_first_message_is_not_called_empty(tmp_path: Path)
     assert ": 0 messages on /joint_states" in str(caught.value)
 
 
-@pytest.mark.parametrize("count", [1, 50])
-def test_unreadable_references_are_not_called_missing(tmp_path: Path, count: int) -> None:
-    junk = bag_writer.float_array([1.0])
-    path = tmp_path / "bag.mcap"
-    stamps = np.round((1.0 + np.arange(200) / 100) * 1e9).astype(np.int64)
-    topic = JointTopic("/joint_states", JOINTS, stamps * 1e-9, VALUES[:200], None, VALUES[:200])
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channels = [
-            TopicChannel(name, JOINT_STATE).register(writer)
-            for name in ("/joint_states", "/joint_reference")
-        ]
-        for k, message in enumerate(serialised(topic, stamps)):
-            stamp = int(stamps[k])
-            writer.add_message(channels[0], stamp, message.tobytes(), stamp, k)
-            if k < count:
-                raw = bytes(bag_writer.STORE.serialize_cdr(junk, junk.__msgtype__))
-                writer.add_message(channels[1], stamp, raw[: 5 + k % 4], stamp, k)
-        writer.finish()
-    with pytest.raises(DataError) as caught:
-        read_recordings([path], joints=JOINTS, reference="/joint_reference")
-    assert f"/joint_reference can be read: all {count}" in str(caught.value)
-
-
 def test_a_bad_page_of_a_database_costs_its_rows_only(tmp_path: Path) -> None:
     folder = bag_writer.write(tmp_path / "bag", bag_writer.steady(2000), StoragePlugin.SQLITE3)
     (path,) = folder.glob("*.db3")
@@ -174,48 +145,3 @@ def _read(path: Path, content: bytes, *, reference: bool = True) -> Recording:
     path.write_bytes(content)
     topic = "/joint_reference" if reference else None
     return read_recordings([path], joints=JOINTS, reference=topic)[0]
-
-
-GIGABYTE = 1 << 30
-FEW = 10 << 20  # bytes
-
-
-@pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    path = tmp_path_factory.mktemp("bag") / "bag.mcap"
-    values = np.random.default_rng(0).normal(size=(4000, 2))
-    stamps = np.arange(4000) / 1000.0
-    write_bag(path, [JointTopic("/joint_states", ["a", "b"], stamps, values, None, values)])
-    return path.read_bytes()
-
-
-class Counted(mmap.mmap):
-    """A file in memory that counts the bytes that are copied from it."""
-
-    taken = 0
-
-    def __getitem__(self, key):
-        part = super().__getitem__(key)
-        Counted.taken += len(part) if isinstance(part, bytes) else 1
-        return part
-
-
-@pytest.fixture(autouse=True)
-def counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    Counted.taken = 0
-    monkeypatch.setattr(mcap, "mmap", SimpleNamespace(**{**vars(mmap), "mmap": Counted}))
-
-
-def read(path: Path):
-    (recording,) = read_recordings([path], joints=["a", "b"])
-    return recording
-
-
-def test_three_gigabytes_of_nothing_behind_half_a_bag_are_not_read(tmp_path: Path, content) -> None:
-    path = tmp_path / "bag.mcap"
-    path.write_bytes(content[: len(content) // 2])
-    os.truncate(path, 3 * GIGABYTE)
-    recording = read(path)
-    assert 500 < recording.samples < 3500
-    assert any("ends in the middle" in note.what for note in recording.notes)
-    assert 0 < Counted.taken < FEW

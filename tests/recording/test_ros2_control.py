@@ -141,33 +141,12 @@ def test_what_comes_before_and_after_the_controller_is_active_is_left_out(tmp_pa
     assert any("first 0.6 s and the last 0.2 s" in n.what for n in recording.notes)
 
 
-def test_a_controller_that_rests_in_between_is_no_reference_there(tmp_path: Path) -> None:
-    bag = on_controller(on_states(ControlBag()), STAMPS[:80])
-    for stamp in STAMPS[80:120]:
-        bag.state(stamp, JOINTS)
-    on_controller(bag, STAMPS[120:])
-    invented = read(bag.write(tmp_path / "bag"), reference=STATE).position_reference.invented
-    assert invented[81:119].all()
-    assert not invented[:80].any()
-    assert not invented[121:].any()
-
-
 def test_a_controller_that_was_never_active_is_refused(tmp_path: Path) -> None:
     bag = on_states(ControlBag())
     for stamp in STAMPS:
         bag.state(stamp, JOINTS)
     with pytest.raises(DataError, match=r"empty or NaN"):
         read(bag.write(tmp_path / "bag"), reference=STATE)
-
-
-def test_a_slower_reference_is_interpolated(tmp_path: Path) -> None:
-    bag = on_controller(on_states(ControlBag()), STAMPS[::4]).write(tmp_path / "bag")
-    reference = read(bag, reference=STATE).position_reference
-    inside = slice(4, 190)
-    assert not reference.invented[inside].any()
-    # A cubic spline through points 40 ms apart: error below 5/384 h⁴ max|f⁗| (de Boor).
-    difference = reference.values - column(asked)[: len(reference.values)]
-    assert np.abs(difference[inside]).max() < 5.0 / 384.0 * 0.04**4 * 1.1
 
 
 INTERFACES = [["effort", "position", "velocity", "motor_current"], ["position", "effort"]]

@@ -67,13 +67,6 @@ def test_a_wrapped_position_becomes_continuous(tmp_path: Path, wrap, noise: floa
     assert not recording.position.invented.any()
 
 
-def test_a_joint_that_rests_on_the_edge_is_still(tmp_path: Path) -> None:
-    noise = 2e-4 * np.random.default_rng(2).normal(size=len(TIME))
-    truth = np.where(TIME < 60.0, np.pi, np.pi + np.sin(TIME - 60.0)) + noise
-    recording = read(tmp_path / "b.mcap", into_pi(truth))
-    assert_continuous(recording.position.values[:, 0], truth)
-
-
 @pytest.mark.parametrize("slow", [1, 4, 10])
 def test_slow_sampling_of_a_fast_joint_is_unwrapped(slow: int) -> None:
     continuous = unwrapped(NANOSECONDS[::slow], into_pi(TURNING)[::slow])

@@ -1,5 +1,7 @@
 """Sections of a page: values that change, and transmissions."""
 
+import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +14,15 @@ from idim_iv_ros.diagnosis.result import (
     Transmission,
     TransmissionSeries,
 )
+from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.report import numerals
 from idim_iv_ros.report.changes import changed_values
+from idim_iv_ros.report.numerals import MISSING, count, exact, measured, number, p_value, percent
 from idim_iv_ros.report.page import gap_report_html
 from idim_iv_ros.report.section import Nominal, read_nominal
+from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves, session_axis
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
@@ -133,5 +140,145 @@ def test_a_bound_and_the_reason_stand_where_nothing_is_measured() -> None:
     assert "transmission-1" not in text
 
 
-def test_without_encoders_there_is_no_section() -> None:
-    assert shown() == ""
+T = "\N{NARROW NO-BREAK SPACE}"
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text", "half"),
+    [
+        (1.248637, 0.01625, "1.249", f"±{T}0.032"),
+        (-0.0213456, 0.00427, "−0.0213", f"±{T}0.0084"),
+        (95.10887, 0.05, "95.109", f"±{T}0.098"),
+        (12345.6, 510.0, f"12{T}300", f"±{T}1000"),
+        (0.0499, 0.0508, "0.05", f"±{T}0.10"),
+        (2.34e-6, 1.1e-7, "2.34·10⁻⁶", f"±{T}0.22·10⁻⁶"),
+        (3.2e7, 4e5, "3.200·10⁷", f"±{T}0.078·10⁷"),
+        (0.00001, 0.5, "0.00", f"±{T}0.98"),
+        (1.23456, 0.0, "1.235", ""),
+        (1.23456, None, "1.235", ""),
+        (float("nan"), 1.0, MISSING, ""),
+    ],
+)
+def test_two_digits_of_the_interval_set_the_digits_of_the_value(value, std, text, half) -> None:
+    assert measured(value, std) == (text, half)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (3.14159, "3.14"),
+        (-2.0, "−2.00"),
+        (187.34, "187"),
+        (9.999, "10.0"),
+        (43210.0, f"43{T}200"),
+        (1.5e9, "1.50·10⁹"),
+        (2.4e-7, "2.40·10⁻⁷"),
+        (9.9996e-7, "1.00·10⁻⁶"),
+        (None, MISSING),
+        (float("inf"), MISSING),
+    ],
+)
+def test_a_number_has_three_digits(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_counts_are_grouped_from_five_digits_on() -> None:
+    assert count(4761) == "4761"
+    assert count(90001) == f"90{T}001"
+
+
+def test_settings_keep_just_the_digits_they_were_given_with() -> None:
+    assert exact(50.0, "Hz") == f"50{T}Hz"
+    assert exact(166.6666667, "Hz") == f"166.667{T}Hz"
+
+
+def test_a_tiny_p_value_is_only_called_small() -> None:
+    assert p_value(3e-88) == "<\N{NO-BREAK SPACE}0.0001"
+    assert p_value(0.0314) == "0.031"
+    assert p_value(None) == MISSING
+
+
+def test_a_share_beyond_measure_is_only_called_large() -> None:
+    assert percent(132.4) == f"132{T}%"
+    assert percent(5e4) == f"> 1000{T}%"
+
+
+ALONE = session_axis([])
+
+
+def _thin(series: JointSeries, session: SessionAxis) -> Curves:
+    """Measured, predicted and residual."""
+    residual = series.measured - series.predicted
+    values = (series.measured, series.predicted, residual)
+    return curves(series.time, values, session, peaks_of=(series.measured, residual), buckets=700)
+
+
+def _long(seconds: float = 3600.0, rate: float = 40.0) -> JointSeries:
+    time = np.arange(int(seconds * rate)) / rate
+    measured = np.sin(time)
+    measured[77777] = 5.0
+    return JointSeries("joint_1", time, measured, np.sin(time))
+
+
+def test_an_hour_becomes_a_few_thousand_points_that_keep_the_peak() -> None:
+    thinned = _thin(_long(), ALONE)
+    assert len(thinned.time) < 3000
+    assert np.nanmax(thinned.values[0]) == 5.0
+    assert np.nanmax(thinned.values[2]) > 3.9
+    assert (thinned.time[0], thinned.time[-1]) == (0.0, _long().time[-1])
+
+
+def test_lines_are_interrupted_where_samples_do_not_count() -> None:
+    time = np.array([0.0, 0.1, 0.2, 0.6, 0.7])
+    series = JointSeries("joint_1", time, np.arange(5.0), np.zeros(5))
+    thinned = _thin(series, ALONE)
+    np.testing.assert_array_equal(thinned.gaps, [[0.2, 0.6]])
+    np.testing.assert_array_equal(thinned.values[0], [0.0, 1.0, 2.0, np.nan, 3.0, 4.0])
+
+
+TWO = session_axis([SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)])
+
+
+def _two(pause: float = 0.0) -> JointSeries:
+    """A hundred rows a second in two recordings, with no row left out in between."""
+    time = np.arange(202) / 100.0
+    time[101:] += pause
+    return JointSeries("joint_1", time, np.sin(time), np.zeros(202))
+
+
+def test_no_line_runs_from_one_recording_to_the_next() -> None:
+    thinned = _thin(_two(), TWO)
+    breaks = np.flatnonzero(np.isnan(thinned.values[0]))
+    assert list(breaks) == [101]
+    assert np.isnan(thinned.values[1][101])
+    assert len(thinned.gaps) == 0  # nothing was left out between the two
+
+
+_SIZES = [
+    *(0.0, 5e-324, sys.float_info.min, 1e-300, 1.1e-16, 1e-9, 0.00123, 0.05, 0.0999, 0.5),
+    *(1 - 2**-53, 1.0, 9.995, 99.95, 123.456, 999.5, 12345.6789, 1e7, 2.0**53 + 2, 1e22, 1e300),
+    *(sys.float_info.max, math.inf, math.nan),
+]
+_NUMBERS = [None, *_SIZES, *(-size for size in _SIZES)]
+
+
+@pytest.mark.parametrize("value", _NUMBERS)
+def test_every_number_can_be_written_beside_any_uncertainty(value: float | None) -> None:
+    for std in _NUMBERS:
+        require_written(value, std)
+
+
+def require_written(value: float | None, std: float | None) -> None:
+    texts = [
+        *numerals.measured(value, std),
+        numerals.with_digits_of(value, std),
+        numerals.number(value),
+        numerals.percent(value),
+        numerals.p_value(value),
+        numerals.with_unit(value, "N m"),
+        numerals.exact(value, "N m"),
+    ]
+    finite = value is not None and math.isfinite(value)
+    assert (texts[0] == numerals.MISSING) is not finite
+    assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)

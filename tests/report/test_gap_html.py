@@ -1,4 +1,4 @@
-"""None"""
+"""The page of a diagnosis, and the words and figures in it."""
 
 import base64
 import re
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, NotTestable, Where
+from idim_iv_ros.diagnosis.result import GapResult, Where
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.figures import typed
@@ -40,20 +40,6 @@ def test_a_cause_shows_its_numbers_and_what_it_is_mistaken_for() -> None:
     ):
         assert words in text.replace("\N{NARROW NO-BREAK SPACE}", "").replace(" ±", "±"), words
     assert re.search(r"removes 96.% \(90 to 100 %\) of the gap above the noise floor", text)
-
-
-def test_with_many_joints_only_residuals_of_those_with_causes_are_unfolded() -> None:
-    page = _page(sample_gap(6, "structural"))
-    folds = [attrs for name, attrs in page.elements if name == "details"]
-    assert sum("open" in attrs for attrs in folds if attrs.get("class") == "plot") == 2
-
-
-def test_joints_that_cannot_be_tested_for_the_same_reason_share_a_row() -> None:
-    result = sample_gap(6, "none")
-    refused = [NotTestable("backlash", joint, "too slow", "creep") for joint in result.joints]
-    text = _page(replace(result, not_testable=tuple(refused))).text
-    assert "joint_1, joint_2, joint_3, joint_4, joint_5, joint_6" in text
-    assert text.count("Too slow.") == 1
 
 
 def test_hours_of_many_joints_stay_a_small_file() -> None:
@@ -107,14 +93,6 @@ def _numbers(packed: dict) -> np.ndarray:
     """What the page's script makes of packed numbers."""
     levels = np.frombuffer(base64.b64decode(packed["levels"]), dtype="<u2")
     return np.where(levels == 65535, np.nan, packed["low"] + packed["step"] * levels)
-
-
-def test_a_parameter_without_interval_is_explained() -> None:
-    result = sample_gap(2, "structural")
-    first = result.causes[0]
-    grid = replace(first, parameters={"speed": EffectParameter(0.12, None, "rad/s")})
-    assert "Without ±" not in Page(gap_report_html(result)).text
-    assert "Without ±" in Page(gap_report_html(replace(result, causes=(grid,)))).text
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,5 @@
+"""Every result becomes one page that is well formed and loads nothing."""
+
 import json
 import re
 from dataclasses import replace
@@ -112,14 +114,6 @@ def test_the_verdict_comes_first_and_rejected_joints_carry_a_warning() -> None:
     for case in ("untested", "white"):
         result = sample_result(2, case)
         assert result.exogeneity.tests[-1].reason in Page(report_html(result)).text
-
-
-def test_estimates_that_whitening_moves_beyond_noise_are_named() -> None:
-    result = sample_result(2, "coloured")
-    assert result.refined is not None
-    assert "Whitening moves" not in Page(report_html(result)).text
-    result = replace(result, refined=replace(result.refined, moved=("Fv2",)))
-    assert "Fv2: refined" in Page(report_html(result)).text
 
 
 def _bare(result: IdentificationResult) -> IdentificationResult:

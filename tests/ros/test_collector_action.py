@@ -96,10 +96,7 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def collector(
-    prefix: Path,
-    observer: Observer,
-    simulated_bags: Path,
-    tmp_path_factory: pytest.TempPathFactory,
+    prefix: Path, observer: Observer, simulated_bags: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Collector]:
     """A collector and a controller that have control_msgs."""
     (site,) = prefix.glob("lib/python*/site-packages")

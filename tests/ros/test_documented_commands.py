@@ -19,13 +19,7 @@ from idim_iv_ros.nodes.identifier import node as identifier
 from idim_iv_ros.nodes.predictor import node as predictor
 from idim_iv_ros.nodes.recorder import node as recorder
 from idim_iv_ros.nodes.simulator import node as simulator
-from tests.ros.documented_commands import (
-    Command,
-    commands,
-    commands_of_page,
-    fill,
-    interface,
-)
+from tests.ros.documented_commands import Command, commands, commands_of_page, fill, interface
 from tests.ros.launch_file import launch
 from tests.ros.processes import ROOT, SETTINGS, Observer
 

@@ -13,11 +13,7 @@ from rclpy.parameter import Parameter
 
 from idim_iv_ros.cli.nodes import ros_arguments
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.parameters import (
-    changed,
-    declare,
-    refuse_unknown_arguments,
-)
+from idim_iv_ros.nodes.parameters import changed, declare, refuse_unknown_arguments
 from idim_iv_ros.nodes.settings import RecorderSettings
 from tests.ros.conftest import ARM2
 from tests.ros.node_alone import node_alone
@@ -79,13 +75,6 @@ def test_a_wrong_start_names_parameter_value_and_need(
     with pytest.raises(UsageError) as refused:
         declare(node(*arguments[1:]), RecorderSettings, arguments)
     assert all(word in str(refused.value) for word in words), refused.value
-
-
-def test_what_is_meant_is_taken(node) -> None:
-    given = ["-p", "late_after:=5", "-p", "extra_topics:=[]", "-p", "use_sim_time:=true"]
-    made = node(*given)
-    settings = declare(made, RecorderSettings, ["--ros-args", *given])
-    assert (settings.late_after, list(settings.extra_topics)) == (5.0, [""])
 
 
 @pytest.mark.parametrize("word", ["record:=3", "recorder:record:=false"])

@@ -5,11 +5,15 @@ Which parameters launched nodes get: from arguments, from `params_file`, or from
 
 import json
 import os
-from dataclasses import fields
+import re
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import pytest
+import yaml
+from ruamel.yaml import YAML
 
+from idim_iv_interfaces.msg import Prediction
 from tests.ros.launch_file import Launched, launch, launched_nodes
 from tests.ros.node_alone import node_alone
 from tests.ros.processes import ROOT, SETTINGS
@@ -250,3 +254,74 @@ def test_launch_file_is_loaded_by_launch(name: str) -> None:
 
     description = get_launch_description_from_python_launch_file(str(FILES[name]))
     assert description.entities
+
+
+FILE = ROOT / "params" / "nodes.yaml"
+
+
+def listed_in(node: str) -> dict[str, object]:
+    document = YAML(typ="safe").load(FILE.read_text())
+    return document[f"/**/{node}"]["ros__parameters"]
+
+
+@pytest.mark.parametrize("node", SETTINGS)
+def test_file_lists_every_parameter_with_its_default(node: str) -> None:
+    defaults = {
+        item.name: list(item.default) if isinstance(item.default, tuple) else item.default
+        for item in fields(SETTINGS[node])
+    }
+    if node in ("predictor", "robot_simulator"):
+        assert defaults.pop("configuration") == ""  # must be given
+    assert MISSING not in defaults.values()
+    listed = listed_in(node)
+    lines = FILE.read_text().partition(f"/**/{node}:")[2].splitlines()
+    for name in listed.keys() - {"use_sim_time"}:
+        line = next(line for line in lines if line.strip().startswith(f"{name}:"))
+        assert line.partition("# ")[2], f"{name} is not explained"
+    # NaN, which means that there is no floor, is not equal to itself.
+    assert repr(sorted(listed.items())) == repr(sorted({"use_sim_time": False, **defaults}.items()))
+    assert {key: type(value) for key, value in listed.items()} == {
+        "use_sim_time": bool,
+        **{key: type(value) for key, value in defaults.items()},
+    }
+
+
+def test_groups_of_the_aggregator_hold_every_status() -> None:
+    document = YAML(typ="safe").load((FILE.parent / "diagnostics_aggregator.yaml").read_text())
+    groups = document["analyzers"]["ros__parameters"]
+    words = {name: group["contains"] for name, group in groups.items() if name != "path"}
+
+    def group(status: str) -> list[str]:
+        return [name for name, parts in words.items() if any(word in status for word in parts)]
+
+    for status in ("/recorder: recording", "/left/recorder: /left/joint_states"):
+        assert group(status) == ["recordings"]
+    for status in ("/predictor: prediction", "/left/predictor: joint_2"):
+        assert group(status) == ["predictions"]
+    for status in ("/identifier: drift", "/left/identifier: joint_2"):
+        assert group(status) == ["identifications"]
+
+
+FIELDS = set(Prediction.get_fields_and_field_types())
+LAYOUTS = ROOT / "layouts"
+
+
+@pytest.mark.parametrize(
+    ("file", "curve"),
+    [
+        ("foxglove.json", r'"/predictor/prediction\.(\w+)\[[0-6]\]"'),
+        ("plotjuggler.xml", r'<curve [^>]*name="/predictor/prediction/(\w+)\[[0-6]\]"'),
+    ],
+)
+def test_layouts_plot_fields_of_the_message(file: str, curve: str) -> None:
+    plotted = re.findall(curve, (LAYOUTS / file).read_text())
+    assert len(plotted) == 4 * 7
+    assert set(plotted) <= FIELDS
+
+
+def test_rviz_shows_the_markers() -> None:
+    document = yaml.safe_load((LAYOUTS / "residual.rviz").read_text())
+    displays = document["Visualization Manager"]["Displays"]
+    (markers,) = [display for display in displays if display["Class"].endswith("MarkerArray")]
+    assert markers["Topic"]["Value"] == "/predictor/residual_markers"
+    assert set(markers["Namespaces"]) == {"residual", "share"}

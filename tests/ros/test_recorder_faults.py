@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tests.ros.processes import Robot, numbers, only_bag
+from tests.ros.processes import numbers, only_bag
 
 WARN, ERROR = 1, 2
 
@@ -72,25 +72,6 @@ def test_messages_wait_in_memory_while_the_disk_is_full(
     answer = observer.call("stop")
     assert answer.success, answer.message
     assert np.array_equal(numbers(bag), np.arange(3000.0))
-
-
-def test_publisher_that_dies_and_returns(
-    recorder, robot, observer, bags: Path, tmp_path: Path, mortal: tuple[Path, str]
-) -> None:
-    configuration, topic = mortal
-    recorder(record=True, configuration=configuration)
-    topics = [{"name": topic}]
-    first = Robot(tmp_path, "first").begin(count=200, topics=topics)
-    first.run()
-    observer.received(200, topic)
-    first.kill()
-    observer.diagnosed(topic, "no message for", ERROR)
-    robot.begin(count=150, topics=topics).run()
-    observer.received(350, topic)
-    assert observer.topic(topic).lost == 0
-    observer.call("stop")
-    written = numbers(only_bag(bags), topic)
-    assert np.array_equal(written, np.r_[np.arange(200.0), np.arange(150.0)])
 
 
 def test_publisher_that_returns_best_effort_is_subscribed_anew_and_one_that_leaves_is_reported(

@@ -1,7 +1,6 @@
 """The simulated robot in real time: alone, and with all nodes of the demo."""
 
 import json
-import threading
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -11,16 +10,14 @@ import pytest
 from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
-from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros import load_configuration
-from idim_iv_ros.nodes.simulator import node as simulator_node
 from idim_iv_ros.recording import read_recordings
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient, require_truth
 from tests.ros.launch_file import launched_nodes
-from tests.ros.processes import HANG, LATCHED, ROOT, end_all, start_launched, start_node
+from tests.ros.processes import LATCHED, ROOT, end_all, start_launched, start_node
 
 LONGEST_SILENCE = 2.0  # s
 
@@ -107,23 +104,6 @@ def test_one_goal_of_the_demo_identifies_the_true_parameters(demo, observer, tmp
 def test_a_goal_never_goes_without_a_word_for_long(demo, observer, tmp_path: Path) -> None:
     heard_at = reach_the_goal(demo, observer, tmp_path / "bags")
     assert max(after - before for before, after in pairwise(heard_at)) < LONGEST_SILENCE
-
-
-def test_it_answers_before_it_is_ready(begin_ros, monkeypatch: pytest.MonkeyPatch, capfd) -> None:
-    ready = threading.Event()
-    monkeypatch.setattr(simulator_node, "_PATIENCE", 0.0)
-    monkeypatch.setattr(simulator_node.RobotSimulator, "_prepare", lambda node: ready.wait(HANG))
-    begin_ros(configuration=ARM2)
-    robot = simulator_node.RobotSimulator()
-    try:
-        refused = robot._move(Trigger.Request(), Trigger.Response())
-        assert not refused.success
-        assert "compiled" in refused.message
-        robot._report()
-        assert "joint states follow" in capfd.readouterr().err
-    finally:
-        ready.set()
-        robot.close()
 
 
 @pytest.mark.load

@@ -157,18 +157,3 @@ def test_folder_and_announcement_tell_a_bag_that_was_given_up(
         assert reader.message_count == 1
     observer.node.destroy_publisher(publisher)
     observer.node.destroy_subscription(heard)
-
-
-def test_bag_that_was_given_up_is_marked_when_its_folder_cannot_be_renamed(
-    recorder_here: Recorder, bags: Path
-) -> None:
-    recorder_here.act("start")
-    folder = recorder_here._session.bag.folder
-    taken = folder.with_name(f"{folder.name}_aborted")
-    taken.mkdir()
-    (taken / "file").write_text("in the way")
-    closed: list = []
-    recorder_here._session._closed = lambda bag, faulty: closed.append((bag.folder, faulty))
-    recorder_here.act("abort")
-    assert closed == [(folder, True)]
-    assert all(path.is_dir() for path in bags.iterdir())

@@ -1,3 +1,5 @@
+"""Whitening by autoregressions: against dense formulas and statsmodels."""
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz

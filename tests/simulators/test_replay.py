@@ -1,9 +1,11 @@
 """Recordings of the project's own simulator, replayed in MuJoCo."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,6 +21,7 @@ from idim_iv_ros.recording import write_bag
 from idim_iv_ros.report.replay import shrinkage, steps
 from idim_iv_ros.report.section import Files
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
+from idim_iv_ros.simulator_files import Exported
 from idim_iv_ros.simulators.mujoco_parts import (
     add_motors,
     nearest_parameters,
@@ -26,6 +29,9 @@ from idim_iv_ros.simulators.mujoco_parts import (
     set_inertias,
 )
 from idim_iv_ros.simulators.replay_result import ReplayResult
+from tests.cli.conftest import bag as robot_bag  # noqa: F401 (fixtures)
+from tests.cli.conftest import record  # noqa: F401
+from tests.simulator_files.cases import Case, case, cause
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 PLANTED = SimulatedEffect("stribeck", "joint_1", {"excess": 1.5, "speed": 0.2})
@@ -257,3 +263,102 @@ def test_without_references_there_is_nothing_to_replay(bag: Path, tmp_path: Path
     path.write_text(text)
     with pytest.raises(DataError, match=r"no reference to replay; name its topic"):
         replay_bags(bag, load_configuration(path))
+
+
+NATIVE: list[dict[str, Any]] = [
+    cause("nonlinear_viscous", "joint_1", coefficient=0.8, power=2.0),
+    cause("spring", "joint_2", linear=1.5, quadratic=-0.2, cubic=0.3),
+    cause("joint_coupling", "joint_1", direction=-1.0, coulomb=0.4, viscous=0.3, power=1.0)
+    | {"other_joint": "joint_2"},
+]
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Case:
+    return case(tmp_path, "arm2", NATIVE)
+
+
+@pytest.fixture
+def made(arm: Case, tmp_path: Path) -> Exported:
+    return arm.export(tmp_path / "out")
+
+
+def nominal(made: Exported, folder: Path, key: str, path: Path) -> Configuration:
+    """The exported file as the nominal model, with the lines of changes.md."""
+    section = re.search(r"```yaml\n(.*?)```", made.changes.read_text(encoding="utf-8"), re.S)
+    assert section is not None
+    text = (CONFIG / "arm2.yaml").read_text(encoding="utf-8")
+    text = re.sub(r"simulator:\n  armature:.*\n", section[1], text, count=1)
+    config = folder / f"{key}.yaml"
+    config.write_text(text.replace("urdf: arm2.urdf", f"{key}: {path}"), encoding="utf-8")
+    return load_configuration(config)
+
+
+def test_native_effects_are_simulated_once(
+    arm: Case,
+    made: Exported,
+    robot_bag: Path,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """The same motion as with every effect at each step, in an XML that has none of them."""
+    document = json.loads(made.effects.read_text(encoding="utf-8"))
+    assert [effect["native"] for effect in document["effects"][:3]] == [True] * 3
+    plain = case(tmp_path, "arm2").export(tmp_path / "plain")
+    for effect in document["effects"]:
+        effect["native"] = False
+    callbacks = tmp_path / "callbacks.json"
+    callbacks.write_text(json.dumps(document), encoding="utf-8")
+    configuration = arm.configuration
+    last = "with effects"
+    native = replay_bags(
+        robot_bag, configuration, model=made.mjcf, effects=made.effects, stages=(last,)
+    ).positions[last]
+    # The friction of both is as stiff: constant torques act on both joints.
+    at_each_step = replay_bags(
+        robot_bag, configuration, model=plain.mjcf, effects=callbacks, stages=(last,)
+    ).positions[last]
+    without = replay_bags(
+        robot_bag, configuration, model=plain.mjcf, effects=plain.effects, stages=("corrected",)
+    ).positions["corrected"]
+
+    def rms(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(np.square(values))))
+
+    # Twice or not at all would be as far away as the effects move the arm.
+    assert rms(without - at_each_step) > 1e-3
+    assert rms(native - at_each_step) < 0.02 * rms(without - at_each_step)
+
+
+def test_files_of_two_exports_are_refused(
+    arm: Case,
+    made: Exported,
+    robot_bag: Path,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    plain = case(tmp_path, "arm2").export(tmp_path / "plain")
+    for model, effects, words in (
+        (plain.mjcf, made.effects, "nonlinear_viscous at joint_1 is native, and .* does not have"),
+        (made.mjcf, case(tmp_path, "arm2", NATIVE).path, "has nonlinear_viscous at joint_1 as an"),
+        (made.urdf, made.effects, "is no MJCF"),
+        (made.effects, made.effects, "is no MJCF"),
+        (made.mjcf, made.mjcf, "is XML, not effects"),
+    ):
+        with pytest.raises(UsageError, match=words) as refused:
+            replay_bags(robot_bag, arm.configuration, model=model, effects=effects)
+        assert "\n" not in str(refused.value)
+
+
+def test_constant_torques_of_an_export_are_parameters(
+    robot_bag: Path,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """effects.json holds nothing else: the corrected robot is the whole answer."""
+    arm = case(tmp_path, "arm2")
+    made = arm.export(tmp_path / "out")
+    assert made.not_native == ("torque_offset at joint_1", "torque_offset at joint_2")
+    result = replay_bags(robot_bag, arm.configuration, model=made.mjcf, effects=made.effects)
+    assert [stage.name for stage in result.stages] == ["nominal", "corrected"]
+    (stage,) = replay_bags(
+        robot_bag, arm.configuration, model=made.mjcf, stages=("corrected",)
+    ).stages  # without them
+    assert stage.torque != result.stages[1].torque

@@ -1,4 +1,4 @@
-"""None"""
+"""Whether the regressor is exogenous and the instruments are valid, joint by joint."""
 
 from dataclasses import replace
 

@@ -1,3 +1,5 @@
+"""How answers of the benchmark of withheld effects are scored."""
+
 import hashlib
 import json
 import shlex
