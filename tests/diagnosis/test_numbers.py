@@ -145,16 +145,13 @@ def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
     make: Callable[..., SimulatedArm], tmp_path: Path
 ) -> None:
     """With its true size, and nothing else: neither Stribeck friction nor a link."""
-    arm = make(seconds=15.0)
-    urdf = arm.configuration.robot.urdf
-    assert urdf is not None
-    bare = tmp_path / "bare.urdf"
-    bare.write_text(re.sub("<dynamics [^>]*/>", "", urdf.read_text()))
+    arm, bare = make(seconds=15.0), tmp_path / "bare.urdf"
+    text = arm.configuration.robot.urdf.read_text()
+    bare.write_text(re.sub("<dynamics [^>]*/>", "", text))
     data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))
-    assert not np.any(data.prepared.model.robot.given.coulomb)
-    regression = smooth_regression(data)
-    causes = causes_of(data, regression)
-    assert explanation_of(data, regression).effects == ()
+    explanation = explanation_of(data, smooth_regression(data))
+    causes = parametric_causes(data, explanation)[0]
+    assert explanation.effects == ()
     assert sorted(names(causes)) == [("friction_level", joint) for joint in data.joints]
     for cause in causes:
         place = data.joints.index(str(cause.joint))
