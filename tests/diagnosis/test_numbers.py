@@ -145,7 +145,7 @@ def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
     make: Callable[..., SimulatedArm], tmp_path: Path
 ) -> None:
     """With its true size, and nothing else: neither Stribeck friction nor a link."""
-    arm, bare = make(seconds=15.0), tmp_path / "bare.urdf"
+    arm, bare = make(seconds=10.0), tmp_path / "bare.urdf"
     text = arm.configuration.robot.urdf.read_text()
     bare.write_text(re.sub("<dynamics [^>]*/>", "", text))
     data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))

@@ -16,7 +16,7 @@ from idim_iv_ros.servo.identify import identify_servos
 from idim_iv_ros.signals.joint_side import joint_side
 from tests.cli.conftest import run  # noqa: F401 - a fixture
 from tests.inputs import changed
-from tests.servo.test_fit import write_servo_bag
+from tests.servo.conftest import write_servo_bag
 
 
 def test_command_writes_files_that_simulators_read(servo_folder, tmp_path, run):  # noqa: F811

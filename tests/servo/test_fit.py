@@ -1,18 +1,16 @@
 """The servo's numbers come back from MuJoCo's recordings, which this program did not simulate."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.servos import LENGTH, LIMIT, MASS, TRUTH, URDF, mujoco_servo
 from idim_iv_ros.model.robot import load_robot
-from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.servo.fit import fit_factor, ordinary_least_squares
 from idim_iv_ros.servo.loop_kernel import Drive
 from idim_iv_ros.servo.numbers import absolute_numbers, is_absolute, ratio_numbers
-from idim_iv_ros.servo.robot_fit import Motion, fit_servos
+from idim_iv_ros.servo.robot_fit import fit_servos
 
 TRUE = TRUTH | {"torque limit": LIMIT}
 
@@ -88,27 +86,3 @@ def test_at_30_hz_the_rate_of_learning_data(fitted):
     numbers = numbers_of(answer)
     for name in ("stiffness", "armature", "damping", "delay"):
         assert numbers[name].value == pytest.approx(TRUE[name], rel=0.1)
-
-
-@pytest.fixture(scope="session")
-def motion() -> Motion:
-    return mujoco_servo(100.0, 12.0, seed=4)
-
-
-@pytest.fixture(scope="session")
-def servo_folder(tmp_path_factory: pytest.TempPathFactory, motion: Motion) -> Path:
-    """A bag, the URDF and the configuration of one servo."""
-    folder = tmp_path_factory.mktemp("servo")
-    write_servo_bag(folder / "run.mcap", motion)
-    (folder / "servo.urdf").write_text(URDF)
-    (folder / "servo_arm.yaml").write_text(
-        "robot: {urdf: servo.urdf, joints: [j]}\n"
-        "signals: {joint_states: joint_states, effort: none, reference: command}\n"
-    )
-    return folder
-
-
-def write_servo_bag(path: Path, motion: Motion, scale: float = 1.0) -> None:
-    time = np.arange(len(motion.command)) / motion.rate
-    states = JointTopic("joint_states", ["j"], time, scale * motion.position)
-    write_bag(path, [states, JointTopic("command", ["j"], time, scale * motion.command)])
