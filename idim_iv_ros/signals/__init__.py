@@ -6,6 +6,7 @@ from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.signals.filters import (
     butterworth_samples,
     central_differences,
+    shifted,
     zero_phase_butterworth,
 )
 from idim_iv_ros.signals.joint_side import JointSignals, JointTransform, joint_side, joint_transform
@@ -26,6 +27,7 @@ __all__ = [
     "fit_autoregression",
     "joint_side",
     "joint_transform",
+    "shifted",
     "torque_noise",
     "zero_phase_butterworth",
 ]

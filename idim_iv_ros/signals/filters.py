@@ -1,4 +1,4 @@
-"""Band-pass filtering of positions: zero-phase Butterworth and central differences.
+"""Filtering of positions (zero-phase Butterworth), central differences, and shifts in time.
 
 Source: paper, section II.C.
 """
@@ -10,6 +10,8 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.types import FloatArray
+
+_SHIFT_SPLINE = 5  # order of the interpolation between samples
 
 # Numbers that are filtered together: for few the calls take longer than the work.
 _AT_ONCE = 100_000
@@ -74,6 +76,12 @@ def settling_samples(sections: FloatArray, tolerance: float) -> int:
 def butterworth_samples(rate: float, cutoff: float, order: int, tolerance: float) -> int:
     """Return `settling_samples` of the Butterworth filter of `zero_phase_butterworth`."""
     return settling_samples(_sections(order, cutoff, rate), tolerance)
+
+
+def shifted(values: FloatArray, seconds: float, rate: float) -> FloatArray:
+    """Channels (s, …) of `rate`, Hz, that are `seconds` later; their ends are repeated."""
+    by = (seconds * rate, *(0.0,) * (values.ndim - 1))
+    return np.asarray(scipy.ndimage.shift(values, by, order=_SHIFT_SPLINE, mode="nearest"))
 
 
 def central_differences(

@@ -213,21 +213,14 @@ def outside(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def inside(tmp_path: Path) -> Path:
-    folder = tmp_path / "bags"
-    folder.mkdir()
-    return folder
-
-
-def test_names_inside_are_found(inside: Path) -> None:
-    bag = inside / "day" / "bag"
+def test_names_inside_are_found(bags: Path) -> None:
+    bag = bags / "day" / "bag"
     bag.mkdir(parents=True)
     (bag / "one.mcap").write_bytes(bytes(100))
     (bag / "metadata.yaml").write_bytes(bytes(10))
-    (inside / "latest").symlink_to("day/bag")
+    (bags / "latest").symlink_to("day/bag")
     for name in ("day/bag", str(bag), "latest"):
-        assert confined_bag(inside, name) == (bag.resolve(), 110)
+        assert confined_bag(bags, name) == (bag.resolve(), 110)
 
 
 @pytest.mark.parametrize(
@@ -246,26 +239,24 @@ def test_names_inside_are_found(inside: Path) -> None:
         ("x" * 5000, "5000 characters is too long"),
     ],
 )
-def test_names_that_lead_out_are_refused(
-    inside: Path, outside: Path, name: str, words: str
-) -> None:
-    (inside / "day").mkdir()
-    (inside / "link.mcap").symlink_to(outside)
-    (inside / "folder").mkdir()
-    (inside / "folder" / "one.mcap").symlink_to(outside)
-    (inside / "pipes").mkdir()
-    os.mkfifo(inside / "pipes" / "one.mcap")
-    (inside / "loop").symlink_to("loop")
+def test_names_that_lead_out_are_refused(bags: Path, outside: Path, name: str, words: str) -> None:
+    (bags / "day").mkdir()
+    (bags / "link.mcap").symlink_to(outside)
+    (bags / "folder").mkdir()
+    (bags / "folder" / "one.mcap").symlink_to(outside)
+    (bags / "pipes").mkdir()
+    os.mkfifo(bags / "pipes" / "one.mcap")
+    (bags / "loop").symlink_to("loop")
     with pytest.raises(UsageError, match=words) as refused:
-        confined_bag(inside, name)
+        confined_bag(bags, name)
     assert "\n" not in str(refused.value)
 
 
-def test_folder_beside_with_the_same_beginning_is_outside(inside: Path) -> None:
-    sibling = inside.with_name("bags2")
+def test_folder_beside_with_the_same_beginning_is_outside(bags: Path) -> None:
+    sibling = bags.with_name("bags2")
     sibling.mkdir()
     with pytest.raises(UsageError, match="leads out of"):
-        confined(inside, str(sibling), "bag_directory")
+        confined(bags, str(sibling), "bag_directory")
 
 
 def test_announced_bag_is_left_alone_without_auto_and_if_it_is_not_whole() -> None:

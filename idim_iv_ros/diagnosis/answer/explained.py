@@ -218,16 +218,17 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
         Of the refit with the effects: says how precise they are.
     """
     comparison, count = selection.comparison, len(fit.values)
+    sizes = comparison.options.ledger.sizes
     errors = ModelWithTerms(comparison.nominal, (*causes, *selection.signals)).errors
     made = []
     for candidate in comparison.catalogue.not_given:
         directions = np.column_stack([change.direction[:count] for change in candidate.changes])
         inverse = np.linalg.pinv(directions)
         values, spread = inverse @ errors, inverse @ fit.covariance[:count, :count] @ inverse.T
-        whole = np.zeros(len(comparison.options.ledger.sizes))
         columns = {joint: lines.T.astype(float) for joint, lines in candidate.lines.items()}
+        whole = np.zeros(len(sizes))
         for joint, table in columns.items():
-            whole[joint] = rms(table @ values) / comparison.options.ledger.sizes[joint]
+            whole[joint] = rms(table @ values) / sizes[joint]
         evidence = 0.5 * float(values @ np.linalg.pinv(spread) @ values)
         deviations = np.sqrt(np.diag(spread))
         small = whole.max() < settings.LEAST_SHARE or evidence < settings.LEAST_SUPPORT

@@ -6,13 +6,11 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
-from idim_iv_ros.diagnosis.refit.command_rows import SHIFT_SPLINE
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
@@ -27,7 +25,7 @@ from idim_iv_ros.identification.prepare import PreparedRegression, prepare, requ
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
+from idim_iv_ros.signals import REVERSAL_MARGIN, Motion, shifted
 from idim_iv_ros.types import FloatArray, IntArray
 
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
@@ -185,8 +183,8 @@ def later(
     """Return the rows with the recorded effort `shift` seconds later."""
     torques = []
     for motion in motions:
-        signals, by = motion.signals, (shift * motion.signals.rate, 0.0)
-        moved = scipy.ndimage.shift(signals.torque, by, order=SHIFT_SPLINE, mode="nearest")
+        signals = motion.signals
+        moved = shifted(signals.torque, shift, signals.rate)
         torques.append(torque_rows(replace(motion, signals=replace(signals, torque=moved))))
     return tuple(
         replace(row, torque=np.concatenate([torque[joint] for torque in torques]))

@@ -13,13 +13,12 @@ from idim_iv_ros.effects.contribution import CommandParts
 from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
-from idim_iv_ros.signals import JointSignals, Motion
+from idim_iv_ros.signals import JointSignals, Motion, shifted
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-SHIFT_SPLINE = 5  # order of the interpolation that shifts a channel in time
 TIMES = 5  # errors of time: a lag of the effort, position, speed, and the references of both
 _LATE = 0.5  # control periods that what the law sees, and what is recorded, are likely late
 _LIMITED = 0.98  # of the torque limit, from which on a command is limited
@@ -156,9 +155,7 @@ def command_rows(
         groups = [parts.groups[name] for name in CONTROL_LAW.groups]
         given = np.column_stack([parts.command, -parts.rate, parts.late, *groups])
         if lag != 0.0:
-            given = scipy.ndimage.shift(
-                given, (lag * motion.signals.rate, 0.0), order=SHIFT_SPLINE, mode="nearest"
-            )
+            given = shifted(given, lag, motion.signals.rate)
         table = np.column_stack([recorded, recorded - given[:, 0], given[:, 1:]])
         decimated = motion.decimation.whole(table[motion.span])
         tables.append(np.column_stack([motion.time, decimated])[kept])

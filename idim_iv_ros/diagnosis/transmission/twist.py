@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
@@ -32,12 +31,11 @@ from idim_iv_ros.diagnosis.comparison.named_columns import (
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.command_rows import SHIFT_SPLINE
 from idim_iv_ros.diagnosis.result import Evidence
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
-from idim_iv_ros.signals import Motion
+from idim_iv_ros.signals import Motion, shifted
 from idim_iv_ros.signals.motion import all_around
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -92,8 +90,7 @@ class TwistRows:
         for motion, counting in self.channels:
             signals = motion.signals
             assert signals.link_position is not None
-            link, later = signals.link_position[:, self.joint], -offset * signals.rate
-            link = scipy.ndimage.shift(link, later, order=SHIFT_SPLINE, mode="nearest")
+            link = shifted(signals.link_position[:, self.joint], -offset, signals.rate)
             twist = (signals.position[:, self.joint] - link)[motion.span]
             parts.append(motion.decimation.whole(twist)[counting])
         twist = np.concatenate(parts)
