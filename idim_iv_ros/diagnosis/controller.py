@@ -171,23 +171,27 @@ class LawCheck:
         return replace(self, causes=tuple(c for c in self.causes if c.joint not in same))
 
 
-def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0.0) -> LawCheck:
+def check_law(
+    data: Baseline, without: Collection[str] = (), *, shift: float = 0.0, std: float = 0.0
+) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
     All samples count, also at reversals, except those at the torque limit. Constants, a lag that
     most joints share and a speed that the law differentiates and filters (`law_speed`) are no
-    mismatch, nor is an effort that is no torque. A shared lag of more than two periods of the
-    control until the effort acts is a delay of all joints. Empty where nothing can be compared or
+    mismatch, nor is an effort that is no torque. More than two periods of the control from the law
+    to the torque on the joints, with what the configuration has, are a delay of all joints: when
+    efforts are stamped on the way makes no difference. Empty where nothing can be compared or
     nothing differs; `why_not_checked` says why.
 
-    `shift`: from the recorded effort to the torque on the joints, s (`signal_chain`); negative
-    where the effort is measured after it acts: it is late by that, and not the law.
+    `shift`, `std`: from the recorded effort to the torque on the joints, s (`signal_chain`);
+    negative where the effort is measured after it acts.
     """
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
     shown = shown_law(data)
-    usual = settings.LONGEST_LAG * shown.period + max(-shift, 0.0)
-    longest, delay = _shared_lag(shown, usual)
+    configured = data.prepared.configuration.controller.delay
+    usual = settings.LONGEST_LAG * shown.period + configured - shift  # until efforts are recorded
+    longest, shared = _shared_lag(shown, max(usual, settings.LONGEST_LAG * shown.period))
     causes, gains, beyond = [], {}, []
     for joint, change in shown.joints.items():
         changes, cause = _cause(data, shown.law, joint, change, longest)
@@ -201,11 +205,15 @@ def check_law(data: Baseline, without: Collection[str] = (), *, shift: float = 0
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
     late = []
-    if delay is not None:  # longer than a control of this period makes it
-        before = [change.left_of_lag(usual) for change in shown.joints.values()]
-        after = [change.before for change in shown.joints.values()]
-        said = sentences.commands_late(delay, shown.period)
-        late.append(delay_of_all(delay, before, after, said))
+    if shared is not None and shared.std is not None:
+        std = float(np.hypot(shared.std, std))
+        unsure = settings.SHIFT_AGREEMENT * shown.period + settings.CLEAR_DEVIATIONS * std
+        if shared.value - unsure > usual:  # longer than a control of this period makes it
+            before = [change.left_of_lag(max(usual, 0.0)) for change in shown.joints.values()]
+            after = [change.before for change in shown.joints.values()]
+            delay = EffectParameter(shared.value + shift - configured, std, "s")
+            said = sentences.commands_late(delay, shared.value, shown.period)
+            late.append(delay_of_all(delay, before, after, said))
     return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), tuple(late))
 
 
@@ -243,7 +251,7 @@ def shown_law(data: Baseline) -> ShownLaw:
 
 
 def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:
-    """Lag up to which a joint's is no mismatch, s; and that of most joints where it is a cause.
+    """Lag up to which a joint's is no mismatch, s; and that of most joints where they share one.
 
     `usual`: lag up to which one is that of a control of this period, s.
     """
@@ -256,8 +264,7 @@ def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter |
     if same.sum() < 2 or 2 * same.sum() <= len(lags):
         return min(usual, common + settings.LAG_DIFFERENCE * shown.resolution), None
     std = float(np.hypot(np.std(lags[same]), np.median(stds)))
-    late = common - settings.CLEAR_DEVIATIONS * std > usual
-    return common + apart, EffectParameter(common, std, "s") if late else None
+    return common + apart, EffectParameter(common, std, "s")
 
 
 def _cause(

@@ -125,15 +125,15 @@ def controller_cause(data: Baseline, cause: Cause) -> str:
     )
 
 
-def commands_late(delay: EffectParameter, period: float) -> str:
-    """Commands of most joints that are later than a control of this period (s) makes them."""
+def commands_late(delay: EffectParameter, recorded: float, period: float) -> str:
+    """Torque that acts later than a control of this period (s) makes it, `recorded` on the way."""
     assert delay.std is not None
     half = 1e3 * settings.NORMAL_95 * delay.std
     return (
-        f"time delay of all joints: recorded efforts are {1e3 * delay.value:.2g} ± {half:.2g} ms "
-        f"({delay.value / period:.2g} control periods) later than the configured law gives them "
-        "from the recorded motion: the loop takes that long, a filter is in it, or the stamps are "
-        "off, which this recording cannot tell"
+        f"time delay of all joints: efforts act {1e3 * delay.value:.2g} ± {half:.2g} ms "
+        f"({delay.value / period:.2g} control periods) after the configured law gives them from the "
+        f"recorded motion, and are recorded {1e3 * recorded:.2g} ms after it: the loop takes that "
+        "long, or a filter is in it"
     )
 
 

@@ -137,10 +137,13 @@ def commands(
     return np.array(efforts), np.array(speeds)
 
 
-@pytest.mark.parametrize("factor", [1.0, 0.45, 0.12])
-def test_a_filtered_speed_is_no_mismatch(arm: SimulatedArm, data: Baseline, factor: float) -> None:
+@pytest.mark.parametrize(
+    ("factor", "late"), [(1.0, 0.0), (0.45, 0.0), (0.12, 0.0), (0.6, 8.0), (0.12, 8.0)]
+)
+def test_a_filtered_speed_is_no_mismatch(arm, data, factor: float, late: float) -> None:
+    """Nor is it where efforts are recorded as many samples late."""
     effort, _ = commands(arm, data.prepared.motions[0].signals, factor)
-    changed = commanded(data, effort)
+    changed = commanded(data, delayed(effort, [late, late]))
     chosen = law_speed(changed.prepared.motions, arm.law)
     assert chosen.kind == "filtered"
     assert chosen.factor == pytest.approx(factor, rel=0.05)
@@ -184,14 +187,14 @@ def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured
     late = commanded(data, delayed(effort, [3.0, 3.0]))
     assert check_law(late, shift=-1.5 * period).causes == ()
     assert check_law(late, shift=-1.5 * period).delay == ()
-    # The same lag of commands that are recorded before they act is one of the loop.
+    # Half a period more until they act makes it longer than the loop of the configuration.
     check = check_law(late, shift=0.5 * period)
     assert check.causes == ()
     (cause,) = check.delay
     assert (cause.effect, cause.joint) == ("time_delay", None)
     delay = cause.parameters["delay"]
     assert delay.std is not None
-    assert delay.value == pytest.approx(3.0 * period, abs=3.0 * delay.std)
+    assert delay.value == pytest.approx((3.0 + 0.5) * period, abs=3.0 * delay.std)
     assert delay.std < 0.3 * period
 
 

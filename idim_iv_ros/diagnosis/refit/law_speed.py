@@ -22,29 +22,49 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     command_rows,
     comparable,
     evaluated,
+    rows_of_late_command,
 )
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.sources import InstrumentSources
-from idim_iv_ros.signals import Motion
+from idim_iv_ros.signals import Motion, shifted
 from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
 from idim_iv_ros.types import FloatArray
 
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
 FACTORS = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.05)
+_CHOICES = 3  # of a speed, at most, as late as the commands are with the one before
 
 
 def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = False) -> LawSpeed:
     """Choose the speed of the law, one for all joints and recordings.
 
     Constants, the gains and a lag of the command are fitted with each, so that another gain does
-    not pass for another speed. The plain central difference stays unless another leaves clearly
-    less. `computed`: leave the recorded velocity out: only what can be computed from any position.
+    not pass for another speed. The lag is that which the commands have beside the speed of the
+    choice before: taken at once with a wrong speed it would keep that one. The plain central
+    difference stays unless another leaves clearly less. `computed`: leave the recorded velocity
+    out: only what can be computed from any position.
     """
-    differentiating = np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist()
-    rows = {joint: command_rows(motions, law, joint, LawSpeed(), 0.0) for joint in differentiating}
-    usable = [(joint, some) for joint, some in rows.items() if some is not None]
+    recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
+    chosen = LawSpeed()
+    for _ in range(_CHOICES):
+        before, chosen = chosen, _chosen(motions, law, chosen, recorded=recorded)
+        if chosen == before:
+            break
+    return chosen
+
+
+def _chosen(
+    motions: Sequence[Motion], law: ControlLaw, before: LawSpeed, *, recorded: bool
+) -> LawSpeed:
+    """Speed that explains the commands best where they are as late as with the one `before`."""
+    usable = []
+    for joint in np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist():
+        late = rows_of_late_command(motions, law, joint, before, 0.0)
+        rows = late and command_rows(motions, law, joint, LawSpeed(), 0.0, late.lag)
+        if rows is not None:
+            usable.append((joint, rows))
     if not usable:
         return LawSpeed()
     plainly = [_JointCommands(motions, law, *pair, ["kp"]) for pair in usable]
@@ -58,7 +78,6 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
         left = [joint.left(speed) for joint in joints]
         return float(np.exp(0.5 * np.mean(np.log(np.maximum(left, 1e-30)))))
 
-    recorded = not computed and all(motion.signals.velocity is not None for motion in motions)
     early = [LawSpeed(), LawSpeed("recorded")] if recorded else [LawSpeed()]
     options = {speed: score(speed) for speed in early + [LawSpeed("filtered", f) for f in FACTORS]}
     plain, chosen = options[LawSpeed()], min(options, key=lambda speed: options[speed])
@@ -120,8 +139,9 @@ class _JointCommands:
         made = []
         for motion, free, kept in self.parts:
             signals = motion.signals
-            later = speed.of(signals, self.joint) - LawSpeed().of(signals, self.joint)
-            made.append(motion.decimation.whole((later * free)[motion.span, None])[kept, 0])
+            change = speed.of(signals, self.joint) - LawSpeed().of(signals, self.joint)
+            change = shifted((change * free)[:, None], self.rows.lag, signals.rate)
+            made.append(motion.decimation.whole(change[motion.span])[kept, 0])
         return np.concatenate(made)
 
 
