@@ -91,6 +91,9 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             model = ModelWithTerms(comparison.nominal, terms)
             noise = noise_of(ledger, model.residuals)
             del white, comparison, model  # products of all options would be there twice
+    adequate = _without_misfits(comparison, terms)
+    if len(adequate) < len(terms):
+        terms = refined(comparison, adequate)
     curves: list[Term] = []
     while len(curves) < _MOST_CURVES:
         curve = comparison.curve([*terms, *curves])
@@ -98,6 +101,25 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             break
         curves.append(curve)
     return Selection(tuple(terms), tuple(curves), comparison)
+
+
+def _without_misfits(comparison: Comparison, terms: tuple[Term, ...]) -> tuple[Term, ...]:
+    """Terms without effects in whose place a free curve of their joint is clearly likelier.
+
+    A shape that comes near what no effect describes is chosen first, having fewer numbers.
+    """
+    least = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
+    for term in terms:
+        if term.candidate.kind is not Kind.EFFECT:
+            continue
+        others = tuple(other for other in terms if other is not term)
+        curve = comparison.curve(others)
+        if curve is None or curve.candidate.scope != term.candidate.scope:
+            continue
+        gain = comparison.objective((*others, curve)) - comparison.objective(terms)
+        if gain > least and curve.place.joint == term.place.joint:
+            terms = others
+    return terms
 
 
 def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
