@@ -95,6 +95,26 @@ def test_a_gain_that_ripples_is_no_torque_that_ripples(data: Baseline, of_gain: 
         assert "position ripple of joint_1 (45 %)" in note
 
 
+@pytest.mark.parametrize("one_sided", [True, False], ids=["stop", "spring"])
+def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> None:
+    """A bumper that is met at the end of the range, and a cable that stiffens over all of it."""
+    position = np.concatenate([motion.position[:, 1] for motion in data.motions])
+    low, high = float(position.min()), float(position.max())
+    start, span = high - 0.25 * (high - low), high - low
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        beyond = np.maximum(m.position[:, 1] - start, 0.0) / span
+        meets = beyond * (8.0 + 0.4 * m.velocity[:, 1])
+        stiffens = 0.15 * np.sinh((m.position[:, 1] - 0.5 * (low + high)) / (0.2 * span))
+        return np.asarray(meets if one_sided else stiffens)
+
+    selection = selected(data, world(data, 21, 1, torque))
+    assert names_of(selection) == ([] if one_sided else [("spring", 1)])
+    assert [curve.effect.name for curve in selection.curves] == (
+        ["contact beyond a position"] if one_sided else []
+    )
+
+
 def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:
     """Of joint 1: what is left of the load without mass matrix times accelerations."""
     inertial = np.einsum("sj,sj->s", motion.inertia[:, 0], motion.acceleration)
