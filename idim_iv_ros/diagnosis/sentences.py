@@ -131,9 +131,9 @@ def commands_late(delay: EffectParameter, recorded: float, period: float) -> str
     half = 1e3 * settings.NORMAL_95 * delay.std
     return (
         f"time delay of all joints: efforts act {1e3 * delay.value:.2g} ± {half:.2g} ms "
-        f"({delay.value / period:.2g} control periods) after the configured law gives them from the "
-        f"recorded motion, and are recorded {1e3 * recorded:.2g} ms after it: the loop takes that "
-        "long, or a filter is in it"
+        f"({delay.value / period:.2g} control periods) after the configured law gives them from "
+        f"the recorded motion, and are recorded {1e3 * recorded:.2g} ms after it: the loop takes "
+        "that long, or a filter is in it"
     )
 
 

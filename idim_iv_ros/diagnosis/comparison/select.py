@@ -91,10 +91,12 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             model = ModelWithTerms(comparison.nominal, terms)
             noise = noise_of(ledger, model.residuals)
             del white, comparison, model  # products of all options would be there twice
-    adequate = _without_misfits(comparison, terms)
-    if len(adequate) < len(terms):
-        terms = refined(comparison, adequate)
     curves: list[Term] = []
+    while (better := _curve_in_place(comparison, terms, curves)) is not None:
+        terms, curve = better
+        curves.append(curve)
+    if curves:
+        terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:
         curve = comparison.curve([*terms, *curves])
         if curve is None or curve.presence < 0.5:
@@ -103,23 +105,28 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     return Selection(tuple(terms), tuple(curves), comparison)
 
 
-def _without_misfits(comparison: Comparison, terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Terms without effects in whose place a free curve of their joint is clearly likelier.
+def _curve_in_place(
+    comparison: Comparison, terms: tuple[Term, ...], curves: Sequence[Term]
+) -> tuple[tuple[Term, ...], Term] | None:
+    """Terms without the effect in whose place a free curve gains most, and that curve.
 
-    A shape that comes near what no effect describes is chosen first, having fewer numbers.
+    A shape that comes near what no effect describes is chosen first, having fewer numbers. None
+    where no curve of an effect's joint is clearly likelier than the effect.
     """
-    least = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
+    best = None
+    most = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
+    usual = comparison.objective((*terms, *curves))
     for term in terms:
         if term.candidate.kind is not Kind.EFFECT:
             continue
         others = tuple(other for other in terms if other is not term)
-        curve = comparison.curve(others)
+        curve = comparison.curve((*others, *curves))
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
-        gain = comparison.objective((*others, curve)) - comparison.objective(terms)
-        if gain > least and curve.place.joint == term.place.joint:
-            terms = others
-    return terms
+        gain = comparison.objective((*others, *curves, curve)) - usual
+        if gain > most and curve.place.joint == term.place.joint:
+            best, most = (others, curve), gain
+    return best
 
 
 def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
