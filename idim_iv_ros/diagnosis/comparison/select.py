@@ -93,8 +93,8 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             del white, comparison, model  # products of all options would be there twice
     curves: list[Term] = []
     while (better := _curve_in_place(comparison, terms, curves)) is not None:
-        terms, curve = better
-        curves.append(curve)
+        terms = better[0]
+        curves.append(better[1])
     if curves:
         terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:

@@ -61,8 +61,10 @@ def _chosen(
     """Speed that explains the commands best where they are as late as with the one `before`."""
     usable = []
     for joint in np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist():
-        late = rows_of_late_command(motions, law, joint, before, 0.0)
-        rows = late and command_rows(motions, law, joint, LawSpeed(), 0.0, late.lag)
+        with_it = rows_of_late_command(motions, law, joint, before, 0.0)
+        if with_it is None:
+            continue
+        rows = command_rows(motions, law, joint, LawSpeed(), 0.0, with_it.lag)
         if rows is not None:
             usable.append((joint, rows))
     if not usable:
