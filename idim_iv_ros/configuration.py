@@ -121,27 +121,19 @@ class SimulatorSection(Section):
 class SimulatedRobotSection(Section):
     """The robot that `simulate` runs, where it differs from the nominal model and is not ideal.
 
-    Attributes
-    ----------
-    parameters : dict
-        True values of base parameters, by the names and in the units that `identify` prints;
-        the others are as given.
-    rate : float or None
-        Of the recording, Hz; None: that of the control.
-    position_noise, encoder_resolution : (n_joints,) or None
-        Standard deviation and step of the recorded positions, rad (m).
-    torque_noise : (n_joints,) or None
-        Standard deviation of the recorded efforts, white, N m (N).
-    disturbance : (n_joints,) or None
-        Standard deviation of a torque on the joints that no model explains, N m (N).
-    disturbance_bandwidth : float
-        Hz; first-order low-pass.
-    stamp_jitter : float
-        Standard deviation of the stamps, s.
-    delay : float or None
-        True transport delay of the command, s; None: `controller.delay`.
-    plant_step : float or None
-        s; None: a quarter of the control period.
+    - `parameters`: true values of base parameters, by the names and in the units that `identify`
+      prints; the others are as given
+    - `rate`: of the recording, Hz; None: that of the control
+    - `position_noise`, `encoder_resolution`: (n_joints,) or None, standard deviation and step of
+      the recorded positions, rad (m)
+    - `torque_noise`: (n_joints,) or None, standard deviation of the recorded efforts, white, N m
+      (N)
+    - `disturbance`: (n_joints,) or None, standard deviation of a torque on the joints that no model
+      explains, N m (N)
+    - `disturbance_bandwidth`: Hz; first-order low-pass
+    - `stamp_jitter`: standard deviation of the stamps, s
+    - `delay`: true transport delay of the command, s; None: `controller.delay`
+    - `plant_step`: s; None: a quarter of the control period
     """
 
     parameters: dict[Name, Number] = {}

@@ -63,12 +63,8 @@ class Document:
     A field of type `Unsaved` is left out, and has its default when the document is read back.
     Numbers that do not exist are null.
 
-    Attributes
-    ----------
-    what, written_by : str
-        What it is (``a diagnosis``) and which command writes it, for messages.
-    format : str
-        First field, its default names the format.
+    - `what`, `written_by`: what it is (``a diagnosis``) and which command writes it, for messages
+    - `format`: first field, its default names the format
     """
 
     what: ClassVar[str]
@@ -94,10 +90,7 @@ class Document:
     def write(self, path: FilePath) -> None:
         """Write the document, complete or not at all.
 
-        Raises
-        ------
-        UsageError
-            It cannot be written, and why.
+        Raises UsageError: it cannot be written, and why.
         """
         try:
             write_together({Path(path): self.to_json()})
@@ -108,10 +101,7 @@ class Document:
     def read(cls: type[D], path: FilePath) -> D:
         """Read a document that `write` wrote.
 
-        Raises
-        ------
-        UsageError
-            The file cannot be read, or as `from_json`.
+        Raises UsageError: the file cannot be read, or as `from_json`.
         """
         text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}", megabytes=_LARGEST_FILE)
         return cls.from_json(text, str(path))
@@ -120,17 +110,10 @@ class Document:
     def from_json(cls: type[D], text: str, name: str) -> D:
         """Read a document from its text.
 
-        Parameters
-        ----------
-        text
-        name
-            Of the file, for the message.
+        - `name`: of the file, for the message
 
-        Raises
-        ------
-        UsageError
-            Not JSON, another format, or a key that is missing, wrong or unknown; one line with
-            the file, the key and what to do.
+        Raises UsageError: not JSON, another format, or a key that is missing, wrong or unknown; one
+        line with the file, the key and what to do.
         """
         again = f"write it with this version's `idim-iv {cls.written_by}`"
         try:

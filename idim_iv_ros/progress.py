@@ -18,12 +18,8 @@ def part_of(progress: Progress | None, begin: float, end: float) -> Progress | N
 class Stopwatch:
     """Context manager that adds the seconds of each stage to `timing`.
 
-    Parameters
-    ----------
-    progress
-        Called at the start of each stage with its name and the share that is done, 0 to 1.
-    timing
-        Continued if given.
+    - `progress`: called at the start of each stage with its name and the share that is done, 0 to 1
+    - `timing`: continued if given
     """
 
     def __init__(self, progress: Progress | None, timing: dict[str, float] | None = None):

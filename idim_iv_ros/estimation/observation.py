@@ -101,9 +101,7 @@ def instrument_rows(
 
     `states`: one for each motion: (first, last) → q, dq, ddq of those samples of the span.
 
-    Returns
-    -------
-    One (r, c) array for each joint, as `JointRows.matrix`.
+    Returns one (r, c) array for each joint, as `JointRows.matrix`.
     """
     joints = range(len(model.robot.joints))
     counts = [sum(int(motion.kept[:, joint].sum()) for motion in motions) for joint in joints]

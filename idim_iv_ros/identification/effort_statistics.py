@@ -56,28 +56,20 @@ class Share:
 class EffortStatistics:
     """Statistics of the effort of one joint.
 
-    Attributes
-    ----------
-    torque : Share or None
-        Of the torque that the nominal masses need, beside friction and the joint's drive inertia:
-        1 where efforts are torques. None where the nominal model needs none.
-    friction : Share or None
-        Of the direction of the speed beside the columns of masses and drives: dry friction. None
-        where these hold it.
-    peak : float
-        Of the effort without friction, but for outliers.
-    static_share : float
-        Share of the variance that position and direction of the speed explain.
-    expected, shown, residual : float
-        RMS, beside all that position and speed explain: of the nominal masses' torque of
-        accelerations, of what all columns of accelerations explain, and of what nothing explains.
-        The first is less what the noise of the positions adds, and zero where that is most of it:
-        noise in the columns hides what they explain.
-    given_friction, size : float
-        RMS of the nominal friction and of the effort.
-    signed, unsigned : float
-        RMS of the residual of the effort as it is, and taken for the size of a torque; the second
-        is infinite where the effort has both signs, or a torque with both signs is not likelier.
+    - `torque`: of the torque that the nominal masses need, beside friction and the joint's drive
+      inertia: 1 where efforts are torques. None where the nominal model needs none.
+    - `friction`: of the direction of the speed beside the columns of masses and drives: dry
+      friction. None where these hold it.
+    - `peak`: of the effort without friction, but for outliers
+    - `static_share`: share of the variance that position and direction of the speed explain
+    - `expected`, `shown`, `residual`: RMS, beside all that position and speed explain: of the
+      nominal masses' torque of accelerations, of what all columns of accelerations explain, and of
+      what nothing explains. The first is less what the noise of the positions adds, and zero where
+      that is most of it: noise in the columns hides what they explain.
+    - `given_friction`, `size`: RMS of the nominal friction and of the effort
+    - `signed`, `unsigned`: RMS of the residual of the effort as it is, and taken for the size of a
+      torque; the second is infinite where the effort has both signs, or a torque with both signs is
+      not likelier
     """
 
     torque: Share | None

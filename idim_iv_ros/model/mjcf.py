@@ -39,11 +39,8 @@ def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
 
     - `text`: in place of that of the file, in whose folder it is read
 
-    Raises
-    ------
-    UsageError
-        MuJoCo is not installed or cannot read the file; a mesh that the inertia of a moving body
-        needs is missing.
+    Raises UsageError: MuJoCo is not installed or cannot read the file; a mesh that the inertia of a
+    moving body needs is missing.
     """
     mujoco, spec, model = compiled_mjcf(path, text)
     return _Writer(mujoco, model, spec.modelname or path.stem).text()
@@ -52,10 +49,7 @@ def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
 def compiled_mjcf(path: Path, text: str | None = None) -> tuple[Any, Any, Any]:
     """Return the module `mujoco`, the specification and the model, without drawings.
 
-    Raises
-    ------
-    UsageError
-        As `mjcf_as_urdf`.
+    Raises UsageError: as `mjcf_as_urdf`.
     """
     mujoco = load_mujoco(f"{path}: an MJCF file")
     with mujoco_reads(path):

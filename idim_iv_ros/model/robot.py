@@ -78,11 +78,8 @@ def load_robot(
     - `couplings`: pairs of indices of joints that a transmission couples
     - `source`: what to call the URDF in messages
 
-    Raises
-    ------
-    UsageError
-        Not a URDF, a joint that it does not have or that is not revolute or prismatic, or links
-        and joints that no robot can have (`judge_urdf`).
+    Raises UsageError: not a URDF, a joint that it does not have or that is not revolute or
+    prismatic, or links and joints that no robot can have (`judge_urdf`).
     """
     description = read_urdf_text(urdf, source)
     types = tuple(_joint_type(description, joint, source) for joint in joints)
@@ -156,10 +153,7 @@ def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[
 
     Links and joints are never looked up by name, since a link and a joint may share theirs.
 
-    Returns
-    -------
-    pinocchio.Model, list of str
-        The joints in the order of the tree.
+    Returns the model and the names of its joints in the order of the tree.
     """
     model, tree = pin.Model(), []
     # Of each link: the identified joint that carries it, and its placement in that joint's frame.

@@ -37,10 +37,7 @@ def read_urdf_file(path: Path) -> str:
 
     Of an MJCF file that of a URDF with the same bodies and joints (`mjcf_as_urdf`).
 
-    Raises
-    ------
-    UsageError
-        The file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
+    Raises UsageError: the file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
     """
     text = _description(path)
     return mjcf_as_urdf(path) if is_mjcf(text) else text
@@ -67,11 +64,8 @@ def read_urdf_text(urdf: str, source: str) -> Urdf:
     - `urdf`: the text
     - `source`: what to call it in messages
 
-    Raises
-    ------
-    UsageError
-        Not XML, not a URDF, numbers that are none, or links and joints that form no tree. All
-        problems are listed in one line.
+    Raises UsageError: not XML, not a URDF, numbers that are none, or links and joints that form no
+    tree. All problems are listed in one line.
     """
     root = _element_tree(urdf, source)
     reader = _Reader()

@@ -73,12 +73,7 @@ def nearest_physical(
     - `shared`: friction parameters that are not bounded, because an effect shares them: only the
       sum takes energy
 
-    Raises
-    ------
-    DataError
-        The solver found none.
-    ImportError
-        clarabel is not installed.
+    Raises DataError: the solver found none; ImportError: clarabel is not installed.
     """
     begin = time.perf_counter()
     given = base.layout.vector(robot.given)
@@ -195,12 +190,7 @@ def nearest_body(
     - `places`: (k,), which of XX … M are known
     - `values`, `std`: (k,)
 
-    Raises
-    ------
-    DataError
-        The solver found none.
-    ImportError
-        clarabel is not installed.
+    Raises DataError: the solver found none; ImportError: clarabel is not installed.
     """
     rows, none = link.to_parameters[list(places)], np.zeros(0)
     problem = ConicProblem(

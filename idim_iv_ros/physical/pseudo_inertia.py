@@ -138,10 +138,7 @@ class ReferenceLink:
 def upper_root(matrix: FloatArray) -> FloatArray:
     """U, upper triangular, with U Uᵀ a positive definite matrix.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        It is not positive definite.
+    Raises numpy.linalg.LinAlgError: it is not positive definite.
     """
     flipped = np.linalg.cholesky(matrix[::-1, ::-1])
     return np.asarray(flipped[::-1, ::-1])
@@ -230,12 +227,7 @@ class ConicProblem:
     def solve(self) -> FloatArray:
         """(10 n + k,) x.
 
-        Raises
-        ------
-        DataError
-            The solver found no solution.
-        ImportError
-            clarabel is not installed.
+        Raises DataError: the solver found no solution; ImportError: clarabel is not installed.
         """
         import clarabel
 

@@ -97,12 +97,7 @@ def spread_remainder(
     - `named`: standard parameters that a cause names
     - `unbounded`: friction parameters that may be below zero, because an effect shares them
 
-    Raises
-    ------
-    DataError
-        The solver found none.
-    ImportError
-        clarabel is not installed.
+    Raises DataError: the solver found none; ImportError: clarabel is not installed.
     """
     joints = len(robot.joints)
     coordinates = Coordinates.of(robot, base, standard, loads)

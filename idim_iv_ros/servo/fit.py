@@ -207,9 +207,7 @@ def block_covariance(
     What the estimate changes by without each block (the jackknife over clusters). Combinations of
     parameters that change nothing get a variance without bound.
 
-    Returns
-    -------
-    covariance, blocks
+    Returns the covariance and the number of blocks.
     """
     names, place = np.unique(labels, return_inverse=True)
     count = len(names)
@@ -235,10 +233,7 @@ def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float
 
     - `what`: ``gain`` or ``load``
 
-    Returns
-    -------
-    factor, standard deviation
-        With what is not sure of the drive, and blocks that differ.
+    Returns the factor and its standard deviation, which allows for the uncertainty of the drive.
     """
 
     def residual(factor: float, drive: Drive) -> FloatArray:

@@ -47,15 +47,10 @@ class Chunk:
 class ParallelDecimation:
     """Keep one sample in `factor` of a record of `samples`, after the low-pass filter.
 
-    Attributes
-    ----------
-    factor : int
-        1 keeps everything and filters nothing.
-    samples : int
-    edge : float
-        Of the filter, as a share of the new Nyquist frequency.
-    phase : {"first", "last"}
-        Which sample of each group is kept; ``last`` is what MATLAB's decimate keeps.
+    - `factor`: 1 keeps everything and filters nothing
+    - `edge`: of the filter, as a share of the new Nyquist frequency
+    - `phase`: {"first", "last"}, which sample of each group is kept; ``last`` is what MATLAB's
+      decimate keeps
     """
 
     factor: int
@@ -194,21 +189,14 @@ def _forward_backward(
     stays in the cache; the operations and their order are those of `sosfilt`, so that every bit is
     the same down to numbers of 1e-200.
 
-    Parameters
-    ----------
-    sections : (n_sections, 6)
-    constant_state : (n_sections, 2)
-        State of the filter in a signal that is 1 for ever.
-    lines : (k, n)
-        One signal a line.
-    padding
-        Samples by which each end is extended, point by point about the end.
-    kept : (m,) int, increasing
-        Samples that are wanted.
-    work : (n + 2 padding, lanes)
-        Overwritten; so are `tile`, (steps, lanes), and `states`, (2, n_sections, lanes).
-    filtered : (k, m)
-        Result.
+    - `sections`: (n_sections, 6)
+    - `constant_state`: (n_sections, 2), state of the filter in a signal that is 1 for ever
+    - `lines`: (k, n), one signal a line
+    - `padding`: samples by which each end is extended, point by point about the end
+    - `kept`: (m,) int, increasing, samples that are wanted
+    - `work`: (n + 2 padding, lanes), overwritten; so are `tile`, (steps, lanes), and `states`, (2,
+      n_sections, lanes)
+    - `filtered`: (k, m), result
     """
     lanes, size = tile.shape[1], tile.shape[0]
     count, samples = lines.shape

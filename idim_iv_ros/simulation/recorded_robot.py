@@ -76,10 +76,7 @@ def record_simulated_robot(
     - `effects`, `start_time`: see `simulate_closed_loop`; what is recorded is what the encoders
       show
 
-    Raises
-    ------
-    ValueError
-        The control period does not divide the sample period.
+    Raises ValueError: the control period does not divide the sample period.
     """
     period = 1.0 / rate if law.period is None else law.period
     ratio = round(1.0 / (rate * period))
