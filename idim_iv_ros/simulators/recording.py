@@ -108,10 +108,12 @@ def simulated_robot(
     """
     if configuration.signals.effort_unit != "N m":
         raise UsageError("signals.effort_unit: only a robot in N m can be simulated")
-    identification = configuration.identification.model_copy(
-        update={"friction": ["viscous", "coulomb", "offset"], "drive_inertia": True, "exclude": []}
+    whole = configuration.changed(
+        "identification",
+        friction=["viscous", "coulomb", "offset"],
+        drive_inertia=True,
+        exclude=[],
     )
-    whole = configuration.model_copy(update={"identification": identification})
     model = build_inverse_model(whole, urdf, source)
     settings = configuration.simulated_robot
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
