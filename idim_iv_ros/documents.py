@@ -71,10 +71,7 @@ class Document:
     written_by: ClassVar[str]
     format: str
     __pydantic_config__ = ConfigDict(
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        arbitrary_types_allowed=True,
+        extra="forbid", strict=True, allow_inf_nan=False, arbitrary_types_allowed=True
     )
 
     def to_document(self) -> dict[str, Any]:

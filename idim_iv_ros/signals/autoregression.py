@@ -143,11 +143,7 @@ class AutoregressiveModel:
         return self._filtered(rows, segments, 1.0, whiten_lines)
 
     def _filtered(
-        self,
-        rows: FloatArray,
-        segments: Sequence[slice],
-        scale: float,
-        kernel: Callable[..., None],
+        self, rows: FloatArray, segments: Sequence[slice], scale: float, kernel: Callable[..., None]
     ) -> FloatArray:
         starts = _starts(segments, len(rows))
         if self.order == 0 or rows.size == 0:
