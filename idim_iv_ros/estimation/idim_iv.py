@@ -53,10 +53,7 @@ class Start:
 class IdimIvEstimate:
     """Outcome of the IDIM-IV iteration.
 
-    - `linear`: the last estimate and its residuals
     - `least_squares`: joint-weighted IDIM-LS on the same rows, from which the weights come
-    - `source`: what made the instruments
-    - `instruments`: those of the last estimate
     - `failures`: sources of instruments that were tried and why they failed
     """
 

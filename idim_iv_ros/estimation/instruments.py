@@ -35,7 +35,6 @@ class SourceFailure(Exception):
 class Instruments:
     """Instruments of one iteration.
 
-    - `matrices`: one (r_j, c_j) array for each joint
     - `states`: of each motion, simulated q, dq, ddq of the span
     - `note`: what was done to obtain them, in words; empty when there is nothing to say
     - `untestable`: why a difference between simulated and measured motion says nothing of the model

@@ -180,7 +180,6 @@ class AutocorrelatedCovariance:
     - `rows`: unfiltered, with their `position`
     - `sigma`: (n_joints,), standard deviation of each joint's residual: the weights of the estimate
     - `models`: fitted on the residual of each joint, in its unit
-    - `parameters`: b
     """
 
     rows: Sequence[JointRows]

@@ -23,7 +23,6 @@ class JointRows:
     - `torque`: (r,) N m (N for a prismatic joint), y
     - `columns`: (c,) int, places of these columns among all b parameters
     - `segments`: rows that are contiguous in time, covering all of them in order
-    - `name`: of the joint
     - `position`: (r,) int, place of each row on the uniform decimated grid; recordings lie far
       apart
     - `instrument_matrix`: (r, c), Z; None where X is its own instrument

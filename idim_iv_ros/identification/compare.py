@@ -37,11 +37,8 @@ class ParameterPair:
 class ParameterComparison:
     """Parameters of two results, those that differ most first.
 
-    - `names`: files
-    - `bags`: recordings of both
     - `limit`: standard deviations from which on a parameter differs
     - `alone`: parameters that only one of the results has
-    - `configuration`: of the second result
     """
 
     names: tuple[str, str]

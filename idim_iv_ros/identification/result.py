@@ -27,7 +27,6 @@ class RefinedEstimate:
 
     - `relative_std_percent`: 100 std / |value|, whatever is given; None where the value is zero
     - `ls_value`: joint-weighted IDIM-LS on the same rows
-    - `given_value`: what the URDF and the configuration hold
     """
 
     name: str
@@ -53,7 +52,6 @@ class ParameterEstimate(RefinedEstimate):
     - `white_std`: what the deviation would be if the residual were white: too small when it is not
     - `essential_value`, `essential_std`: estimate with only the essential parameters in the model;
       None for the others
-    - `ls_std`: of `ls_value`
     - `ordinary_ls_value`: IDIM-LS with the same weight for all rows
     - `non_negative`: whether physics forbids a negative value
     - `remark`, `essential_remark`: what forbids to rely on `value` and on `essential_value`,
@@ -102,7 +100,6 @@ class InstrumentReport:
     - `accepted`: whether Π = I is accepted at all joints; None where it could not be tested
     - `source`: in words; for IDIM-LS that there are none
     - `failures`: sources that were tried before and failed, with the reason
-    - `tests`: all rows first, then joint by joint
     """
 
     accepted: bool | None
@@ -164,7 +161,6 @@ class Fit:
     - `relative_error_percent`: 100 ‖y - X β̂‖ / ‖y‖ over the rows that count
     - `ls_relative_error_percent`: the same for joint-weighted IDIM-LS
     - `condition_number`: of the stacked, unweighted regressor matrix
-    - `samples`: rows that count
     - `essential_p_value`: F-test of the null hypothesis that the parameters that are not essential
       are zero
     - `joint_relative_error_percent`: dict of joint to float or None, 100 ‖y_j - X_j β̂‖ / ‖y_j‖ of

@@ -61,8 +61,6 @@ def decoded_urdf(content: bytes) -> str:
 def read_urdf_text(urdf: str, source: str) -> Urdf:
     """Read a URDF; geometry, meshes, transmissions and extensions are passed over.
 
-    - `urdf`: the text
-    - `source`: what to call it in messages
 
     Raises UsageError: not XML, not a URDF, numbers that are none, or links and joints that form no
     tree. All problems are listed in one line.

@@ -36,6 +36,9 @@ from idim_iv_ros.types import FloatArray, IntArray
 _LEAST_SHARE = 1e-4
 _LEAST_VARIANCE = 1e-12  # of a correlation matrix
 TRIANGLE = tuple((row, column) for row in range(4) for column in range(row + 1))
+UNITS = np.zeros((10, 4, 4))  # symmetric matrices that `TRIANGLE` lists the entries of
+for _place, (_row, _column) in enumerate(TRIANGLE):
+    UNITS[_place, _row, _column] = UNITS[_place, _column, _row] = 1.0
 
 
 def _basis() -> FloatArray:
@@ -58,6 +61,7 @@ def _basis() -> FloatArray:
 
 
 BASIS = _basis()
+_FROM_MATRIX = np.linalg.pinv(BASIS.reshape(16, 10))
 
 
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:
@@ -67,19 +71,7 @@ def pseudo_inertia(parameters: FloatArray) -> FloatArray:
 
 def inertial_parameters(matrix: FloatArray) -> FloatArray:
     """XX … M (10,) of J (4, 4)."""
-    second, trace = matrix[:3, :3], float(np.trace(matrix[:3, :3]))
-    parameters = np.zeros(10)
-    for place, name in enumerate(INERTIAL):
-        if name == "M":
-            parameters[place] = matrix[3, 3]
-        elif name.startswith("M"):
-            parameters[place] = matrix["XYZ".index(name[1]), 3]
-        else:
-            first, second_axis = ("XYZ".index(letter) for letter in name)
-            parameters[place] = (trace if first == second_axis else 0.0) - second[
-                first, second_axis
-            ]
-    return parameters
+    return np.asarray(_FROM_MATRIX @ matrix.ravel())
 
 
 @dataclass(frozen=True)
@@ -113,12 +105,8 @@ class ReferenceLink:
     @cached_property
     def to_parameters(self) -> FloatArray:
         """(10, 10): XX … M of the lower triangle of J̃, row by row."""
-        columns = []
-        for row, column in TRIANGLE:
-            unit = np.zeros((4, 4))
-            unit[row, column] = unit[column, row] = 1.0
-            columns.append(inertial_parameters(self.factor @ unit @ self.factor.T))
-        return np.column_stack(columns)
+        bodies = self.factor @ UNITS @ self.factor.T
+        return np.column_stack([inertial_parameters(body) for body in bodies])
 
     def relative(self, parameters: FloatArray) -> FloatArray:
         """J̃ (4, 4) of XX … M (10,): the unit matrix for the nominal link."""

@@ -140,7 +140,6 @@ def fit_drive(
     - `start`: where the search begins, and the value of what is not free
     - `free`: of `PARAMETERS`
     - `scale`: (8,) what is large for a parameter, in its unit
-    - `iterations`: at most
     - `tolerance`: share by which the cost must fall for another iteration
     """
     places = [PARAMETERS.index(name) for name in free]
@@ -231,7 +230,6 @@ def block_covariance(
 def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
     """Factor of the gain or of the load of one run that suits a drive found on others.
 
-    - `what`: ``gain`` or ``load``
 
     Returns the factor and its standard deviation, which allows for the uncertainty of the drive.
     """

@@ -19,8 +19,6 @@ def whiten_lines(
     - `starts`: (m + 1,) int, first row of each segment, and the number of rows
     - `polynomial`: (p + 1,), 1, c₁ … c_p
     - `start`: (p, p) lower triangular, whitens the first p rows of a segment
-    - `scale`: factor of the result
-    - `whitened`: (k, r), result
     """
     order = len(polynomial) - 1
     for k in range(len(lines)):
@@ -83,7 +81,6 @@ def burg(
     - `place`: (r,) int, how many predecessors each row has in its segment
     - `floor`: energy below which nothing is left to predict
     - `most`: modulus of a reflection coefficient, at most
-    - `reflections`: (order,), result
     """
     for step in range(1, len(reflections) + 1):
         energy, product = 0.0, 0.0

@@ -191,12 +191,10 @@ def _forward_backward(
 
     - `sections`: (n_sections, 6)
     - `constant_state`: (n_sections, 2), state of the filter in a signal that is 1 for ever
-    - `lines`: (k, n), one signal a line
     - `padding`: samples by which each end is extended, point by point about the end
     - `kept`: (m,) int, increasing, samples that are wanted
     - `work`: (n + 2 padding, lanes), overwritten; so are `tile`, (steps, lanes), and `states`, (2,
       n_sections, lanes)
-    - `filtered`: (k, m), result
     """
     lanes, size = tile.shape[1], tile.shape[0]
     count, samples = lines.shape

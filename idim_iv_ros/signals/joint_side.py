@@ -20,7 +20,6 @@ _TORQUES = (1e-9, 1e9)
 class JointSignals:
     """One recording in joint coordinates, on its uniform grid.
 
-    - `name`: the bag it comes from
     - `rate`: Hz
     - `position`: (n_samples, n_joints), measured, unfiltered, rad or m
     - `torque`: (n_samples, n_joints), N m or N (or the unit of the effort where that is no torque)

@@ -35,14 +35,12 @@ _ABOVE = 3.0  # times the decimation cut-off, where only noise is left
 class Motion:
     """One recording, filtered and trimmed.
 
-    - `signals`: the unfiltered record
     - `cutoff`: of the position filter, Hz
     - `order`: of one pass of the position filter
     - `position`: (n_samples, n_joints), zero-phase filtered, rad or m, not trimmed
     - `span`: slice, the trimmed part; everything below refers to it
     - `kept`: (n_kept, n_joints) bool, decimated samples that count for each joint: measured, faster
       than the reversal speed
-    - `dropped`: how many decimated joint samples were dropped for which reason
     """
 
     signals: JointSignals

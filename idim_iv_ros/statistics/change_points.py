@@ -48,7 +48,6 @@ class Change:
     - `before`, `before_std`: level before the change
     - `size`, `size_low`, `size_high`: change at the last value, with an interval that holds it for
       every place in question
-    - `fitted`: (k,)
     """
 
     kind: Kind

@@ -12,11 +12,9 @@ Estimate = tuple[float, float]  # value and standard deviation
 class Drift:
     """A parameter of the last identification beside its first estimate.
 
-    - `value`, `first`: last and first estimate
     - `statistic`: see `in_deviations`: standard normal if the parameter has not changed
     - `limit`: what its magnitude exceeds by chance with the probability that was asked for, shared
       among all parameters (Bonferroni)
-    - `since`: recordings of the first estimate
     """
 
     parameter: str
@@ -42,7 +40,6 @@ def drifts_of(
 
     - `first`, `last`: value and standard deviation by name, the same names in both
     - `significance`: probability that any of the parameters is flagged although none has changed
-    - `since`: recordings of the first estimate
     """
     limit = largest_by_chance(significance, len(last))
     return [

@@ -38,7 +38,6 @@ def wald_test_of_instruments(
     """Test the instruments for all rows and joint by joint (paper, equation 10).
 
     - `joints`: unfiltered rows; the test whitens them itself
-    - `parameters`: (b,), the IDIM-IV estimate β̂
     - `not_simulated`: why the instruments do not come from a simulation of the loop. Such
       instruments share the noise of X by construction, and no test is run.
     - `simulation_errors`: sequence of (r_j, n_draws), draws of the change of Z β̂ that comes from

@@ -47,7 +47,6 @@ class ResidualDiagnosis:
     - `whiteness`: Ljung-Box on the residual itself; before whitening only a description, since it
       takes the regressors as exogenous
     - `whiteness_after`: Ljung-Box on the whitened residual, its degrees of freedom less the order
-    - `normality`: Jarque-Bera on the whitened residual
     - `skewness`, `excess_kurtosis`: effect sizes of normality, both 0 for a Gaussian. With
       thousands of rows a kurtosis that harms nothing is significant.
     - `autoregression`: of the residual; like what follows it is for the report and in no document
@@ -156,7 +155,6 @@ def ljung_box(
 
     - `series`: (r,), a residual, raw or whitened
     - `segments`: rows that are contiguous in time
-    - `n_lags`: how many lags are summed
     - `fitted`: how many coefficients of a filter were fitted on this series
     """
     count, dof = len(series), n_lags - fitted
@@ -262,7 +260,6 @@ def largest_share(
     with its mean and variance (Satterthwaite), its ratio to the mean square of the identification
     for F.
 
-    - `freedom`: see `mean_square_freedom`
     - `identified_rows`, `rows`: of the identification, and those that are compared with it
     - `false_alarms`: probability, 0 to 1
     - `errors_of_parameters`: mean variance of the predictions by that of the parameters, over the

@@ -86,8 +86,6 @@ def specification_tests(
 ) -> tuple[HypothesisTest, ...]:
     """Test the residual of each joint against each family of functions of the motion.
 
-    - `joints`: unfiltered rows
-    - `parameters`: (b,), the IDIM-IV estimate β̂
     - `candidates`: one mapping for each joint, family to (r_j, m) functions of the simulated motion
       at these rows
     - `alpha`: probability that a right model is accused anywhere; each test is at a tenth of α over

@@ -56,8 +56,6 @@ def judge_joint(
     Where tests reject and both the deviation and the residual beyond the noise are below 1 % of
     the torque, that is a note.
 
-    - `instruments`: the Wald test of Π = I of this joint
-    - `residual`: of the same joint
     - `specification`: whether it follows the position, the speed or the acceleration. A rejection
       whose effect is below 2 % of the torque is not judged: reversals alone leave that much.
     - `noise`: standard deviation that the sensors' noise gives the torque, N m (N). Without it no
