@@ -61,7 +61,6 @@ def _basis() -> FloatArray:
 
 
 BASIS = _basis()
-_FROM_MATRIX = np.linalg.pinv(BASIS.reshape(16, 10))
 
 
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:
@@ -71,7 +70,17 @@ def pseudo_inertia(parameters: FloatArray) -> FloatArray:
 
 def inertial_parameters(matrix: FloatArray) -> FloatArray:
     """XX … M (10,) of J (4, 4)."""
-    return np.asarray(_FROM_MATRIX @ matrix.ravel())
+    second, trace = matrix[:3, :3], float(np.trace(matrix[:3, :3]))
+    parameters = np.zeros(10)
+    for place, name in enumerate(INERTIAL):
+        if name == "M":
+            parameters[place] = matrix[3, 3]
+        elif name.startswith("M"):
+            parameters[place] = matrix["XYZ".index(name[1]), 3]
+        else:
+            row, column = ("XYZ".index(letter) for letter in name)
+            parameters[place] = (trace if row == column else 0.0) - second[row, column]
+    return parameters
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ class ReferenceLink:
     @cached_property
     def to_parameters(self) -> FloatArray:
         """(10, 10): XX … M of the lower triangle of J̃, row by row."""
-        bodies = self.factor @ UNITS @ self.factor.T
+        bodies = (self.factor @ unit @ self.factor.T for unit in UNITS)
         return np.column_stack([inertial_parameters(body) for body in bodies])
 
     def relative(self, parameters: FloatArray) -> FloatArray:
