@@ -59,8 +59,8 @@ def _spelling(character: str) -> str:
     name = unicodedata.name(character, "")
     if name.startswith("GREEK"):
         return name.split()[-1].lower()
-    alike = unicodedata.normalize("NFKC", character)
-    return alike if alike.isascii() else character.encode("ascii", "backslashreplace").decode()
+    plain = unicodedata.normalize("NFKC", character)
+    return plain if plain.isascii() else character.encode("ascii", "backslashreplace").decode()
 
 
 def _register(name: str, spell: Callable[[str], str]) -> None:

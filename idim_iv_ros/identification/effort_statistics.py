@@ -141,13 +141,13 @@ def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
     position filter removed, taken as white. One joint after the other, for the sake of memory.
     """
     signals, span, places = motion.signals, motion.span, motion.decimation.kept[::stride]
-    share_above = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
+    empty_share = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
     random = np.random.default_rng(0)
     filtered = partial(zero_phase_butterworth, rate=signals.rate, cutoff=cutoff, order=motion.order)
     made = np.empty((7, len(places), signals.position.shape[1]))
     for joint in range(made.shape[2]):
         position, torque = signals.position[:, [joint]], signals.torque[:, [joint]]
-        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(share_above)
+        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(empty_share)
         again = position + size * random.standard_normal(position.shape)
         for first, values in ((0, position), (3, again)):
             states = motion.derivatives_of(filtered(values), 0, span.stop - span.start)

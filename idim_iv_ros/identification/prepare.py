@@ -47,7 +47,7 @@ class PreparedRegression:
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
-        """In the order of the session, as `motions`."""
+        """The recordings in the order of the session, as `motions`."""
         return self.session.recordings
 
     @property

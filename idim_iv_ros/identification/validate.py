@@ -58,7 +58,7 @@ class Validation:
 
     @property
     def models(self) -> list[AutoregressiveModel]:
-        """Of the residual of each joint."""
+        """Autoregressive models of the residuals of the joints."""
         models = (residual.autoregression for residual in self.residuals)
         return [model for model in models if model is not None]
 

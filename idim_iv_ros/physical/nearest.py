@@ -263,7 +263,7 @@ def _standard_deviations(
     bounded: NDArray[np.bool_],
     scale: FloatArray,
 ) -> FloatArray:
-    """Of π* by the noise of β̂ alone, to first order: dπ*/dβ̂ is constant near the optimum."""
+    """Deviations of π* by the noise of β̂ alone; dπ*/dβ̂ is constant near the optimum."""
     links = len(coordinates.links)
     hessian = 2.0 * matrix.T @ matrix
     for link in range(links):

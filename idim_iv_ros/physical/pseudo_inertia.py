@@ -123,10 +123,7 @@ class ReferenceLink:
         return np.linalg.solve(self.factor, left.T).T
 
     def eigenvalues(self, parameters: FloatArray) -> FloatArray:
-        """Of J (4,), kg, ascending; lengths in radii of gyration of the nominal link.
-
-        About the origin of the joint frame.
-        """
+        """Eigenvalues of J (4,), kg, ascending; lengths in nominal radii of gyration."""
         radius = float(np.linalg.norm(self.factor[:3])) / self.factor[3, 3]
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
         return np.asarray(np.linalg.eigvalsh(scale @ pseudo_inertia(parameters) @ scale))

@@ -59,7 +59,7 @@ class Motion:
     def derivatives_of(
         self, position: FloatArray, first: int, last: int
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the same of other positions (n_samples, n_joints) of the whole record."""
+        """Return `derivatives` of other positions (n_samples, n_joints) of the whole record."""
         start = self.span.start
         rate = self.signals.rate
         velocity, acceleration = central_differences(

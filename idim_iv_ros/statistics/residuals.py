@@ -191,7 +191,7 @@ def _sigma_understatement(model: AutoregressiveModel, rows: JointRows) -> float:
 
 
 def excess_kurtosis(values: FloatArray) -> float:
-    """Of values (r,) about zero: large where a few of them hold the energy, −3 where all are 0."""
+    """Excess kurtosis about zero of (r,): large where a few have the energy, −3 where all are 0."""
     energy = values**2
     return float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
 
@@ -271,6 +271,6 @@ def largest_share(
         return None
     mean = 1.0 + errors_of_parameters
     variance = 2.0 / (freedom * rows) + 2.0 * errors_of_parameters**2
-    own_freedom = 2.0 * mean**2 / variance
-    quantile = scipy.stats.f.isf(false_alarms, own_freedom, freedom * identified_rows)
+    new_freedom = 2.0 * mean**2 / variance
+    quantile = scipy.stats.f.isf(false_alarms, new_freedom, freedom * identified_rows)
     return float(np.sqrt(mean * quantile))

@@ -66,7 +66,7 @@ def judge_joint(
         beyond = beyond_noise(residual.relative_percent, residual.rms, noise)
     rejecting = [test for test in specification if test.accepted is False]
     sizes = [_percent(test) for test in (instruments, *specification) if test.accepted is False]
-    verdict, sentence, note = _judged(instruments, residual, rejecting, beyond)
+    verdict, sentence, note = _verdict_of(instruments, residual, rejecting, beyond)
     return JointVerdict(
         residual.joint,
         verdict,
@@ -78,7 +78,7 @@ def judge_joint(
     )
 
 
-def _judged(
+def _verdict_of(
     instruments: HypothesisTest,
     residual: ResidualDiagnosis,
     rejecting: Sequence[HypothesisTest],
