@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -21,7 +22,7 @@ from pydantic_core import from_json
 
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, read_text, write_together
+from idim_iv_ros.files import FilePath, read_text, refused_if_unwritable, write_together
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
 
@@ -89,10 +90,8 @@ class Document:
 
         Raises UsageError: it cannot be written, and why.
         """
-        try:
+        with refused_if_unwritable(path):
             write_together({Path(path): self.to_json()})
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
 
     @classmethod
     def read(cls: type[D], path: FilePath) -> D:
@@ -145,13 +144,9 @@ class _WholeSchema(GenerateJsonSchema):
         return False
 
 
-_adapters: dict[type, TypeAdapter[Any]] = {}
-
-
+@cache
 def _adapter(kind: type[T]) -> TypeAdapter[T]:
-    if kind not in _adapters:
-        _adapters[kind] = TypeAdapter(kind)
-    return _adapters[kind]
+    return TypeAdapter(kind)
 
 
 def _plain(value: object) -> Any:
