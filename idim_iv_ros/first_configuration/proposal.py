@@ -163,14 +163,11 @@ def _from_efforts(
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Add the unit of the efforts and the control law; return warnings and the efforts' limits."""
     watch.stage("effort unit", 0.6)
-    unit = guess_effort_unit(prepared)
+    unit, why = guess_effort_unit(prepared)
     watch.stage("control law", 0.8)
-    law = propose_law(prepared.motions)
-    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit.unit)
-    values["signals"]["effort_unit"] = unit.unit
-    values["controller"] = dict(law.keys)
-    reasons["signals", "effort_unit"] = unit.reason
-    reasons["controller", "type"] = law.reason
+    values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
+    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
+    values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why
     joints = prepared.configuration.robot.joints
     warnings = (f"{joints[finding.joint]}: {finding.sentence}" for finding in findings)
     limits = prepared.model.robot.limits.effort
