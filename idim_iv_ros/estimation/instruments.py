@@ -60,13 +60,11 @@ class InstrumentSource(Protocol):
     @property
     def iterative(self) -> bool:
         """Whether the instruments depend on the parameters."""
-        return False
 
     def prediction_errors(
         self, values: FloatArray, covariance: FloatArray
     ) -> tuple[FloatArray, ...] | None:
         """Change of Z β̂ with parameters as uncertain as they are; None where it cannot be."""
-        return None
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Make instruments at `values` (b,); `reference_values` are the best guess of the robot.
