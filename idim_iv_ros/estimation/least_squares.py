@@ -82,9 +82,9 @@ def projected_on_instruments(
     """
     parts, places = [], []
     for joint, deviation in zip(rows, sigma, strict=True):
-        few = joint.reduced
-        parts.append(np.column_stack([few.instruments, few.matrix, few.torque]) / deviation)
-        places.append(np.concatenate([few.columns, few.columns + parameters, [2 * parameters]]))
+        r = joint.reduced
+        parts.append(np.column_stack([r.instruments, r.matrix, r.torque]) / deviation)
+        places.append(np.concatenate([r.columns, r.columns + parameters, [2 * parameters]]))
     factor = stacked_r_factor(parts, places, 2 * parameters + 1)
     instruments = independent_basis(factor[:, :parameters])
     projected = instruments.vectors.T @ factor[:, parameters:-1]

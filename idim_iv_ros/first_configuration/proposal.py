@@ -137,8 +137,8 @@ def propose_configuration(
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)
-            more, limits = _from_efforts(prepared, values, reasons, watch)
-            warnings += more
+            of_efforts, limits = _from_efforts(prepared, values, reasons, watch)
+            warnings += of_efforts
             if preset is not None:
                 warnings += _merge(preset, values, reasons, named, missing)
             if values["signals"]["effort_unit"] != "N m":

@@ -113,9 +113,9 @@ class _Writer:
 
     def text(self) -> str:
         root = ElementTree.Element("robot", name=self.name)
-        more = ElementTree.SubElement(root, EXTENSION, source="mjcf")
+        extension = ElementTree.SubElement(root, EXTENSION, source="mjcf")
         for note in notes(self.mujoco, self.model):
-            ElementTree.SubElement(more, "note").text = note
+            ElementTree.SubElement(extension, "note").text = note
         self.names = _joint_names(self.model)
         self.tied = tied_joints(self.mujoco, self.model)
         self.extra = extra_forces(self.mujoco, self.model)
@@ -186,14 +186,14 @@ class _Writer:
             ElementTree.SubElement(joint, "axis", xyz=_numbers(axis))
             self._numbers_of(joint, index, limited)
         _origin(joint, placement)
-        more = ElementTree.SubElement(joint, EXTENSION)
+        extension = ElementTree.SubElement(joint, EXTENSION)
         if hinge or slide:
             dof = int(model.jnt_dofadr[index])
-            more.set("armature", _numbers([model.dof_armature[dof] + self._motor(index)[1]]))
-            more.set("rest", _numbers([self.home[place]]))
+            extension.set("armature", _numbers([model.dof_armature[dof] + self._motor(index)[1]]))
+            extension.set("rest", _numbers([self.home[place]]))
         for key, reasons in (("tied", self.tied), ("beyond", self.extra)):
             if index in reasons:
-                more.set(key, reasons[index])
+                extension.set(key, reasons[index])
         return pin.SE3.Identity(), anchor
 
     def _numbers_of(self, joint: ElementTree.Element, index: int, limited: bool) -> None:

@@ -36,11 +36,15 @@ _LANES, _TILE, _SMALLEST = 32, 64, 1e-200
 
 @dataclass(frozen=True)
 class Chunk:
-    """Decimated samples `kept` (indices in the full record) and the samples needed for them."""
+    """Decimated samples `kept` (indices in the full record) and the samples needed for them.
+
+    `places`: of these samples among all decimated ones.
+    """
 
     first: int
     last: int
     kept: NDArray[np.int64]
+    places: slice = slice(None)
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ class ParallelDecimation:
             inside = kept[start : start + groups]
             first = max(0, int(inside[0]) - memory)
             last = min(self.samples, int(inside[-1]) + 1 + memory)
-            yield Chunk(first, last, inside)
+            yield Chunk(first, last, inside, slice(start, start + groups))
 
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
