@@ -44,7 +44,7 @@ class Chunk:
     first: int
     last: int
     kept: NDArray[np.int64]
-    places: slice = slice(None)
+    places: slice
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,9 @@ class ParallelDecimation:
 
     def at(self, signal: FloatArray, places: IntArray) -> FloatArray:
         """Filter a whole record (n_samples, …) and keep the samples at `places`, any of them."""
-        return self.apply(signal, Chunk(0, self.samples, np.asarray(places, dtype=np.int64)))
+        return self.apply(
+            signal, Chunk(0, self.samples, np.asarray(places, dtype=np.int64), slice(None))
+        )
 
     def settling(self, tolerance: float) -> int:
         """Samples that one waits for; see `settling_samples`."""
@@ -147,7 +149,7 @@ class ParallelDecimation:
 
     def whole(self, signal: FloatArray) -> FloatArray:
         """Decimate a whole record (n_samples, …) at once."""
-        return self.apply(signal, Chunk(0, self.samples, self.kept))
+        return self.apply(signal, Chunk(0, self.samples, self.kept, slice(None)))
 
 
 def decimation_factor(rate: float, cutoff: float, edge: float) -> int:
