@@ -112,9 +112,8 @@ def _identified(data: Path, folder: Path) -> list[tuple[str, IdentificationResul
     tx40 = folder / "tx40.yaml"
     tx40.write_text(TX40.format(urdf=data / "staubli_tx40" / "tx40_mdh_modified.urdf"))
     ur10 = load_configuration(config / "ur10.yaml")
-    signals = ur10.signals.model_copy(update={"effort_unit": "N m", "effort_scale": UR10_SCALE})
-    robot = ur10.robot.model_copy(update={"urdf": ur10_with_masses(folder)})
-    scaled = ur10.model_copy(update={"signals": signals, "robot": robot})
+    scaled = ur10.changed("signals", effort_unit="N m", effort_scale=UR10_SCALE)
+    scaled = scaled.changed("robot", urdf=ur10_with_masses(folder))
     bag = next((data / "unisa_ur10").glob("*.db3"))
     return [
         (

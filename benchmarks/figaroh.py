@@ -144,12 +144,9 @@ def whole_identification() -> None:
 
     started = time.perf_counter()
     configuration = load_configuration(CONFIG / "arm6.yaml")
-    section = configuration.controller.model_copy(update={"period": 1.0 / RATE})
-    processing = configuration.processing.model_copy(
-        update={"position_cutoff": 50.0, "decimation_cutoff": 20.0}
-    )
-    configuration = configuration.model_copy(
-        update={"controller": section, "processing": processing}
+    configuration = configuration.changed("controller", period=1.0 / RATE)
+    configuration = configuration.changed(
+        "processing", position_cutoff=50.0, decimation_cutoff=20.0
     )
     result = identify([BAG], configuration)
     report_case(

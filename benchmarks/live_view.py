@@ -110,8 +110,7 @@ def warnings(folder: Path) -> None:
     for name, factors in CHANGES.items():
         parameters = dict(configuration.simulated_robot.parameters)
         parameters.update({key: parameters[key] * factor for key, factor in factors.items()})
-        robot = configuration.simulated_robot.model_copy(update={"parameters": parameters})
-        changed = configuration.model_copy(update={"simulated_robot": robot})
+        changed = configuration.changed("simulated_robot", parameters=parameters)
         runs = [
             played(model, recorded(changed, folder, seed, 30.0))[2]
             for seed in range(11, 11 + MOTIONS)

@@ -36,8 +36,7 @@ def least_squares() -> None:
 
     started = time.perf_counter()
     configuration = load_configuration(CONFIG / "arm7.yaml")
-    signals = configuration.signals.model_copy(update={"reference": None})
-    configuration = configuration.model_copy(update={"signals": signals})
+    configuration = configuration.changed("signals", reference=None)
     result = identify([BAG], configuration, estimator="idim-ls")
     report_case(
         time.perf_counter() - started, rows=result.fit.samples, rate=result.processing.row_rate

@@ -50,12 +50,8 @@ def dispatcher(functions: Mapping[int, Callable[..., Any]], arguments: str) -> C
     numba cannot call what it finds in a list at run time: the branches are written out, and as
     machine code they are those of a function that was written by hand.
 
-    Parameters
-    ----------
-    functions
-        By kind; `f` must be called with none but these.
-    arguments
-        Names of what they take, separated by commas.
+    - `functions`: by kind; `f` must be called with none but these
+    - `arguments`: names of what they take, separated by commas
     """
     *others, last = functions
     calls = [f"    if kind == {kind}:\n        return f{kind}({arguments})" for kind in others]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -71,6 +71,19 @@ Levels = list[NotNegative]
 PositiveValues = list[Positive]
 
 
+def key(meaning: str, without: str = "", example: Any = None, *, default: Any = None) -> Any:
+    """Field of a section, with what `idim-iv init` writes of it.
+
+    `meaning` has the unit; `without` is what holds where the key is left out; of `example` a list
+    of one number is repeated for every joint. Both are the default where they are not given.
+    """
+    words: dict[str, Any] = {
+        "without": without or (default if isinstance(default, str) else f"{default:g}"),
+        "example": default if example is None else example,
+    }
+    return Field(default=default, description=meaning, json_schema_extra=words)
+
+
 class Section(BaseModel):
     """Base of all sections: unknown keys are errors, text is no number, values do not change."""
 
@@ -86,15 +99,34 @@ class Coupling(Section):
 class RobotSection(Section):
     """Geometry, joints and transmission; every list is in the order of `joints`."""
 
-    name: Name | None = None
-    urdf: YamlPath | None = None
-    mjcf: YamlPath | None = None
-    joints: Annotated[list[Name], Field(min_length=1, max_length=100)]
-    gravity: Annotated[list[Acceleration], Field(min_length=3, max_length=3)] = [0.0, 0.0, -9.81]
-    position_offset: Vector | None = None
-    motor_to_joint: Matrix | None = None
-    motor_to_joint_torque: Matrix | None = None
-    couplings: list[Coupling] = []
+    name: Name | None = key("shown in reports", "the URDF's name", "my_arm")
+    urdf: YamlPath | None = key(
+        "path relative to this file", "/robot_description of the bag", "my_arm.urdf"
+    )
+    mjcf: YamlPath | None = key(
+        "an MJCF instead of the URDF; needs the extra `mujoco`", "none", "my_arm.xml"
+    )
+    joints: Annotated[list[Name], Field(min_length=1, max_length=100)] = key(
+        "identified; every other joint is locked at zero", "required", [], default=...
+    )
+    gravity: Annotated[list[Acceleration], Field(min_length=3, max_length=3)] = key(
+        "m/s² in the base frame", "[0, 0, -9.81]", default=[0.0, 0.0, -9.81]
+    )
+    position_offset: Vector | None = key("rad (m), added to the measured positions", "0", [0.0])
+    motor_to_joint: Matrix | None = key(
+        "matrix R, motor position = R · joint position; signals are then the motors'",
+        "signals are on the joint side",
+        [[100.0, 0.0], [0.0, 100.0]],
+    )
+    motor_to_joint_torque: Matrix | None = key(
+        "joint torque = this matrix · motor torque", "Rᵀ", [[100.0, 0.0], [0.0, 100.0]]
+    )
+    couplings: list[Coupling] = key(
+        "pairs of joints: the motor of the second turns with both",
+        "none",
+        [{"joints": ["joint_5", "joint_6"]}],
+        default=[],
+    )
 
     @model_validator(mode="after")
     def _one_description(self) -> "RobotSection":
@@ -109,51 +141,38 @@ class RobotSection(Section):
 
 
 class SimulatorSection(Section):
-    """What the user's simulator holds besides the URDF.
+    """What the user's simulator holds besides the URDF."""
 
-    Drive inertia on the joint side, kg m², and constant torques that the motors must overcome, N m.
-    """
-
-    armature: Levels | None = None
-    torque_offset: Vector | None = None
+    armature: Levels | None = key(
+        "kg m² (kg), drive inertia on the joint side in your simulator; give it to diagnose",
+        "0",
+        [0.1],
+    )
+    torque_offset: Vector | None = key(
+        "N m (N), constant torques that the motors of your simulator overcome", "0", [0.1]
+    )
 
 
 class SimulatedRobotSection(Section):
-    """The robot that `simulate` runs, where it differs from the nominal model and is not ideal.
+    """The robot that `simulate` runs, where it differs from the nominal model and is not ideal."""
 
-    Attributes
-    ----------
-    parameters : dict
-        True values of base parameters, by the names and in the units that `identify` prints;
-        the others are as given.
-    rate : float or None
-        Of the recording, Hz; None: that of the control.
-    position_noise, encoder_resolution : (n_joints,) or None
-        Standard deviation and step of the recorded positions, rad (m).
-    torque_noise : (n_joints,) or None
-        Standard deviation of the recorded efforts, white, N m (N).
-    disturbance : (n_joints,) or None
-        Standard deviation of a torque on the joints that no model explains, N m (N).
-    disturbance_bandwidth : float
-        Hz; first-order low-pass.
-    stamp_jitter : float
-        Standard deviation of the stamps, s.
-    delay : float or None
-        True transport delay of the command, s; None: `controller.delay`.
-    plant_step : float or None
-        s; None: a quarter of the control period.
-    """
-
-    parameters: dict[Name, Number] = {}
-    rate: Frequency | None = None
-    position_noise: Levels | None = None
-    encoder_resolution: Levels | None = None
-    torque_noise: Levels | None = None
-    disturbance: Levels | None = None
-    disturbance_bandwidth: Frequency = 10.0
-    stamp_jitter: Delay = 0.0
-    delay: Delay | None = None
-    plant_step: Annotated[float, Field(ge=1e-6, le=10.0)] | None = None
+    parameters: dict[Name, Number] = key(
+        "true base parameters by name; only read by `idim-iv simulate`",
+        "as given",
+        {"Fv1": 2.0},
+        default={},
+    )
+    rate: Frequency | None = key("Hz, of the recording", "that of the control", 1000.0)
+    position_noise: Levels | None = key("rad (m), standard deviation", "0", [2e-5])
+    encoder_resolution: Levels | None = key("rad (m), step of the positions", "0", [1e-5])
+    torque_noise: Levels | None = key("N m (N), standard deviation", "0", [0.1])
+    disturbance: Levels | None = key("N m (N), of a torque that nothing explains", "0", [0.1])
+    disturbance_bandwidth: Frequency = key("Hz, of its low-pass", default=10.0)
+    stamp_jitter: Delay = key("s, standard deviation of the stamps", default=0.0)
+    delay: Delay | None = key("s, true delay of the command", "controller.delay", 0.0)
+    plant_step: Annotated[float, Field(ge=1e-6, le=10.0)] | None = key(
+        "s, of the simulation", "a quarter of the period", 0.00025
+    )
 
 
 class ControllerSection(Section):
@@ -161,19 +180,28 @@ class ControllerSection(Section):
 
     ``pd``: tau = kp (q_ref - q) + kd (dq_ref - dq) + ki ∫(q_ref - q), with dq_ref left out when
     `velocity_reference` is false. ``cascade``: tau = drive_gain · kv (kp (q_ref - q) - dq).
-    `period` in s, `delay` the transport delay of the torque command in s, torques in N m.
     """
 
-    type: Literal["pd", "cascade", "unknown"] = "unknown"
-    kp: PositiveValues | None = None
-    kd: Levels | None = None
-    ki: Levels | None = None
-    kv: PositiveValues | None = None
-    drive_gain: PositiveValues | None = None
-    velocity_reference: bool = True
-    torque_limit: PositiveValues | None = None
-    period: Period | None = None
-    delay: Delay = 0.0
+    type: Literal["pd", "cascade", "unknown"] = key(
+        "pd, cascade or unknown (fitted from each recording)", default="unknown"
+    )
+    kp: PositiveValues | None = key(
+        "N m/rad (cascade: 1/s), on the position error", "none", [100.0]
+    )
+    kd: Levels | None = key("N m s/rad, on the velocity error (pd)", "none", [10.0])
+    ki: Levels | None = key("N m/(rad s), on the integral of the position error (pd)", "0", [0.0])
+    kv: PositiveValues | None = key("N m s/rad, of the velocity loop (cascade)", "none", [10.0])
+    drive_gain: PositiveValues | None = key(
+        "N m per unit of the velocity loop's output (cascade)", "1", [1.0]
+    )
+    velocity_reference: bool = key(
+        "false: kd acts on the measured velocity alone", "true", default=True
+    )
+    torque_limit: PositiveValues | None = key(
+        "N m (N), where the controller clips", "none", [100.0]
+    )
+    period: Period | None = key("s, of the controller", "the sampling interval", 0.001)
+    delay: Delay = key("s, from the command to the torque", default=0.0)
 
     @model_validator(mode="after")
     def _gains_of_the_law(self) -> "ControllerSection":
@@ -193,19 +221,42 @@ class SignalsSection(Section):
 
     A topic without a leading slash lies in the namespace of the robot. One whose messages hold
     several sets of numbers may be given with a field, as
-    ``{topic: arm_controller/controller_state, field: output}`` or ``topic#field``.
-    `link_states` holds positions of encoders behind the gears, on the joint side. `effort` is
+    ``{topic: arm_controller/controller_state, field: output}`` or ``topic#field``. `effort` is
     ``none`` for a robot without efforts, whose torques follow from its position error by the law
-    under `controller`; `reference_delay` (s) is how late that law sees what was asked for.
+    under `controller`.
     """
 
-    joint_states: Topic = "joint_states"
-    effort: Topic | None = None
-    reference: Topic | None = None
-    link_states: Topic | None = None
-    reference_delay: Delay = 0.0
-    effort_scale: list[NotZero] | None = None
-    effort_unit: Literal["N m", "A", "V"] = "N m"
+    joint_states: Topic = key(
+        "sensor_msgs/JointState, or what ros2_control publishes; without a leading slash: in "
+        "the namespace of the robot",
+        default="joint_states",
+    )
+    effort: Topic | None = key(
+        "also std_msgs/Float64MultiArray; none: the robot has no efforts (`idim-iv servo`)",
+        "joint_states",
+        "/joint_states",
+    )
+    reference: Topic | None = key(
+        "what the controller was asked for: a JointState or a controller_state",
+        "no reference",
+        "/joint_trajectory_controller/controller_state",
+    )
+    link_states: Topic | None = key(
+        "sensor_msgs/JointState of encoders behind the gears: shows stiffness and play",
+        "none",
+        "/link_states",
+    )
+    reference_delay: Delay = key(
+        "s, from the reference to its effect; only read where effort is none",
+        example=0.02,
+        default=0.0,
+    )
+    effort_scale: list[NotZero] | None = key(
+        "what arrives to N m (N), e.g. torque constant · gear ratio", "1", [1.0]
+    )
+    effort_unit: Literal["N m", "A", "V"] = key(
+        "N m, A or V: the unit after the scale", default="N m"
+    )
 
     @property
     def effort_topic(self) -> str | None:
@@ -229,39 +280,54 @@ class SignalsSection(Section):
 
 
 class ProcessingSection(Section):
-    """Filters (Hz), reversal speed (rad/s or m/s) and seconds cut from each end.
+    """Filters, reversal speed and what is cut from each end.
 
-    `decimation_edge` is where the decimation filter ends, as a share of the new Nyquist frequency:
-    at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above autocorrelates it.
-    `decimation_phase` chooses which sample of each group is kept: ``first`` as SciPy does,
-    ``last`` as MATLAB's decimate does. `reversal_margin` is the number of decimated samples that
-    are dropped on either side of a slow one, for the decimation filter smears what happens there;
-    where it is left out, a diagnosis decides once it knows whether the closed loop is simulated.
+    `decimation_edge`: at 0.95 white noise stays white, at MATLAB's 0.8 the empty band above
+    autocorrelates it. `decimation_phase`: ``first`` as SciPy does, ``last`` as MATLAB's decimate.
+    `reversal_margin`: the decimation filter smears what happens at a reversal; where the margin is
+    left out, a diagnosis decides once it knows whether the closed loop is simulated.
     """
 
-    position_cutoff: Frequency | None = None
-    position_order: Annotated[int, Field(ge=1, le=10)] = 4
-    decimation_cutoff: Frequency | None = None
-    decimation_edge: Annotated[float, Field(ge=0.5, le=1.0)] = 0.95
-    decimation_phase: Literal["first", "last"] = "first"
-    minimum_speed: Levels | None = None
-    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] | None = None
-    trim: Annotated[Levels, Field(min_length=2, max_length=2)] | None = None
+    position_cutoff: Frequency | None = key("Hz, low-pass of the positions", "from the data", 50.0)
+    position_order: Annotated[int, Field(ge=1, le=10)] = key("of that filter, one pass", default=4)
+    decimation_cutoff: Frequency | None = key(
+        "Hz, low-pass before decimation", "0.4 position_cutoff", 20.0
+    )
+    decimation_edge: Annotated[float, Field(ge=0.5, le=1.0)] = key(
+        "end of that filter, share of the new Nyquist rate", default=0.95
+    )
+    decimation_phase: Literal["first", "last"] = key(
+        "first or last sample of each group is kept", default="first"
+    )
+    minimum_speed: Levels | None = key(
+        "rad/s (m/s), slower samples are left out", "1 % of the peak speed", [0.02]
+    )
+    reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] | None = key(
+        "decimated samples left out beside a slow one", "1", 1.0
+    )
+    trim: Annotated[Levels, Field(min_length=2, max_length=2)] | None = key(
+        "s, cut at start and end", "from the filters", [0.5, 0.5]
+    )
 
 
 class IdentificationSection(Section):
-    """Model terms, start and stop of the IDIM-IV iteration.
+    """Model terms, start and stop of the IDIM-IV iteration."""
 
-    `exclude` names base parameters that are taken out of the model, and out of the instruments.
-    """
-
-    friction: list[Literal["viscous", "coulomb", "offset"]] = ["viscous", "coulomb", "offset"]
-    drive_inertia: bool = True
-    exclude: list[Name] = []
-    start: Literal["given", "regular"] = "given"
-    tolerance: Annotated[float, Field(ge=1e-6, lt=1.0)] = 0.01
-    max_iterations: Annotated[int, Field(ge=1, le=100)] = 10
-    significance: Fraction = 0.05
+    friction: list[Literal["viscous", "coulomb", "offset"]] = key(
+        "terms of the model", "all three", default=["viscous", "coulomb", "offset"]
+    )
+    drive_inertia: bool = key("whether drives have an inertia of their own", "true", default=True)
+    exclude: list[Name] = key(
+        "base parameters that are taken out of the model", "none", ["off1"], default=[]
+    )
+    start: Literal["given", "regular"] = key(
+        "given (URDF and armature) or regular (unit inertias)", default="given"
+    )
+    tolerance: Annotated[float, Field(ge=1e-6, lt=1.0)] = key(
+        "relative change that ends the iteration", default=0.01
+    )
+    max_iterations: Annotated[int, Field(ge=1, le=100)] = key("of IDIM-IV", default=10)
+    significance: Fraction = key("level of all tests", default=0.05)
 
 
 class Configuration(Section):
@@ -287,6 +353,11 @@ class Configuration(Section):
         copied = self.model_copy()
         copied._node_topics = dict(topics)
         return copied
+
+    def changed(self, section: str, **values: object) -> "Configuration":
+        """Return the configuration with other values in a section, which are not checked."""
+        part = getattr(self, section).model_copy(update=values)
+        return self.model_copy(update={section: part})
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":
@@ -351,8 +422,7 @@ def load_configuration(path: FilePath) -> Configuration:
         for key in ("urdf", "mjcf")
         if (value := getattr(configuration.robot, key)) is not None
     }
-    robot = configuration.robot.model_copy(update=files)
-    return configuration.model_copy(update={"robot": robot, "source": path})
+    return configuration.changed("robot", **files).model_copy(update={"source": path})
 
 
 def _existing(path: Path, key: str, urdf: Path) -> Path:

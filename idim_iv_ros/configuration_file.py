@@ -19,10 +19,7 @@ _DEEPEST = 20
 def read_mapping(path: Path) -> dict[Any, Any]:
     """Read a YAML file that holds one mapping.
 
-    Raises
-    ------
-    UsageError
-        File missing, unreadable, too large, no text, broken YAML, or no mapping.
+    Raises UsageError: file missing, unreadable, too large, no text, broken YAML, or no mapping.
     """
     text = read_text(path, "the configuration", megabytes=_LARGEST_FILE)
     try:

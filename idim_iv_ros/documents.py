@@ -21,7 +21,7 @@ from pydantic_core import from_json
 
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, read_text, write_together
+from idim_iv_ros.files import FilePath, read_text, refused_if_unwritable, write_together
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
 
@@ -63,22 +63,15 @@ class Document:
     A field of type `Unsaved` is left out, and has its default when the document is read back.
     Numbers that do not exist are null.
 
-    Attributes
-    ----------
-    what, written_by : str
-        What it is (``a diagnosis``) and which command writes it, for messages.
-    format : str
-        First field, its default names the format.
+    - `what`, `written_by`: what it is (``a diagnosis``) and which command writes it, for messages
+    - `format`: first field, its default names the format
     """
 
     what: ClassVar[str]
     written_by: ClassVar[str]
     format: str
     __pydantic_config__ = ConfigDict(
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        arbitrary_types_allowed=True,
+        extra="forbid", strict=True, allow_inf_nan=False, arbitrary_types_allowed=True
     )
 
     def to_document(self) -> dict[str, Any]:
@@ -94,24 +87,16 @@ class Document:
     def write(self, path: FilePath) -> None:
         """Write the document, complete or not at all.
 
-        Raises
-        ------
-        UsageError
-            It cannot be written, and why.
+        Raises UsageError: it cannot be written, and why.
         """
-        try:
+        with refused_if_unwritable(path):
             write_together({Path(path): self.to_json()})
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
 
     @classmethod
     def read(cls: type[D], path: FilePath) -> D:
         """Read a document that `write` wrote.
 
-        Raises
-        ------
-        UsageError
-            The file cannot be read, or as `from_json`.
+        Raises UsageError: the file cannot be read, or as `from_json`.
         """
         text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}", megabytes=_LARGEST_FILE)
         return cls.from_json(text, str(path))
@@ -120,17 +105,10 @@ class Document:
     def from_json(cls: type[D], text: str, name: str) -> D:
         """Read a document from its text.
 
-        Parameters
-        ----------
-        text
-        name
-            Of the file, for the message.
+        - `name`: of the file, for the message
 
-        Raises
-        ------
-        UsageError
-            Not JSON, another format, or a key that is missing, wrong or unknown; one line with
-            the file, the key and what to do.
+        Raises UsageError: not JSON, another format, or a key that is missing, wrong or unknown; one
+        line with the file, the key and what to do.
         """
         again = f"write it with this version's `idim-iv {cls.written_by}`"
         try:

@@ -31,10 +31,7 @@ def named(text: str) -> str:
 def json_text(content: object, *, encoding: str = "utf-8", indent: int | None = 2) -> str:
     """Return a document as JSON that can be written in `encoding`, with a line end.
 
-    Raises
-    ------
-    ValueError
-        A number is not finite.
+    Raises ValueError: a number is not finite.
     """
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(encoding, _SPELT_JSON).decode(encoding)
@@ -62,8 +59,8 @@ def _spelling(character: str) -> str:
     name = unicodedata.name(character, "")
     if name.startswith("GREEK"):
         return name.split()[-1].lower()
-    alike = unicodedata.normalize("NFKC", character)
-    return alike if alike.isascii() else character.encode("ascii", "backslashreplace").decode()
+    plain = unicodedata.normalize("NFKC", character)
+    return plain if plain.isascii() else character.encode("ascii", "backslashreplace").decode()
 
 
 def _register(name: str, spell: Callable[[str], str]) -> None:

@@ -137,6 +137,15 @@ def read_text(
         raise UsageError(f"{path}: cannot read {what}: {reason or error}") from error
 
 
+@contextmanager
+def refused_if_unwritable(path: FilePath) -> Iterator[None]:
+    """Turn an OSError within the ``with`` into a UsageError that names the file and the reason."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
 def probe_place(path: Path) -> None:
     """Find out, before long work, whether a file can be written beside `path`.
 
@@ -161,10 +170,8 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
     for file in files:
         if not file.parent.is_dir():
             raise UsageError(f"{file}: no folder {file.parent}")
-        try:
+        with refused_if_unwritable(file):
             probe_place(file)
-        except OSError as error:
-            raise UsageError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
 def require_folder_place(folder: Path) -> None:

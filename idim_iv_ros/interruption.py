@@ -12,8 +12,11 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from types import FrameType
+from typing import TypeVar
+
+T = TypeVar("T")
 
 STATUS = 130  # 128 + SIGINT
 SIGNALS = {  # and what is said of them
@@ -28,24 +31,23 @@ _holding = 0
 _waiting: int | None = None  # the signal that waits
 
 
-@contextmanager
-def undone_if_interrupted(undo: Callable[[], object]) -> Iterator[None]:
+def undone_if_interrupted(undo: Callable[[], object]) -> AbstractContextManager[None]:
     """Call `undo` before an interruption within the ``with`` ends the process."""
-    _undo.append(undo)
-    try:
-        yield
-    finally:
-        _undo.remove(undo)
+    return _listed(_undo, undo)
+
+
+def said_if_interrupted(words: Callable[[], str]) -> AbstractContextManager[None]:
+    """Say in the line of an interruption within the ``with`` what became of the work."""
+    return _listed(_words, words)
 
 
 @contextmanager
-def said_if_interrupted(words: Callable[[], str]) -> Iterator[None]:
-    """Say in the line of an interruption within the ``with`` what became of the work."""
-    _words.append(words)
+def _listed(calls: list[T], call: T) -> Iterator[None]:
+    calls.append(call)
     try:
         yield
     finally:
-        _words.remove(words)
+        calls.remove(call)
 
 
 @contextmanager

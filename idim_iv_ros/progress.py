@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 
 Progress = Callable[[str, float], None]
 
@@ -18,12 +17,8 @@ def part_of(progress: Progress | None, begin: float, end: float) -> Progress | N
 class Stopwatch:
     """Context manager that adds the seconds of each stage to `timing`.
 
-    Parameters
-    ----------
-    progress
-        Called at the start of each stage with its name and the share that is done, 0 to 1.
-    timing
-        Continued if given.
+    - `progress`: called at the start of each stage with its name and the share that is done, 0 to 1
+    - `timing`: continued if given
     """
 
     def __init__(self, progress: Progress | None, timing: dict[str, float] | None = None):
@@ -42,12 +37,7 @@ class Stopwatch:
     def __enter__(self) -> "Stopwatch":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._end()
 
     def _end(self) -> None:

@@ -11,16 +11,10 @@ NO_EFFORT = "none"
 def source_text(value: object) -> object:
     """Text ``topic#field`` of what a configuration file gives as a source.
 
-    Parameters
-    ----------
-    value
-        A topic, ``topic#field``, or a mapping with the keys ``topic`` and ``field``; whatever else
-        it is comes back as it is.
+    - `value`: a topic, ``topic#field``, or a mapping with the keys ``topic`` and ``field``;
+      whatever else it is comes back as it is
 
-    Raises
-    ------
-    ValueError
-        Other keys, or a part is missing or empty.
+    Raises ValueError: other keys, or a part is missing or empty.
     """
     if isinstance(value, Mapping):
         if not set(value) <= {"topic", "field"} or not isinstance(value.get("topic"), str):

@@ -33,7 +33,4 @@ def _numbers(values: Mapping[str, Any]) -> Content:
     }
 
 
-def changed(configuration: Configuration, section: str, **values: Any) -> Configuration:
-    """The configuration with other values in a section."""
-    part = getattr(configuration, section).model_copy(update=values)
-    return configuration.model_copy(update={section: part})
+changed = Configuration.changed

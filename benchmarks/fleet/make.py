@@ -103,13 +103,11 @@ def write_one(
     changes = dict(arm.planted.change) if arm.planted else {}
     if arm.drifting:
         changes[arm.drifting.parameter] = arm.drifting.at(bag, bags)
-    settings = configuration.simulated_robot.model_copy(
-        update={"parameters": in_bag(arm.parameters, random, changes)}
-    )
+    parameters = in_bag(arm.parameters, random, changes)
+    whole = configuration.changed("simulated_robot", parameters=parameters)
     urdf = configuration.robot.urdf
     assert urdf is not None
     text = urdf.read_text(encoding="utf-8")
-    whole = configuration.model_copy(update={"simulated_robot": settings})
     beyond = arm.planted.effects if arm.planted else ()
     robot = replace(
         simulated_robot(whole, text, urdf.name),

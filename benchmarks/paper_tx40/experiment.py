@@ -82,11 +82,9 @@ def situation(configuration: Configuration, name: str) -> Configuration:
     changes = {"position_cutoff": position, "decimation_cutoff": decimation}
     if name == EMPTY_BAND:
         changes["decimation_edge"] = 0.8
-    processing = configuration.processing.model_copy(update=changes)
     left_out = LEFT_OUT if name == MODEL_ERROR else []
-    identification = configuration.identification.model_copy(update={"exclude": left_out})
-    return configuration.model_copy(
-        update={"processing": processing, "identification": identification}
+    return configuration.changed("processing", **changes).changed(
+        "identification", exclude=left_out
     )
 
 

@@ -53,20 +53,8 @@ class Start:
 class IdimIvEstimate:
     """Outcome of the IDIM-IV iteration.
 
-    Attributes
-    ----------
-    linear : LinearEstimate
-        The last estimate and its residuals.
-    least_squares : LinearEstimate
-        Joint-weighted IDIM-LS on the same rows, from which the weights come.
-    source : InstrumentSource
-        What made the instruments.
-    instruments : Instruments
-        Those of the last estimate.
-    steps : tuple of IterationStep
-    converged : bool
-    failures : tuple of str
-        Sources of instruments that were tried and why they failed.
+    - `least_squares`: joint-weighted IDIM-LS on the same rows, from which the weights come
+    - `failures`: sources of instruments that were tried and why they failed
     """
 
     linear: LinearEstimate
@@ -95,10 +83,7 @@ def idim_iv(
     `starts`: possible first simulations; `tolerance`: largest relative change of a parameter
     between the last two estimates.
 
-    Raises
-    ------
-    DataError
-        No source can make instruments, or there are too few rows.
+    Raises DataError: no source can make instruments, or there are too few rows.
     """
     parameters = len(starts[0].values)
     least_squares = solve_least_squares(rows, parameters)

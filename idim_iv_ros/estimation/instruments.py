@@ -35,15 +35,9 @@ class SourceFailure(Exception):
 class Instruments:
     """Instruments of one iteration.
 
-    Attributes
-    ----------
-    matrices : one (r_j, c_j) array for each joint
-    states : one for each motion
-        Simulated q, dq, ddq of the span.
-    note : str
-        What was done to obtain them, in words; empty when there is nothing to say.
-    untestable : str or None
-        Why a difference between simulated and measured motion says nothing of the model.
+    - `states`: of each motion, simulated q, dq, ddq of the span
+    - `note`: what was done to obtain them, in words; empty when there is nothing to say
+    - `untestable`: why a difference between simulated and measured motion says nothing of the model
     """
 
     matrices: tuple[FloatArray, ...]
@@ -66,21 +60,16 @@ class InstrumentSource(Protocol):
     @property
     def iterative(self) -> bool:
         """Whether the instruments depend on the parameters."""
-        return False
 
     def prediction_errors(
         self, values: FloatArray, covariance: FloatArray
     ) -> tuple[FloatArray, ...] | None:
         """Change of Z β̂ with parameters as uncertain as they are; None where it cannot be."""
-        return None
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Make instruments at `values` (b,); `reference_values` are the best guess of the robot.
 
-        Raises
-        ------
-        SourceFailure
-            No instruments at these values.
+        Raises SourceFailure: no instruments at these values.
         """
 
 
@@ -126,10 +115,8 @@ class SimulatedLoop:
         `values`, `covariance`: (b,) estimate and (b, b) covariance, that of the measurement noise
         alone: a model error inflates the residual, and would otherwise hide itself.
 
-        Returns
-        -------
-        One (r_j, n_draws) array for each joint, N m; diverging draws are left out. None if the
-        simulation at `values` itself diverges.
+        Returns one (r_j, n_draws) array for each joint, N m, without draws that diverge; None if
+        the simulation at `values` itself diverges.
         """
         random = np.random.default_rng(_SEED)
         root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))

@@ -42,10 +42,7 @@ def solve_least_squares(
 ) -> LinearEstimate:
     """IDIM-LS, ordinary or with each joint weighted by the inverse of its residual's σ.
 
-    Raises
-    ------
-    DataError
-        Fewer rows than parameters.
+    Raises DataError: fewer rows than parameters.
     """
     total = _number_of_rows(rows, parameters)
     # The b estimated parameters are charged to the joints in proportion to their rows.
@@ -66,10 +63,8 @@ def solve_instrumental_variables(
 
     Solved on the R factor of [Z X y]: with Z = QR it is (QᵀX)⁻¹ Qᵀy.
 
-    Raises
-    ------
-    DataError
-        Fewer rows than parameters, or the instruments do not determine the parameters.
+    Raises DataError: fewer rows than parameters, or the instruments do not determine the
+    parameters.
     """
     total = _number_of_rows(rows, parameters)
     _, projected, right = projected_on_instruments(rows, parameters, sigma)
@@ -83,16 +78,13 @@ def projected_on_instruments(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """R, QᵀX, both (b, b), and Qᵀy of the stacked Z = Q R, joint j weighted by 1/`sigma[j]`.
 
-    Raises
-    ------
-    DataError
-        The instruments do not determine the parameters.
+    Raises DataError: the instruments do not determine the parameters.
     """
     parts, places = [], []
     for joint, deviation in zip(rows, sigma, strict=True):
-        few = joint.reduced
-        parts.append(np.column_stack([few.instruments, few.matrix, few.torque]) / deviation)
-        places.append(np.concatenate([few.columns, few.columns + parameters, [2 * parameters]]))
+        r = joint.reduced
+        parts.append(np.column_stack([r.instruments, r.matrix, r.torque]) / deviation)
+        places.append(np.concatenate([r.columns, r.columns + parameters, [2 * parameters]]))
     factor = stacked_r_factor(parts, places, 2 * parameters + 1)
     instruments = independent_basis(factor[:, :parameters])
     projected = instruments.vectors.T @ factor[:, parameters:-1]
@@ -157,14 +149,9 @@ def white_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: i
 
     `sigma`: (n_joints,) Standard deviation of each joint's residual; `parameters`: b.
 
-    Returns
-    -------
-    (b, b), in the products of the parameters' units.
+    Returns (b, b), in the products of the parameters' units.
 
-    Raises
-    ------
-    DataError
-        The instruments do not determine all parameters.
+    Raises DataError: the instruments do not determine all parameters.
     """
     _, projected, _ = projected_on_instruments(rows, parameters, sigma)
     root = np.linalg.inv(projected)
@@ -190,16 +177,9 @@ class AutocorrelatedCovariance:
     at the places of its rows; Z_jᵀ R_j Z_j = σ²_N,j ‖H_jᵀ Z_j‖² with H_j = 1/Ĉ_j on the regular
     grid, where Z_j is zero at the dropped rows.
 
-    Attributes
-    ----------
-    rows : sequence of JointRows
-        Unfiltered, with their `position`.
-    sigma : (n_joints,)
-        Standard deviation of each joint's residual: the weights of the estimate.
-    models : sequence of AutoregressiveModel
-        Fitted on the residual of each joint, in its unit.
-    parameters : int
-        b.
+    - `rows`: unfiltered, with their `position`
+    - `sigma`: (n_joints,), standard deviation of each joint's residual: the weights of the estimate
+    - `models`: fitted on the residual of each joint, in its unit
     """
 
     rows: Sequence[JointRows]
@@ -293,9 +273,7 @@ def restrict(
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate and standard deviation of `kept` once the other parameters are set to zero.
 
-    Returns
-    -------
-    values, std : (len(kept),)
+    Returns values and standard deviations, (len(kept),) each.
     """
     out = [column for column in range(len(values)) if column not in kept]
     inside = covariance[np.ix_(kept, kept)]

@@ -31,16 +31,13 @@ def row_blocks(
 
     `states`: (first, last) → q, dq, ddq of those samples of the motion's span.
     """
-    done = 0
     for chunk in motion.decimation.chunks(CHUNK):
-        kept = motion.kept[done : done + len(chunk.kept)]
         full = model.joint_matrices(*states(chunk.first, chunk.last))
         decimate = partial(motion.decimation.apply, chunk=chunk)
         with ThreadPoolExecutor(_THREADS) as pool:  # the filter frees the lock
             decimated = list(pool.map(decimate, full))
-        rows = zip(decimated, kept.T, strict=True)
+        rows = zip(decimated, motion.kept[chunk.places].T, strict=True)
         yield tuple(matrix[counts] for matrix, counts in rows)
-        done += len(chunk.kept)
 
 
 def torque_rows(motion: Motion) -> list[FloatArray]:
@@ -101,9 +98,7 @@ def instrument_rows(
 
     `states`: one for each motion: (first, last) → q, dq, ddq of those samples of the span.
 
-    Returns
-    -------
-    One (r, c) array for each joint, as `JointRows.matrix`.
+    Returns one (r, c) array for each joint, as `JointRows.matrix`.
     """
     joints = range(len(model.robot.joints))
     counts = [sum(int(motion.kept[:, joint].sum()) for motion in motions) for joint in joints]

@@ -19,26 +19,16 @@ _LEFT_OUT = 100.0
 class JointRows:
     """One joint's part of y = X β + ε and, where there are instruments, of X = Z Π + V.
 
-    Attributes
-    ----------
-    matrix : (r, c)
-        Regressor X: only the columns that are not structurally zero for this joint.
-    torque : (r,) N m (N for a prismatic joint)
-        y.
-    columns : (c,) int
-        Places of these columns among all b parameters.
-    segments : tuple of slice
-        Rows that are contiguous in time, covering all of them in order.
-    name : str
-        Of the joint.
-    position : (r,) int, optional
-        Place of each row on the uniform decimated grid; recordings lie far apart.
-    instrument_matrix : (r, c), optional
-        Z; None where X is its own instrument.
-    represented : int, optional
-        How many rows were reduced to these by QR; None where these are the rows themselves.
-    left_out : bool
-        Whether the torque says nothing of the robot: its rows get next to no weight.
+    - `matrix`: (r, c), regressor X: only the columns that are not structurally zero for this joint
+    - `torque`: (r,) N m (N for a prismatic joint), y
+    - `columns`: (c,) int, places of these columns among all b parameters
+    - `segments`: rows that are contiguous in time, covering all of them in order
+    - `position`: (r,) int, place of each row on the uniform decimated grid; recordings lie far
+      apart
+    - `instrument_matrix`: (r, c), Z; None where X is its own instrument
+    - `represented`: how many rows were reduced to these by QR; None where these are the rows
+      themselves
+    - `left_out`: whether the torque says nothing of the robot: its rows get next to no weight
     """
 
     matrix: FloatArray

@@ -1,8 +1,9 @@
 """Which instruments a recording allows: the control law, its fit, or what replaces them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,12 +11,11 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.idim_iv import Start
 from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SimulatedLoop
 from idim_iv_ros.estimation.observation import instrument_rows
-from idim_iv_ros.model import InverseModel
+from idim_iv_ros.model import InverseModel, RobotModel
 from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,
-    ReferenceFilter,
     control_law,
     control_period,
     filter_reference,
@@ -35,92 +35,73 @@ def reference(motion: Motion) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class FilteredReference(InstrumentSource):
-    """Instruments from the reference passed through a fitted closed-loop filter.
+class FixedMotion:
+    """Instruments from positions that do not depend on the parameters.
 
-    `motions`: all with references.
+    `make` returns positions (n_samples, n_joints) for every motion and says what they are; it is
+    called when they are needed, which a loop that simulates spares.
     """
 
     model: InverseModel
     motions: tuple[Motion, ...]
+    make: Callable[[Sequence[Motion]], tuple[list[FloatArray], str]]
+    untestable: str
+
+    iterative: ClassVar[bool] = False
 
     @cached_property
-    def filters(self) -> tuple[ReferenceFilter, ...]:
-        """One for each motion; fitted when they are needed, which a loop that simulates spares."""
-        return tuple(
-            filter_reference(motion.signals.rate, motion.position, reference(motion))
-            for motion in self.motions
-        )
+    def _made(self) -> tuple[list[FloatArray], str]:
+        return self.make(self.motions)
 
     @property
     def name(self) -> str:
-        """Name with how closely it follows the recorded motion, that of the worst recording."""
-        robot = self.model.robot
-        errors = np.max([fitted.error for fitted in self.filters], axis=0)
-        spreads = np.max([fitted.spread for fitted in self.filters], axis=0)
-        joints = ", ".join(
-            f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
-            + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
-            for name, kind, error, spread in zip(
-                robot.joints, robot.joint_types, errors, spreads, strict=True
-            )
-        )
-        return (
-            "reference through a fitted closed-loop filter, which misses the recorded motion where "
-            f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
-        )
+        """What the positions are."""
+        return self._made[1]
 
-    @property
-    def untestable(self) -> str | None:
-        """The filter follows the measured motion whatever the dynamic model is."""
-        return (
-            "the instruments come from a filter that was fitted to the measured motion: it follows "
-            "the robot whatever the dynamic model is"
-        )
+    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
+        """None: nothing is simulated at the parameters."""
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Differentiate the filtered references."""
+        """Differentiate the positions."""
         states = tuple(
-            partial(motion.derivatives_of, fitted.position)
-            for fitted, motion in zip(self.filters, self.motions, strict=True)
+            partial(motion.derivatives_of, position)
+            for position, motion in zip(self._made[0], self.motions, strict=True)
         )
         return Instruments(instrument_rows(self.model, self.motions, states), states)
 
 
-@dataclass(frozen=True)
-class SmoothedMeasurement(InstrumentSource):
-    """Instruments from the measurements themselves, smoothed harder than the regressor.
-
-    Noise below the smoothing cut-off stays in both X and Z: it is not averaged out, so that the
-    estimate keeps the bias of least squares in that band, and Π = I says nothing.
-    """
-
-    model: InverseModel
-    motions: tuple[Motion, ...]
-    cutoff: float
-
-    @property
-    def name(self) -> str:
-        """Name with the cut-off."""
-        return f"measured positions smoothed at {self.cutoff:.3g} Hz"
-
-    @property
-    def untestable(self) -> str | None:
-        """The instruments are made from the regressor's own measurements."""
-        return (
-            "the instruments are smoothed measurements, not a simulation: the noise below "
-            f"{self.cutoff:.3g} Hz is in both"
+def _filtered_references(
+    robot: RobotModel, motions: Sequence[Motion]
+) -> tuple[list[FloatArray], str]:
+    """References through a fitted closed-loop filter, and how closely they follow the motion."""
+    filters = [filter_reference(m.signals.rate, m.position, reference(m)) for m in motions]
+    errors = np.max([fitted.error for fitted in filters], axis=0)
+    spreads = np.max([fitted.spread for fitted in filters], axis=0)
+    joints = ", ".join(
+        f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
+        + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
+        for name, kind, error, spread in zip(
+            robot.joints, robot.joint_types, errors, spreads, strict=True
         )
+    )
+    return [fitted.position for fitted in filters], (
+        "reference through a fitted closed-loop filter, which misses the recorded motion where "
+        f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
+    )
 
-    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Smooth and differentiate."""
-        states = []
-        for motion in self.motions:
-            smooth = zero_phase_butterworth(
-                motion.position, rate=motion.signals.rate, cutoff=self.cutoff, order=4
-            )
-            states.append(partial(motion.derivatives_of, smooth))
-        return Instruments(instrument_rows(self.model, self.motions, states), tuple(states))
+
+def _smoothed_measurements(
+    cutoff: float, motions: Sequence[Motion]
+) -> tuple[list[FloatArray], str]:
+    """Positions smoothed harder than the regressor's.
+
+    Noise below the cut-off stays in both X and Z: it is not averaged out, so that the estimate
+    keeps the bias of least squares in that band, and Π = I says nothing.
+    """
+    return [
+        zero_phase_butterworth(motion.position, rate=motion.signals.rate, cutoff=cutoff, order=4)
+        for motion in motions
+    ], f"measured positions smoothed at {cutoff:.3g} Hz"
 
 
 @dataclass(frozen=True)
@@ -152,7 +133,12 @@ def instrument_sources(
             how = "configured" if configured else "fitted"
             name = f"closed-loop simulation with the {how} control law"
             sources.append(SimulatedLoop(model, tuple(motions), law, name))
-        sources.append(FilteredReference(model, tuple(motions)))
+        untestable = (
+            "the instruments come from a filter that was fitted to the measured motion: it follows "
+            "the robot whatever the dynamic model is"
+        )
+        make = partial(_filtered_references, model.robot)
+        sources.append(FixedMotion(model, tuple(motions), make, untestable))
     else:
         missing = [m.signals.name for m in motions if m.signals.position_reference is None]
         sentences.append(
@@ -160,7 +146,13 @@ def instrument_sources(
             "so that the instruments are smoothed measurements. Noise of the positions below the "
             "smoothing frequency is not averaged out, and the instruments cannot be tested"
         )
-    sources.append(SmoothedMeasurement(model, tuple(motions), cutoffs.decimation / 2.0))
+    cutoff = cutoffs.decimation / 2.0
+    untestable = (
+        "the instruments are smoothed measurements, not a simulation: the noise below "
+        f"{cutoff:.3g} Hz is in both"
+    )
+    smooth = partial(_smoothed_measurements, cutoff)
+    sources.append(FixedMotion(model, tuple(motions), smooth, untestable))
     return InstrumentSources(tuple(sources), _starts(configuration, model), tuple(sentences), fits)
 
 

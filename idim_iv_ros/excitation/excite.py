@@ -48,10 +48,7 @@ def load_model(configuration: Configuration) -> InverseModel:
         source = configuration.source
         raise UsageError(f"{source}: robot.urdf or robot.mjcf is needed to design a motion")
     text = read_urdf_file(urdf)
-    signals = configuration.signals.model_copy(update={"effort_unit": "N m"})
-    return build_inverse_model(
-        configuration.model_copy(update={"signals": signals}), text, str(urdf)
-    )
+    return build_inverse_model(configuration.changed("signals", effort_unit="N m"), text, str(urdf))
 
 
 def excite(

@@ -23,6 +23,7 @@ from idim_iv_ros.files import (
     FilePath,
     as_file,
     digests,
+    refused_if_unwritable,
     require_file_place,
     require_replaceable,
     write_together,
@@ -83,10 +84,8 @@ def write_motion(
     texts["json"] = json_text({**document, FILES: digests(signed)})
     paths = {path: texts[ending] for ending, path in places.items()}
     require_replaceable(paths, force=force)
-    try:
+    with refused_if_unwritable(out):
         write_together(paths)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return tuple(paths)
 
 

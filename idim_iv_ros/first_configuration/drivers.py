@@ -70,10 +70,7 @@ def driver_files() -> dict[str, Path]:
 def read_driver(name: str) -> DriverPreset:
     """Read the file of a driver by its name, or one of the user by its path.
 
-    Raises
-    ------
-    UsageError
-        There is none, or it holds what no configuration has.
+    Raises UsageError: there is none, or it holds what no configuration has.
     """
     shipped = driver_files()
     path = shipped.get(name)

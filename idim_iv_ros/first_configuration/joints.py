@@ -34,12 +34,7 @@ def choose_joints(
     - `urdf`, `source`: text of the URDF, and what to call it
     - `states`, `efforts`: topics; `efforts` is None for a robot without
 
-    Raises
-    ------
-    UsageError
-        Not a URDF; see `read_urdf_text`.
-    DataError
-        No joint is left.
+    Raises UsageError: not a URDF; see `read_urdf_text`; DataError: no joint is left.
     """
     robot = read_urdf_text(urdf, source)
     chosen, left_out, warnings = [], {}, []

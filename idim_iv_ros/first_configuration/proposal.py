@@ -1,17 +1,29 @@
-"""From bags and a URDF to the values of a first configuration, each with its reason."""
+"""From bags and a URDF to a first configuration, a YAML file in which every key has its line."""
 
+import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydantic.fields import FieldInfo
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
 from threadpoolctl import threadpool_limits
 
-from idim_iv_ros.configuration import Configuration, RobotSection, SignalsSection
+from idim_iv_ros.configuration import Configuration, RobotSection, Section, SignalsSection
 from idim_iv_ros.encoding import named
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import FilePath, FilePaths, as_paths
+from idim_iv_ros.files import (
+    FilePath,
+    FilePaths,
+    as_paths,
+    refused_if_unwritable,
+    require_replaceable,
+    signed,
+    write_together,
+)
 from idim_iv_ros.first_configuration.drivers import SOURCES, DriverPreset, read_driver
 from idim_iv_ros.first_configuration.joints import JointChoice, choose_joints
 from idim_iv_ros.first_configuration.signals import guess_effort_unit, propose_law
@@ -28,6 +40,16 @@ from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.model.urdf_reader import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signal_source import NO_EFFORT, topic_of
+
+_WIDTH = 10_000  # no value is broken over lines
+# Sections of a configuration; what only `idim-iv simulate` reads comes last.
+SECTIONS: dict[str, type[Section]] = {
+    name: field.annotation
+    for name, field in sorted(
+        Configuration.model_fields.items(), key=lambda item: item[0] == "simulated_robot"
+    )
+    if isinstance(field.annotation, type) and issubclass(field.annotation, Section)
+}
 
 
 @dataclass(frozen=True)
@@ -115,8 +137,8 @@ def propose_configuration(
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)
-            more, limits = _from_efforts(prepared, values, reasons, watch)
-            warnings += more
+            of_efforts, limits = _from_efforts(prepared, values, reasons, watch)
+            warnings += of_efforts
             if preset is not None:
                 warnings += _merge(preset, values, reasons, named, missing)
             if values["signals"]["effort_unit"] != "N m":
@@ -141,14 +163,11 @@ def _from_efforts(
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Add the unit of the efforts and the control law; return warnings and the efforts' limits."""
     watch.stage("effort unit", 0.6)
-    unit = guess_effort_unit(prepared)
+    unit, why = guess_effort_unit(prepared)
     watch.stage("control law", 0.8)
-    law = propose_law(prepared.motions)
-    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit.unit)
-    values["signals"]["effort_unit"] = unit.unit
-    values["controller"] = dict(law.keys)
-    reasons["signals", "effort_unit"] = unit.reason
-    reasons["controller", "type"] = law.reason
+    values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
+    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
+    values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why
     joints = prepared.configuration.robot.joints
     warnings = (f"{joints[finding.joint]}: {finding.sentence}" for finding in findings)
     limits = prepared.model.robot.limits.effort
@@ -224,3 +243,68 @@ def _configuration(
         robot=RobotSection.model_validate({**named, "joints": list(joints.joints)}),
         signals=SignalsSection.model_validate(sources),
     )
+
+
+def configuration_text(proposal: Proposal, out: FilePath) -> str:
+    """Return the text of a configuration file at `out`."""
+    values = proposal.values_for(Path(out))
+    bags = " ".join(path.name for path in proposal.bags)
+    lines = [
+        f"# A first configuration, made by idim-iv init from {' '.join(bags.split())}.",
+        "# Lists are in the order of robot.joints. A line that begins with # is a key that is left",
+        "# out; behind its example: what it means, and what holds without it. All keys at length:",
+        "# docs/configuration.md.",
+    ]
+    for section, kind in SECTIONS.items():
+        given = values.get(section, {})
+        lines += ["", f"{section}:" if given else f"# {section}:"]
+        for name, field in kind.model_fields.items():
+            lines.append(_line(proposal, section, name, field, given))
+            if (section, name) == ("robot", "joints"):
+                left_out = proposal.left_out.items()
+                lines += [f"  # left out: {joint}: {reason}" for joint, reason in left_out]
+    return signed("\n".join(lines) + "\n")
+
+
+def write_configuration(proposal: Proposal, out: FilePath, *, force: bool = False) -> Path:
+    """Write the proposal as a configuration file.
+
+    Raises
+    ------
+    UsageError
+        It cannot be written, or a file of the user is in its place.
+    """
+    path = Path(out)
+    require_replaceable([path], force=force)
+    with refused_if_unwritable(path):
+        write_together({path: configuration_text(proposal, path)})
+    return path
+
+
+def _line(
+    proposal: Proposal, section: str, name: str, field: FieldInfo, given: dict[str, object]
+) -> str:
+    """One key with its value, or as a comment with its example."""
+    words, reason = field.json_schema_extra, proposal.reasons.get((section, name), "")
+    assert isinstance(words, dict)
+    about = f"{field.description}; default: {words['without']}" + (f". {reason}" if reason else "")
+    if name in given:
+        return f"  {_yaml(name, given[name])}  # {about}"
+    example: object = words["example"]
+    if (section, name) == ("controller", "torque_limit") and proposal.limits:
+        example = list(proposal.limits)
+    elif isinstance(example, list) and len(example) == 1 and isinstance(example[0], float):
+        example = example * len(proposal.joints)
+    return f"  # {_yaml(name, example)}  # {about}"
+
+
+def _yaml(name: str, value: object) -> str:
+    """``name: value`` in one line."""
+    yaml = YAML()
+    yaml.default_flow_style = True
+    yaml.width = _WIDTH
+    stream = io.StringIO()
+    mapping = CommentedMap({name: value})
+    mapping.fa.set_block_style()
+    yaml.dump(mapping, stream)
+    return stream.getvalue().strip()

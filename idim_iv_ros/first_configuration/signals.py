@@ -1,8 +1,6 @@
 """What the signals show: whether efforts are torques or currents, and a control law."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
@@ -23,18 +21,13 @@ _DIGITS = 4
 # Hz. Noise of the positions grows in the velocity with its frequency and would lower kd; a motion
 # that identifies a robot has nothing above this.
 _HIGHEST_CUTOFF = 30.0
+_UNKNOWN: dict[str, object] = {"type": "unknown"}
 
 
-@dataclass(frozen=True)
-class EffortUnit:
-    """Unit of the efforts and why it is taken for that."""
+def guess_effort_unit(prepared: PreparedRegression) -> tuple[str, str]:
+    """Unit of the efforts, ``N m`` or ``A``, and why it is taken for that.
 
-    unit: Literal["N m", "A"]
-    reason: str
-
-
-def guess_effort_unit(prepared: PreparedRegression) -> EffortUnit:
-    """Compare the recorded efforts with the torques of the URDF's masses, then with its limits.
+    Recorded efforts are compared with the torques of the URDF's masses, then with its limits.
 
     Friction and the inertia of the joint's own drive, which no URDF gives, are left free: the ratio
     is seen on gravity and on the other joints' motion. A sign that is opposite is no other unit.
@@ -54,47 +47,37 @@ def guess_effort_unit(prepared: PreparedRegression) -> EffortUnit:
     listed = ", ".join(f"{name} {ratio:.2g}" for name, ratio in ratios.items())
     measured = f"effort over the torque that the URDF's masses need: {listed}"
     if _SAME[0] <= float(np.median(np.abs(list(ratios.values())))) <= _SAME[1]:
-        return EffortUnit("N m", measured)
-    return EffortUnit("A", f"{measured}: not a torque, probably a motor current")
+        return "N m", measured
+    return "A", f"{measured}: not a torque, probably a motor current"
 
 
 def _from_limits(
     statistics: Sequence[EffortStatistics | None], limits: JointLimits, names: list[str]
-) -> EffortUnit:
+) -> tuple[str, str]:
     """Compare the size of what friction leaves: a simulator's damping knows no limit."""
     peaks = np.array([0.0 if statistic is None else statistic.peak for statistic in statistics])
     limited = np.isfinite(limits.effort) & (limits.effort > 0.0)
     if not limited.any():
-        return EffortUnit(
-            "N m", "not known: the URDF has neither masses nor effort limits to compare with"
-        )
+        return "N m", "not known: the URDF has neither masses nor effort limits to compare with"
     shares = np.where(limited, peaks / np.where(limited, limits.effort, 1.0), 0.0)
     most = int(np.argmax(shares))
     text = f"largest effort of {names[most]} is {100 * shares[most]:.2g} % of the URDF's limit"
     if shares[most] > _OVER_LIMIT:
-        return EffortUnit("A", f"{text}: not a torque")
-    return EffortUnit("N m", f"not sure: {text}, and the masses do not show in the efforts")
+        return "A", f"{text}: not a torque"
+    return "N m", f"not sure: {text}, and the masses do not show in the efforts"
 
 
-@dataclass(frozen=True)
-class ProposedLaw:
-    """Keys of the section `controller`, and why."""
-
-    keys: dict[str, object] = field(default_factory=lambda: {"type": "unknown"})
-    reason: str = "no reference in the bag"  # Of the type
-
-
-def propose_law(motions: Sequence[Motion]) -> ProposedLaw:
-    """Fit a PD law with integral and say whether it explains the efforts."""
+def propose_law(motions: Sequence[Motion]) -> tuple[dict[str, object], str]:
+    """Keys of the section `controller`: a PD law if one explains the efforts; and why."""
     if any(motion.signals.position_reference is None for motion in motions):
-        return ProposedLaw()
+        return dict(_UNKNOWN), "no reference in the bag"
     fits = [fit for motion in motions for fit in _fits(motion)]
     fit, half = max(fits, key=lambda pair: float(pair[0].r_squared.sum()))
     worst = float(fit.r_squared.min())
     if worst < _LEAST_R_SQUARED:
-        return ProposedLaw(
-            reason=f"a PD law explains only R² = {worst:.2f} of a joint's effort; every "
-            "identification fits its own"
+        return dict(_UNKNOWN), (
+            f"a PD law explains only R² = {worst:.2f} of a joint's effort; every identification "
+            "fits its own"
         )
     # What the control holds from one sample to the next acts half a sample late on average; the
     # simulation of the loop holds it likewise, so that this is no delay of its own.
@@ -127,7 +110,7 @@ def _fits(motion: Motion) -> list[tuple[ControllerFit, bool]]:
     ]
 
 
-def _pd(fit: ControllerFit, worst: float, delay: float) -> ProposedLaw:
+def _pd(fit: ControllerFit, worst: float, delay: float) -> tuple[dict[str, object], str]:
     """Keys of a PD law with a delay in s, or why it is none."""
     kp, kd = fit.gain("kp"), fit.gain("kd")
     forward = fit.included[:, fit.terms.index("reference_velocity")]
@@ -146,7 +129,7 @@ def _pd(fit: ControllerFit, worst: float, delay: float) -> ProposedLaw:
         (bool(beyond), f"the law has feedforward terms ({', '.join(beyond)})"),
     ):
         if refused:
-            return ProposedLaw(reason=f"{why}; every identification fits its own law")
+            return dict(_UNKNOWN), f"{why}; every identification fits its own law"
     keys: dict[str, object] = {"type": "pd", "kp": _rounded(kp), "kd": _rounded(kd)}
     if fit.included[:, fit.terms.index("ki")].any():
         keys["ki"] = _rounded(fit.gain("ki"))
@@ -159,7 +142,7 @@ def _pd(fit: ControllerFit, worst: float, delay: float) -> ProposedLaw:
         f"fitted from the log, R² ≥ {worst:.3f}, σ of the gains up to {deviation:.2g} %; replace "
         "them by those of the real controller"
     )
-    return ProposedLaw(keys, reason)
+    return keys, reason
 
 
 def _rounded(values: np.ndarray) -> list[float]:

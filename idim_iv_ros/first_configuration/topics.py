@@ -80,10 +80,7 @@ class BagContents:
 def read_contents(path: Path) -> BagContents:
     """Look through a bag.
 
-    Raises
-    ------
-    UsageError, DataError
-        No such bag, or not one.
+    Raises UsageError or DataError: no such bag, or not one.
     """
     bag = Bag(path)
     topics = bag.topic_types()
@@ -192,10 +189,7 @@ def choose_states(
     The latter is None where it is the same, and where there are no efforts but something that was
     asked for: then the robot is one of servos.
 
-    Raises
-    ------
-    DataError
-        No bag has positions, or neither an effort that is not zero nor a reference.
+    Raises DataError: no bag has positions, or neither an effort that is not zero nor a reference.
     """
     first = bags[0]
     states = [topic for topic in first.topics if topic.with_position() and not topic.asked]

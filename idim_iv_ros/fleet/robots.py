@@ -75,8 +75,7 @@ def _of_file(path: Path) -> bytes:
 
 def configuration_digest(configuration: Configuration, description: bytes) -> str:
     """Digest of a configuration and its robot description, wherever both lie."""
-    robot = configuration.robot.model_copy(update={"urdf": None, "mjcf": None})
-    values = configuration.model_copy(update={"robot": robot}).model_dump(mode="json")
+    values = configuration.changed("robot", urdf=None, mjcf=None).model_dump(mode="json")
     kind = "mjcf" if configuration.robot.mjcf is not None else "urdf"
     text = json.dumps([values, kind], sort_keys=True).encode()
     return hashlib.sha256(text + hashlib.sha256(description).digest()).hexdigest()
@@ -131,9 +130,7 @@ class Robot:
                 f"{path}: an MJCF file reads others beside it, so that every worker needs the "
                 "same folder; put it where all of them see it"
             )
-        urdf = _kept(path.name, self.description)
-        robot = self.configuration.robot.model_copy(update={"urdf": urdf})
-        return self.configuration.model_copy(update={"robot": robot})
+        return self.configuration.changed("robot", urdf=_kept(path.name, self.description))
 
 
 _folders: list[tempfile.TemporaryDirectory[str]] = []  # until the worker ends

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from idim_iv_ros.documents import Document
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError, one_line
-from idim_iv_ros.files import FilePath, write_together
+from idim_iv_ros.files import FilePath, refused_if_unwritable, write_together
 from idim_iv_ros.fleet.robots import code_version
 from idim_iv_ros.fleet.source import INSTALL
 from idim_iv_ros.interruption import said_if_interrupted, undone_if_interrupted
@@ -115,11 +115,9 @@ def _read(kind: type[D], path: Path) -> D | None:
 
 
 def _write(answer: Document, path: Path) -> None:
-    try:
+    with refused_if_unwritable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_together({path: json_text(answer.to_document(), indent=None)})
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def _words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:

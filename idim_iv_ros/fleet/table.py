@@ -25,8 +25,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import complete_files
+from idim_iv_ros.files import complete_files, refused_if_unwritable
 from idim_iv_ros.fleet.result import BagResult
 from idim_iv_ros.fleet.source import time_of
 
@@ -56,11 +55,8 @@ def write_table(results: Sequence[BagResult], path: Path) -> None:
     )
     rows = [row for result in results for row in _rows(result)]
     table = pyarrow.Table.from_pylist(rows, schema=schema)
-    try:
-        with complete_files([path]) as temporary:
-            parquet.write_table(table, temporary[path])
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with refused_if_unwritable(path), complete_files([path]) as temporary:
+        parquet.write_table(table, temporary[path])
 
 
 def _rows(result: BagResult) -> list[dict[str, Any]]:

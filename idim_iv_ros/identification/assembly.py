@@ -199,8 +199,8 @@ def _parameters(
     ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
     places = {int(column): place for place, column in enumerate(essential.columns)}
     # Estimated again with the essential parameters only, same weights.
-    few = [joint.reduced.keep(essential.columns) for joint in rows]
-    reduced = solve_instrumental_variables(few, len(places), linear.sigma).values
+    restricted = [joint.reduced.keep(essential.columns) for joint in rows]
+    reduced = solve_instrumental_variables(restricted, len(places), linear.sigma).values
     reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))
     return tuple(
         ParameterEstimate(

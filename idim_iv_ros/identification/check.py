@@ -55,16 +55,10 @@ class Finding:
 class ParameterVisibility:
     """What the excitation shows of one base parameter.
 
-    Attributes
-    ----------
-    name, expression, unit : str
-    smallest : float or None
-        Smallest value that differs from zero by two standard deviations; None if it cannot be seen
-        at all. From the residual of least squares taken as white: a lower bound.
-    relative_percent : float or None
-        Standard deviation in percent of the least-squares value.
-    seen : str
-        ``well``, ``yes``, ``poorly`` or ``no``.
+    - `smallest`: smallest value that differs from zero by two standard deviations; None if it
+      cannot be seen at all. From the residual of least squares taken as white: a lower bound.
+    - `relative_percent`: standard deviation in percent of the least-squares value
+    - `seen`: ``well``, ``yes``, ``poorly`` or ``no``
     """
 
     name: str

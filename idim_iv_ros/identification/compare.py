@@ -37,20 +37,8 @@ class ParameterPair:
 class ParameterComparison:
     """Parameters of two results, those that differ most first.
 
-    Attributes
-    ----------
-    names : (str, str)
-        Files.
-    robot : str
-    bags : tuple of tuple of str
-        Recordings of both.
-    pairs : tuple of ParameterPair
-    limit : float
-        Standard deviations from which on a parameter differs.
-    alone : tuple of str
-        Parameters that only one of the results has.
-    configuration : dict
-        Of the second result.
+    - `limit`: standard deviations from which on a parameter differs
+    - `alone`: parameters that only one of the results has
     """
 
     names: tuple[str, str]
@@ -94,10 +82,7 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
     The estimates are taken as independent: of two results of the same recordings differences look
     smaller than they are.
 
-    Raises
-    ------
-    UsageError
-        A file is no result, or they are of robots with other base parameters.
+    Raises UsageError: a file is no result, or they are of robots with other base parameters.
     """
     results = [IdentificationResult.read(path) for path in (first, second)]
     by_name = [{parameter.name: parameter for parameter in result.parameters} for result in results]

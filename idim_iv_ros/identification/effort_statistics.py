@@ -56,28 +56,20 @@ class Share:
 class EffortStatistics:
     """Statistics of the effort of one joint.
 
-    Attributes
-    ----------
-    torque : Share or None
-        Of the torque that the nominal masses need, beside friction and the joint's drive inertia:
-        1 where efforts are torques. None where the nominal model needs none.
-    friction : Share or None
-        Of the direction of the speed beside the columns of masses and drives: dry friction. None
-        where these hold it.
-    peak : float
-        Of the effort without friction, but for outliers.
-    static_share : float
-        Share of the variance that position and direction of the speed explain.
-    expected, shown, residual : float
-        RMS, beside all that position and speed explain: of the nominal masses' torque of
-        accelerations, of what all columns of accelerations explain, and of what nothing explains.
-        The first is less what the noise of the positions adds, and zero where that is most of it:
-        noise in the columns hides what they explain.
-    given_friction, size : float
-        RMS of the nominal friction and of the effort.
-    signed, unsigned : float
-        RMS of the residual of the effort as it is, and taken for the size of a torque; the second
-        is infinite where the effort has both signs, or a torque with both signs is not likelier.
+    - `torque`: of the torque that the nominal masses need, beside friction and the joint's drive
+      inertia: 1 where efforts are torques. None where the nominal model needs none.
+    - `friction`: of the direction of the speed beside the columns of masses and drives: dry
+      friction. None where these hold it.
+    - `peak`: of the effort without friction, but for outliers
+    - `static_share`: share of the variance that position and direction of the speed explain
+    - `expected`, `shown`, `residual`: RMS, beside all that position and speed explain: of the
+      nominal masses' torque of accelerations, of what all columns of accelerations explain, and of
+      what nothing explains. The first is less what the noise of the positions adds, and zero where
+      that is most of it: noise in the columns hides what they explain.
+    - `given_friction`, `size`: RMS of the nominal friction and of the effort
+    - `signed`, `unsigned`: RMS of the residual of the effort as it is, and taken for the size of a
+      torque; the second is infinite where the effort has both signs, or a torque with both signs is
+      not likelier
     """
 
     torque: Share | None
@@ -149,13 +141,13 @@ def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
     position filter removed, taken as white. One joint after the other, for the sake of memory.
     """
     signals, span, places = motion.signals, motion.span, motion.decimation.kept[::stride]
-    share_above = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
+    empty_share = max(1.0 - 2.0 * motion.cutoff / signals.rate, _LEAST_BAND)
     random = np.random.default_rng(0)
     filtered = partial(zero_phase_butterworth, rate=signals.rate, cutoff=cutoff, order=motion.order)
     made = np.empty((7, len(places), signals.position.shape[1]))
     for joint in range(made.shape[2]):
         position, torque = signals.position[:, [joint]], signals.torque[:, [joint]]
-        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(share_above)
+        size = np.std((position - motion.position[:, [joint]])[span]) / np.sqrt(empty_share)
         again = position + size * random.standard_normal(position.shape)
         for first, values in ((0, position), (3, again)):
             states = motion.derivatives_of(filtered(values), 0, span.stop - span.start)

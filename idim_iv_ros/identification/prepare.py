@@ -28,21 +28,11 @@ ARMATURE_MISSING = (
 class PreparedRegression:
     """Everything that the rows of the regression are made from.
 
-    Attributes
-    ----------
-    configuration : Configuration
-    session : Session
-        The recordings in their order, and the time that they share.
-    model : InverseModel
-    cutoffs : Cutoffs
-    minimum_speed : (n_joints,) rad/s
-    motions : tuple of Motion
-    still : tuple of str
-        Joints that stand still in all recordings.
-    reasons : tuple of str
-        What was proposed or decided while filtering, and why.
-    advice : tuple of str
-        What to add to the configuration, because the recordings hold more than it names.
+    - `session`: the recordings in their order, and the time that they share
+    - `minimum_speed`: (n_joints,) rad/s
+    - `still`: joints that stand still in all recordings
+    - `reasons`: what was proposed or decided while filtering, and why
+    - `advice`: what to add to the configuration, because the recordings hold more than it names
     """
 
     configuration: Configuration
@@ -57,7 +47,7 @@ class PreparedRegression:
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
-        """In the order of the session, as `motions`."""
+        """The recordings in the order of the session, as `motions`."""
         return self.session.recordings
 
     @property
@@ -117,10 +107,7 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     Recordings are put in the order of their session first (`session_of`): the order in which they
     are given changes nothing.
 
-    Raises
-    ------
-    UsageError, DataError
-        See `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
+    Raises UsageError or DataError: see `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
     """
     session = session_of(recordings)
     recordings = session.recordings
@@ -203,10 +190,7 @@ def configured_request(configuration: Configuration) -> Request:
 def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) -> None:
     """Refuse rows that cannot determine the base parameters, and list those they cannot.
 
-    Raises
-    ------
-    DataError
-        A joint without rows, or parameters that the motion does not show.
+    Raises DataError: a joint without rows, or parameters that the motion does not show.
     """
     names = prepared.model.base.names
     where = ", ".join(recording.path.name for recording in prepared.recordings)
@@ -233,10 +217,7 @@ def description_text(
 ) -> tuple[str, str]:
     """URDF of the robot, of the configuration or else of a recording, and what to call it.
 
-    Raises
-    ------
-    UsageError
-        There is none, or it cannot be read.
+    Raises UsageError: there is none, or it cannot be read.
     """
     path = configuration.robot.description
     if path is not None:

@@ -25,17 +25,8 @@ _INTERVAL = 1.96
 class RefinedEstimate:
     """A base parameter of the refined estimate (equation 12).
 
-    Attributes
-    ----------
-    name, expression, unit : str
-    value, std : float
-    relative_std_percent : float or None
-        100 std / |value|, whatever is given; None where the value is zero.
-    essential : bool
-    ls_value : float
-        Joint-weighted IDIM-LS on the same rows.
-    given_value : float or None
-        What the URDF and the configuration hold.
+    - `relative_std_percent`: 100 std / |value|, whatever is given; None where the value is zero
+    - `ls_value`: joint-weighted IDIM-LS on the same rows
     """
 
     name: str
@@ -58,21 +49,13 @@ class ParameterEstimate(RefinedEstimate):
     """A base parameter, estimated with all others; the standard deviation knows the
     autocorrelation of the residual.
 
-    Attributes
-    ----------
-    white_std : float
-        What the deviation would be if the residual were white: too small when it is not.
-    essential_value, essential_std : float or None
-        Estimate with only the essential parameters in the model; None for the others.
-    ls_std : float
-        Of `ls_value`.
-    ordinary_ls_value : float
-        IDIM-LS with the same weight for all rows.
-    non_negative : bool
-        Whether physics forbids a negative value.
-    remark, essential_remark : str
-        What forbids to rely on `value` and on `essential_value`, whatever is given: `IMPOSSIBLE`,
-        `NOT_SIGNIFICANT`, or nothing.
+    - `white_std`: what the deviation would be if the residual were white: too small when it is not
+    - `essential_value`, `essential_std`: estimate with only the essential parameters in the model;
+      None for the others
+    - `ordinary_ls_value`: IDIM-LS with the same weight for all rows
+    - `non_negative`: whether physics forbids a negative value
+    - `remark`, `essential_remark`: what forbids to rely on `value` and on `essential_value`,
+      whatever is given: `IMPOSSIBLE`, `NOT_SIGNIFICANT`, or nothing
     """
 
     white_std: Number
@@ -114,18 +97,9 @@ class Refined:
 class InstrumentReport:
     """Where the instruments came from and what the tests say of them.
 
-    Attributes
-    ----------
-    accepted : bool or None
-        Whether Π = I is accepted at all joints; None where it could not be tested.
-    alpha : float
-    source : str
-        In words; for IDIM-LS that there are none.
-    failures : tuple of str
-        Sources that were tried before and failed, with the reason.
-    notes : tuple of str
-    tests : tuple of HypothesisTest
-        All rows first, then joint by joint.
+    - `accepted`: whether Π = I is accepted at all joints; None where it could not be tested
+    - `source`: in words; for IDIM-LS that there are none
+    - `failures`: sources that were tried before and failed, with the reason
     """
 
     accepted: bool | None
@@ -140,12 +114,7 @@ class InstrumentReport:
 class JointTests:
     """One kind of test at every joint.
 
-    Attributes
-    ----------
-    accepted : bool or None
-        The outcome over all rows, whatever is given; None where there is none.
-    alpha : float
-    tests : tuple of HypothesisTest
+    - `accepted`: the outcome over all rows, whatever is given; None where there is none
     """
 
     accepted: bool | None = None
@@ -161,15 +130,11 @@ class JointTests:
 class JointResidual(ResidualDiagnosis):
     """The residual of one joint and the verdict on its estimates.
 
-    Attributes
-    ----------
-    verdict, sentence : str
-        For programs, and in words.
-    rows : int or None
-        Over which `rms` is taken; None in an older document.
-    mean_square_freedom : float or None
-        Degrees of freedom that one row adds to the mean square of the residual (1: independent
-        and Gaussian), by its scatter from second to second; None where that is not known.
+    - `verdict`, `sentence`: for programs, and in words
+    - `rows`: over which `rms` is taken; None in an older document
+    - `mean_square_freedom`: degrees of freedom that one row adds to the mean square of the residual
+      (1: independent and Gaussian), by its scatter from second to second; None where that is not
+      known
     """
 
     verdict: Verdict
@@ -193,21 +158,13 @@ class FittedGain:
 class Fit:
     """How well the model describes the torque.
 
-    Attributes
-    ----------
-    relative_error_percent : float
-        100 ‖y - X β̂‖ / ‖y‖ over the rows that count.
-    ls_relative_error_percent : float
-        The same for joint-weighted IDIM-LS.
-    condition_number : float
-        Of the stacked, unweighted regressor matrix.
-    samples : int
-        Rows that count.
-    base_parameters, essential_parameters : int
-    essential_p_value : float
-        F-test of the null hypothesis that the parameters that are not essential are zero.
-    joint_relative_error_percent : dict of joint to float or None
-        100 ‖y_j - X_j β̂‖ / ‖y_j‖ of each joint; None where its torque is zero.
+    - `relative_error_percent`: 100 ‖y - X β̂‖ / ‖y‖ over the rows that count
+    - `ls_relative_error_percent`: the same for joint-weighted IDIM-LS
+    - `condition_number`: of the stacked, unweighted regressor matrix
+    - `essential_p_value`: F-test of the null hypothesis that the parameters that are not essential
+      are zero
+    - `joint_relative_error_percent`: dict of joint to float or None, 100 ‖y_j - X_j β̂‖ / ‖y_j‖ of
+      each joint; None where its torque is zero
     """
 
     relative_error_percent: Number
@@ -224,16 +181,10 @@ class Fit:
 class BagSummary:
     """One recording: what was in it and what was dropped.
 
-    Attributes
-    ----------
-    rate, duration
-        Hz, s.
-    session_start
-        Of this recording in the time of the session, s.
-    dropped : dict
-        Decimated joint samples that do not count, by reason.
-    frozen : tuple of FrozenStretches
-        Channels that held their last value while the joint moved.
+    - `rate`, `duration`: Hz, s
+    - `session_start`: of this recording in the time of the session, s
+    - `dropped`: decimated joint samples that do not count, by reason
+    - `frozen`: channels that held their last value while the joint moved
     """
 
     path: str

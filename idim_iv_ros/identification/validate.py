@@ -58,7 +58,7 @@ class Validation:
 
     @property
     def models(self) -> list[AutoregressiveModel]:
-        """Of the residual of each joint."""
+        """Autoregressive models of the residuals of the joints."""
         models = (residual.autoregression for residual in self.residuals)
         return [model for model in models if model is not None]
 
@@ -195,9 +195,8 @@ def functions_of_motion(
     peaks = np.maximum(np.max(speeds, axis=0), np.finfo(float).tiny)  # it divides
     parts: list[dict[str, list[FloatArray]]] = [{} for _ in joints]
     for motion, states in zip(motions, instruments.states, strict=True):
-        done = 0
         for chunk in motion.decimation.chunks(CHUNK):
-            kept = motion.kept[done : done + len(chunk.kept)]
+            kept = motion.kept[chunk.places]
             q, dq, ddq = states(chunk.first, chunk.last)
             shared = {
                 family: motion.decimation.apply(functions, chunk)
@@ -207,5 +206,4 @@ def functions_of_motion(
                 of_speed = motion.decimation.apply(speed_functions(joint, dq, peaks[joint]), chunk)
                 for family, functions in {**shared, SPEED: of_speed}.items():
                     parts[joint].setdefault(family, []).append(functions[kept[:, joint]])
-            done += len(chunk.kept)
     return [{family: np.concatenate(blocks) for family, blocks in part.items()} for part in parts]

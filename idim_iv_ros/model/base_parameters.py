@@ -108,13 +108,8 @@ def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, 
     Mixtures show every dependence of the columns that the rows themselves show, however many
     parameters a single joint depends on, with a row for each state instead of one for each joint.
 
-    Returns
-    -------
-    rows : (n_states, n_standard)
-    squares : (n_standard,)
-        Of the columns, over the rows of all joints.
-    largest : (n_joints, n_standard)
-        Magnitude of each joint's entries.
+    Returns rows (n_states, n_standard); squares (n_standard,): of the columns, over the rows of all
+    joints; largest (n_joints, n_standard): magnitude of each joint's entries.
     """
     joints, parameters = len(regressor.robot.order), len(regressor.layout.parameters)
     states = _random_states(regressor.robot.limits, parameters)
@@ -176,11 +171,8 @@ def independent_columns(columns: FloatArray, tolerance: float) -> tuple[IntArray
     - `columns`: (r, c) of norm one, or zero
     - `tolerance`: norm that is left of a column when it counts
 
-    Returns
-    -------
-    kept : (rank,) int, increasing
-    basis : (r, rank)
-        Orthonormal, of the span of the columns that are kept.
+    Returns kept (rank,) int, increasing; basis (r, rank): orthonormal, of the span of the columns
+    that are kept.
     """
     rows, count = columns.shape
     basis = np.empty((rows, min(rows, count)), order="F")

@@ -79,10 +79,7 @@ class InverseModel:
 def configured_robot(configuration: Configuration, urdf: str, source: str) -> RobotModel:
     """Build the robot of a configuration from URDF text; `source` is its name in messages.
 
-    Raises
-    ------
-    UsageError
-        A singular transmission; see `load_robot` for the rest.
+    Raises UsageError: a singular transmission; see `load_robot` for the rest.
     """
     for key in ("motor_to_joint", "motor_to_joint_torque"):
         matrix = getattr(configuration.robot, key)
@@ -114,10 +111,7 @@ def _couplings(configuration: Configuration) -> list[tuple[int, int]]:
 def build_inverse_model(configuration: Configuration, urdf: str, source: str) -> InverseModel:
     """Build the model of a configuration from URDF text.
 
-    Raises
-    ------
-    UsageError
-        See `load_robot`; or an excluded parameter that the model does not have.
+    Raises UsageError: see `load_robot`; or an excluded parameter that the model does not have.
     """
     robot = configured_robot(configuration, urdf, source)
     layout = parameter_layout(
@@ -158,10 +152,8 @@ def require_same_robot(
 
     `source` names the URDF of `robot` in messages.
 
-    Raises
-    ------
-    UsageError
-        Joints have other names or another order, or are placed or turned differently.
+    Raises UsageError: joints have other names or another order, or are placed or turned
+    differently.
     """
     joints = configuration.robot.joints
     if list(result.joints) != joints:

@@ -75,7 +75,7 @@ def _turned_frames(model: pin.Model) -> list[FloatArray]:
 
 
 class LinkMotion(NamedTuple):
-    """Of each link, row 0 the base: placement in its parent, spin, and motion of its origin.
+    """Placement of every link in its parent, spin, and motion of its origin; row 0: the base.
 
     rotation, gradient : (n + 1, 3, 3); translation, spin, spin_rate, acceleration : (n + 1, 3)
     """

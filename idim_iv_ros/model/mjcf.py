@@ -39,11 +39,8 @@ def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
 
     - `text`: in place of that of the file, in whose folder it is read
 
-    Raises
-    ------
-    UsageError
-        MuJoCo is not installed or cannot read the file; a mesh that the inertia of a moving body
-        needs is missing.
+    Raises UsageError: MuJoCo is not installed or cannot read the file; a mesh that the inertia of a
+    moving body needs is missing.
     """
     mujoco, spec, model = compiled_mjcf(path, text)
     return _Writer(mujoco, model, spec.modelname or path.stem).text()
@@ -52,10 +49,7 @@ def mjcf_as_urdf(path: Path, text: str | None = None) -> str:
 def compiled_mjcf(path: Path, text: str | None = None) -> tuple[Any, Any, Any]:
     """Return the module `mujoco`, the specification and the model, without drawings.
 
-    Raises
-    ------
-    UsageError
-        As `mjcf_as_urdf`.
+    Raises UsageError: as `mjcf_as_urdf`.
     """
     mujoco = load_mujoco(f"{path}: an MJCF file")
     with mujoco_reads(path):
@@ -119,9 +113,9 @@ class _Writer:
 
     def text(self) -> str:
         root = ElementTree.Element("robot", name=self.name)
-        more = ElementTree.SubElement(root, EXTENSION, source="mjcf")
+        extension = ElementTree.SubElement(root, EXTENSION, source="mjcf")
         for note in notes(self.mujoco, self.model):
-            ElementTree.SubElement(more, "note").text = note
+            ElementTree.SubElement(extension, "note").text = note
         self.names = _joint_names(self.model)
         self.tied = tied_joints(self.mujoco, self.model)
         self.extra = extra_forces(self.mujoco, self.model)
@@ -192,14 +186,14 @@ class _Writer:
             ElementTree.SubElement(joint, "axis", xyz=_numbers(axis))
             self._numbers_of(joint, index, limited)
         _origin(joint, placement)
-        more = ElementTree.SubElement(joint, EXTENSION)
+        extension = ElementTree.SubElement(joint, EXTENSION)
         if hinge or slide:
             dof = int(model.jnt_dofadr[index])
-            more.set("armature", _numbers([model.dof_armature[dof] + self._motor(index)[1]]))
-            more.set("rest", _numbers([self.home[place]]))
+            extension.set("armature", _numbers([model.dof_armature[dof] + self._motor(index)[1]]))
+            extension.set("rest", _numbers([self.home[place]]))
         for key, reasons in (("tied", self.tied), ("beyond", self.extra)):
             if index in reasons:
-                more.set(key, reasons[index])
+                extension.set(key, reasons[index])
         return pin.SE3.Identity(), anchor
 
     def _numbers_of(self, joint: ElementTree.Element, index: int, limited: bool) -> None:

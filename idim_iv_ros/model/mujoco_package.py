@@ -18,10 +18,7 @@ def load_mujoco(needed_for: str) -> Any:
 
     - `needed_for`: what needs it, in words: the beginning of the message
 
-    Raises
-    ------
-    UsageError
-        It is not installed, or cannot be loaded.
+    Raises UsageError: it is not installed, or cannot be loaded.
     """
     try:
         return import_module("mujoco")
@@ -52,10 +49,7 @@ def mujoco_warnings() -> Iterator[list[str]]:
 def mujoco_reads(path: object) -> Iterator[None]:
     """Say in one line of a file what MuJoCo says in several, or only warns of.
 
-    Raises
-    ------
-    UsageError
-        MuJoCo refuses the file, or a number in it is NaN.
+    Raises UsageError: MuJoCo refuses the file, or a number in it is NaN.
     """
     problem = ""
     with mujoco_warnings() as warned:

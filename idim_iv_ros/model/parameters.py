@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -60,7 +60,6 @@ def unit_at(unit: str, joint_type: str, effort_unit: str = "N m") -> str:
 
     - `unit`: as it is at a revolute joint whose effort is a torque in N m: ``rad``, ``mrad/s``,
       ``N m s/rad``, ``kg m²``
-    - `joint_type`: ``revolute`` or ``prismatic``
     - `effort_unit`: ``N m``, or ``A`` or ``V`` where the effort is a motor current or voltage
     """
     slides = joint_type == "prismatic"
@@ -108,6 +107,14 @@ class DynamicParameters:
     coupling_viscous: FloatArray
     coupling_coulomb: FloatArray
 
+    @classmethod
+    def zero(cls, joints: int, couplings: Sequence[tuple[int, int]]) -> "DynamicParameters":
+        """Parameters of zero for so many joints, of which these pairs are coupled."""
+        pairs = np.array(couplings, dtype=np.int64).reshape(-1, 2)
+        values: list[Any] = [np.zeros((joints, 10)), *np.zeros((4, joints)), pairs]
+        values += [*np.zeros((3, len(pairs)))]
+        return cls(*values)
+
     @property
     def of_bodies(self) -> FloatArray:
         """XX … M of each link, (n_joints, 10)."""
@@ -116,26 +123,20 @@ class DynamicParameters:
     @property
     def of_links(self) -> "DynamicParameters":
         """The rigid bodies alone: without drives, friction and offsets."""
-        nothing, uncoupled = np.zeros_like(self.viscous), np.zeros_like(self.coupling_inertia)
-        return replace(self.without_friction, drive_inertia=nothing, coupling_inertia=uncoupled)
+        return self.without_friction._without("drive_inertia", "coupling_inertia")
 
     @property
     def without_friction(self) -> "DynamicParameters":
-        """The same without friction and offsets."""
-        nothing, uncoupled = np.zeros_like(self.viscous), np.zeros_like(self.coupling_viscous)
-        return replace(
-            self,
-            viscous=nothing,
-            coulomb=nothing,
-            offset=nothing,
-            coupling_viscous=uncoupled,
-            coupling_coulomb=uncoupled,
-        )
+        """These parameters without friction and offsets."""
+        return self._without("viscous", "coulomb", "offset", "coupling_viscous", "coupling_coulomb")
 
     @property
     def without_dry_friction(self) -> "DynamicParameters":
-        """The same without the joints' own dry friction."""
-        return replace(self, coulomb=np.zeros_like(self.coulomb))
+        """These parameters without dry friction, but that of couplings."""
+        return self._without("coulomb")
+
+    def _without(self, *terms: str) -> "DynamicParameters":
+        return replace(self, **{term: np.zeros_like(getattr(self, term)) for term in terms})
 
     @property
     def of_drives(self) -> dict[str, FloatArray]:
@@ -186,23 +187,12 @@ class ParameterLayout:
 
     def dynamic_parameters(self, vector: FloatArray) -> DynamicParameters:
         """Shape a vector (n_standard,) for dynamics; terms outside the layout are zero."""
-        pairs = np.array(self.coupling_joints, dtype=np.int64).reshape(-1, 2)
-        values = DynamicParameters(
-            inertial=np.zeros((self.joints, 10)),
-            drive_inertia=np.zeros(self.joints),
-            viscous=np.zeros(self.joints),
-            coulomb=np.zeros(self.joints),
-            offset=np.zeros(self.joints),
-            coupling_joints=pairs,
-            coupling_inertia=np.zeros(len(pairs)),
-            coupling_viscous=np.zeros(len(pairs)),
-            coupling_coulomb=np.zeros(len(pairs)),
-        )
+        values = DynamicParameters.zero(self.joints, self.coupling_joints)
         for number, parameter in zip(vector, self.parameters, strict=True):
             place = values.value_of(parameter)
             assert place is not None
             place[...] = number
-        values.coupling_inertia[:] = values.drive_inertia[pairs[:, 1]]
+        values.coupling_inertia[:] = values.drive_inertia[values.coupling_joints[:, 1]]
         return values
 
 
@@ -216,9 +206,7 @@ def parameter_layout(
 ) -> ParameterLayout:
     """List the standard parameters of a robot.
 
-    - `joint_types`: one for each joint, in order
     - `friction`: any of ``viscous``, ``coulomb``, ``offset``
-    - `drive_inertia`: whether each drive has an inertia of its own
     - `couplings`: pairs of joint indices (a, b) coupled by a transmission; named by b
     - `effort_unit`: unit of the torque side of the model; with ``A`` or ``V`` all units follow
     """

@@ -158,9 +158,7 @@ class StandardRegressor:
 
         - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
 
-        Returns
-        -------
-        (n_samples, n_joints, n_standard)
+        Returns (n_samples, n_joints, n_standard).
         """
         samples, joints = q.shape
         matrix = np.zeros((samples, joints, len(self.layout.parameters)))

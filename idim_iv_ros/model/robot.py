@@ -70,7 +70,6 @@ def load_robot(
 ) -> RobotModel:
     """Build the model of the identified joints from URDF text.
 
-    - `urdf`: the text of the URDF
     - `joints`: names of the identified joints; every other joint is locked at neutral
     - `gravity`: (3,) m/s² in the base frame
     - `armature`: (n_joints,) drive inertia of the nominal model, joint side, kg m²; None: that of
@@ -78,11 +77,8 @@ def load_robot(
     - `couplings`: pairs of indices of joints that a transmission couples
     - `source`: what to call the URDF in messages
 
-    Raises
-    ------
-    UsageError
-        Not a URDF, a joint that it does not have or that is not revolute or prismatic, or links
-        and joints that no robot can have (`judge_urdf`).
+    Raises UsageError: not a URDF, a joint that it does not have or that is not revolute or
+    prismatic, or links and joints that no robot can have (`judge_urdf`).
     """
     description = read_urdf_text(urdf, source)
     types = tuple(_joint_type(description, joint, source) for joint in joints)
@@ -156,10 +152,7 @@ def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[
 
     Links and joints are never looked up by name, since a link and a joint may share theirs.
 
-    Returns
-    -------
-    pinocchio.Model, list of str
-        The joints in the order of the tree.
+    Returns the model and the names of its joints in the order of the tree.
     """
     model, tree = pin.Model(), []
     # Of each link: the identified joint that carries it, and its placement in that joint's frame.
@@ -213,23 +206,15 @@ def _given(
     armature: Sequence[float] | None,
     couplings: Sequence[tuple[int, int]],
 ) -> DynamicParameters:
-    n = len(elements)
-    inertial = np.zeros((n, 10))
+    given = DynamicParameters.zero(len(elements), couplings)
     for tree, joint in enumerate(order):
-        inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
+        given.inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
     of_file = [joint.armature for joint in elements]
-    drive_inertia = np.asarray(of_file if armature is None else armature, dtype=float)
-    return DynamicParameters(
-        inertial=inertial,
-        drive_inertia=drive_inertia,
-        viscous=np.array([joint.damping for joint in elements]),
-        coulomb=np.array([joint.friction for joint in elements]),
-        offset=np.zeros(n),
-        coupling_joints=np.array(couplings, dtype=np.int64).reshape(-1, 2),
-        coupling_inertia=np.array([drive_inertia[second] for _, second in couplings]),
-        coupling_viscous=np.zeros(len(couplings)),
-        coupling_coulomb=np.zeros(len(couplings)),
-    )
+    given.drive_inertia[:] = of_file if armature is None else armature
+    given.coupling_inertia[:] = given.drive_inertia[given.coupling_joints[:, 1]]
+    given.viscous[:] = [joint.damping for joint in elements]
+    given.coulomb[:] = [joint.friction for joint in elements]
+    return given
 
 
 def kinematics_digest(robot: RobotModel) -> str:

@@ -65,12 +65,8 @@ def _posture(robot: RobotModel) -> FloatArray:
     """Positions (n_joints,) in the order of the tree."""
     lower, upper = robot.limits.lower, robot.limits.upper
     limited = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.where(
-        limited, 0.5 * (np.where(limited, lower, 0.0) + np.where(limited, upper, 0.0)), 0.0
-    )
-    half = np.where(
-        limited, 0.5 * (np.where(limited, upper, 0.0) - np.where(limited, lower, 0.0)), np.pi
-    )
+    lower, upper = np.where(limited, lower, -np.pi), np.where(limited, upper, np.pi)
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     revolute = np.array([joint_kind == "revolute" for joint_kind in robot.joint_types])
     sign = np.where(np.arange(len(middle)) % 2 == 0, 1.0, -1.0)
     position = middle + sign * np.where(revolute, np.minimum(_BEND * half, _MOST_BEND), 0.0)

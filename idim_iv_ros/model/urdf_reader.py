@@ -37,10 +37,7 @@ def read_urdf_file(path: Path) -> str:
 
     Of an MJCF file that of a URDF with the same bodies and joints (`mjcf_as_urdf`).
 
-    Raises
-    ------
-    UsageError
-        The file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
+    Raises UsageError: the file cannot be read, is no text, or is an MJCF that MuJoCo cannot read.
     """
     text = _description(path)
     return mjcf_as_urdf(path) if is_mjcf(text) else text
@@ -64,14 +61,9 @@ def decoded_urdf(content: bytes) -> str:
 def read_urdf_text(urdf: str, source: str) -> Urdf:
     """Read a URDF; geometry, meshes, transmissions and extensions are passed over.
 
-    - `urdf`: the text
-    - `source`: what to call it in messages
 
-    Raises
-    ------
-    UsageError
-        Not XML, not a URDF, numbers that are none, or links and joints that form no tree. All
-        problems are listed in one line.
+    Raises UsageError: not XML, not a URDF, numbers that are none, or links and joints that form no
+    tree. All problems are listed in one line.
     """
     root = _element_tree(urdf, source)
     reader = _Reader()
@@ -80,9 +72,10 @@ def read_urdf_text(urdf: str, source: str) -> Urdf:
     refuse(source, reader.problems)
     base, problems = base_link(links, joints)
     refuse(source, problems)
-    more = root.find(EXTENSION)
-    notes = () if more is None else tuple(note.text or "" for note in more.findall("note"))
-    return Urdf(root.get("name", ""), base, links, joints, more is not None, notes)
+    extension = root.find(EXTENSION)
+    notes = [] if extension is None else extension.findall("note")
+    sentences = tuple(note.text or "" for note in notes)
+    return Urdf(root.get("name", ""), base, links, joints, extension is not None, sentences)
 
 
 def _element_tree(urdf: str, source: str) -> ElementTree.Element:
@@ -190,13 +183,14 @@ class _Reader:
 
     def _beyond(self, element: ElementTree.Element, where: str) -> dict[str, Any]:
         """What ties a joint, and what an MJCF says of it and a URDF does not."""
-        more, mimic = element.find(EXTENSION), element.find("mimic")
-        if more is None:
+        extension, mimic = element.find(EXTENSION), element.find("mimic")
+        if extension is None:
             if mimic is None:
                 return {}
             return {"tied": f"made to follow {quoted(mimic.get('joint', 'another'))} by <mimic>"}
-        numbers = {key: self._number(more, key, where, "0") for key in ("armature", "rest")}
-        return {**numbers, "tied": more.get("tied", ""), "beyond": more.get("beyond", "")}
+        numbers = {key: self._number(extension, key, where, "0") for key in ("armature", "rest")}
+        words = {key: extension.get(key, "") for key in ("tied", "beyond")}
+        return {**numbers, **words}
 
     def _limits(self, element: ElementTree.Element, where: str) -> dict[str, float]:
         limit = self._only(element, "limit", where)

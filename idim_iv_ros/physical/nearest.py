@@ -23,7 +23,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.physical.pseudo_inertia import (
-    TRIANGLE,
+    UNITS,
     ConicProblem,
     Coordinates,
     ReferenceLink,
@@ -67,18 +67,12 @@ def nearest_physical(
     """Find the physically consistent parameters nearest to an estimate.
 
     - `robot`: its given parameters are the nominal model
-    - `values`: (b,), β̂
     - `covariance`: (b, b), rows of zeros: not shown by the recording
     - `judge`: what judges the torque of both; None: not judged
     - `shared`: friction parameters that are not bounded, because an effect shares them: only the
       sum takes energy
 
-    Raises
-    ------
-    DataError
-        The solver found none.
-    ImportError
-        clarabel is not installed.
+    Raises DataError: the solver found none; ImportError: clarabel is not installed.
     """
     begin = time.perf_counter()
     given = base.layout.vector(robot.given)
@@ -195,12 +189,7 @@ def nearest_body(
     - `places`: (k,), which of XX … M are known
     - `values`, `std`: (k,)
 
-    Raises
-    ------
-    DataError
-        The solver found none.
-    ImportError
-        clarabel is not installed.
+    Raises DataError: the solver found none; ImportError: clarabel is not installed.
     """
     rows, none = link.to_parameters[list(places)], np.zeros(0)
     problem = ConicProblem(
@@ -274,18 +263,12 @@ def _standard_deviations(
     bounded: NDArray[np.bool_],
     scale: FloatArray,
 ) -> FloatArray:
-    """Of π* by the noise of β̂ alone, to first order: dπ*/dβ̂ is constant near the optimum."""
+    """Deviations of π* by the noise of β̂ alone; dπ*/dβ̂ is constant near the optimum."""
     links = len(coordinates.links)
     hessian = 2.0 * matrix.T @ matrix
     for link in range(links):
         places = slice(10 * link, 10 * link + 10)
-        units = np.zeros((10, 4, 4))
-        matrix_of_link = np.zeros((4, 4))
-        for place, (row, column) in enumerate(TRIANGLE):
-            units[place, row, column] = units[place, column, row] = 1.0
-            matrix_of_link += x[10 * link + place] * units[place]
-        inverse = np.linalg.inv(matrix_of_link)
-        turned = inverse @ units
+        turned = np.linalg.inv(np.tensordot(x[places], UNITS, 1)) @ UNITS
         hessian[places, places] += TIE_BREAKER * np.einsum("aij,bji->ab", turned, turned)
     drives = np.arange(len(scale)) + 10 * links
     hessian[drives, drives] += 2.0 * TIE_BREAKER / scale**2

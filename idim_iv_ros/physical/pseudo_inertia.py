@@ -36,6 +36,9 @@ from idim_iv_ros.types import FloatArray, IntArray
 _LEAST_SHARE = 1e-4
 _LEAST_VARIANCE = 1e-12  # of a correlation matrix
 TRIANGLE = tuple((row, column) for row in range(4) for column in range(row + 1))
+UNITS = np.zeros((10, 4, 4))  # symmetric matrices that `TRIANGLE` lists the entries of
+for _place, (_row, _column) in enumerate(TRIANGLE):
+    UNITS[_place, _row, _column] = UNITS[_place, _column, _row] = 1.0
 
 
 def _basis() -> FloatArray:
@@ -75,10 +78,8 @@ def inertial_parameters(matrix: FloatArray) -> FloatArray:
         elif name.startswith("M"):
             parameters[place] = matrix["XYZ".index(name[1]), 3]
         else:
-            first, second_axis = ("XYZ".index(letter) for letter in name)
-            parameters[place] = (trace if first == second_axis else 0.0) - second[
-                first, second_axis
-            ]
+            row, column = ("XYZ".index(letter) for letter in name)
+            parameters[place] = (trace if row == column else 0.0) - second[row, column]
     return parameters
 
 
@@ -113,12 +114,8 @@ class ReferenceLink:
     @cached_property
     def to_parameters(self) -> FloatArray:
         """(10, 10): XX … M of the lower triangle of J̃, row by row."""
-        columns = []
-        for row, column in TRIANGLE:
-            unit = np.zeros((4, 4))
-            unit[row, column] = unit[column, row] = 1.0
-            columns.append(inertial_parameters(self.factor @ unit @ self.factor.T))
-        return np.column_stack(columns)
+        bodies = (self.factor @ unit @ self.factor.T for unit in UNITS)
+        return np.column_stack([inertial_parameters(body) for body in bodies])
 
     def relative(self, parameters: FloatArray) -> FloatArray:
         """J̃ (4, 4) of XX … M (10,): the unit matrix for the nominal link."""
@@ -126,10 +123,7 @@ class ReferenceLink:
         return np.linalg.solve(self.factor, left.T).T
 
     def eigenvalues(self, parameters: FloatArray) -> FloatArray:
-        """Of J (4,), kg, ascending; lengths in radii of gyration of the nominal link.
-
-        About the origin of the joint frame.
-        """
+        """Eigenvalues of J (4,), kg, ascending; lengths in nominal radii of gyration."""
         radius = float(np.linalg.norm(self.factor[:3])) / self.factor[3, 3]
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
         return np.asarray(np.linalg.eigvalsh(scale @ pseudo_inertia(parameters) @ scale))
@@ -138,10 +132,7 @@ class ReferenceLink:
 def upper_root(matrix: FloatArray) -> FloatArray:
     """U, upper triangular, with U Uᵀ a positive definite matrix.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        It is not positive definite.
+    Raises numpy.linalg.LinAlgError: it is not positive definite.
     """
     flipped = np.linalg.cholesky(matrix[::-1, ::-1])
     return np.asarray(flipped[::-1, ::-1])
@@ -230,12 +221,7 @@ class ConicProblem:
     def solve(self) -> FloatArray:
         """(10 n + k,) x.
 
-        Raises
-        ------
-        DataError
-            The solver found no solution.
-        ImportError
-            clarabel is not installed.
+        Raises DataError: the solver found no solution; ImportError: clarabel is not installed.
         """
         import clarabel
 

@@ -97,12 +97,7 @@ def spread_remainder(
     - `named`: standard parameters that a cause names
     - `unbounded`: friction parameters that may be below zero, because an effect shares them
 
-    Raises
-    ------
-    DataError
-        The solver found none.
-    ImportError
-        clarabel is not installed.
+    Raises DataError: the solver found none; ImportError: clarabel is not installed.
     """
     joints = len(robot.joints)
     coordinates = Coordinates.of(robot, base, standard, loads)
@@ -177,10 +172,10 @@ def _uncertainty(
     before: Coordinates,
     after: Coordinates,
 ) -> Uncertainty:
-    """Of the posterior; `before`, `after`: coordinates of the prior and of its maximum."""
-    alike = replace(prior, groups=prior.groups // joints)
-    sizes = np.maximum(_sizes(matrix, missing, alike, 2), _LEAST_OF_UNSHOWN)
-    deviations = np.sqrt(alike.variances(sizes))
+    """Uncertainty of the posterior; `before`, `after`: coordinates of prior and maximum."""
+    shared = replace(prior, groups=prior.groups // joints)
+    sizes = np.maximum(_sizes(matrix, missing, shared, 2), _LEAST_OF_UNSHOWN)
+    deviations = np.sqrt(shared.variances(sizes))
     _, shown, directions = np.linalg.svd(matrix * deviations)
     left = np.ones(len(deviations))
     left[: len(shown)] = 1.0 / np.sqrt(1.0 + shown**2)
@@ -204,7 +199,7 @@ def _prior(
     named: Collection[str],
     joints: int,
 ) -> _Prior:
-    """Of links by their pseudo-inertia; of drives by their value, at least the median of a kind."""
+    """Prior of links by their pseudo-inertia, of drives by value, at least the median of a kind."""
     parameters = base.layout.parameters
     triangle = np.array([1.0 if row == column else 0.5 for row, column in TRIANGLE])
     bodies = len(coordinates.links)

@@ -88,7 +88,6 @@ class PhysicalParameters:
       parameters
     - `shared`: friction parameters without a bound: an effect at the same joint shares them, and
       only the sum takes energy
-    - `seconds`: what it took
     - `covariance`: (b, b), of the estimates in `base`, in their order and the products of their
       units; rows of zeros are not shown by the recording. None in documents of before.
     """

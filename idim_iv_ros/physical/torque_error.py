@@ -57,7 +57,7 @@ class Judge:
         return estimates
 
     def _error(self, estimates: Sequence[FloatArray]) -> float:
-        """Of one estimate for each quarter, %."""
+        """Relative torque error of one estimate for each quarter, %."""
         error = torque = 0.0
         for part, values in zip(self._parts, estimates, strict=True):
             for rows, sigma in zip(part, self._sigma, strict=True):

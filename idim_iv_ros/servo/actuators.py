@@ -51,12 +51,7 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
     - `configuration`: of an MJCF everything else stays; of a URDF the shapes are left out
     - `urdf`: text of the description, where it is no MJCF
 
-    Raises
-    ------
-    DataError
-        No joint has absolute numbers.
-    UsageError
-        MuJoCo is not installed.
+    Raises DataError: no joint has absolute numbers; UsageError: MuJoCo is not installed.
     """
     absolute = [joint for joint in result.joints if joint.absolute]
     if not absolute:
@@ -179,10 +174,7 @@ def servo_configuration(
 def require_servo_files(out: Path, *, force: bool) -> None:
     """Refuse to replace files that no earlier identification of servos wrote.
 
-    Raises
-    ------
-    UsageError
-        There is one.
+    Raises UsageError: there is one.
     """
     if force or (out / SERVO).is_file():
         return

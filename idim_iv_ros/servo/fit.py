@@ -140,7 +140,6 @@ def fit_drive(
     - `start`: where the search begins, and the value of what is not free
     - `free`: of `PARAMETERS`
     - `scale`: (8,) what is large for a parameter, in its unit
-    - `iterations`: at most
     - `tolerance`: share by which the cost must fall for another iteration
     """
     places = [PARAMETERS.index(name) for name in free]
@@ -207,9 +206,7 @@ def block_covariance(
     What the estimate changes by without each block (the jackknife over clusters). Combinations of
     parameters that change nothing get a variance without bound.
 
-    Returns
-    -------
-    covariance, blocks
+    Returns the covariance and the number of blocks.
     """
     names, place = np.unique(labels, return_inverse=True)
     count = len(names)
@@ -233,12 +230,8 @@ def block_covariance(
 def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
     """Factor of the gain or of the load of one run that suits a drive found on others.
 
-    - `what`: ``gain`` or ``load``
 
-    Returns
-    -------
-    factor, standard deviation
-        With what is not sure of the drive, and blocks that differ.
+    Returns the factor and its standard deviation, which allows for the uncertainty of the drive.
     """
 
     def residual(factor: float, drive: Drive) -> FloatArray:

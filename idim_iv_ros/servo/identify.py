@@ -132,10 +132,7 @@ def _motion(
 def _require_servo(where: str, motion: Motion, column: int) -> None:
     """Refuse what no servo records.
 
-    Raises
-    ------
-    DataError
-        Degrees, a command that is a copy of the position, or one that never moves.
+    Raises DataError: degrees, a command that is a copy of the position, or one that never moves.
     """
     command, position = motion.command[:, column], motion.position[:, column]
     if max(np.abs(command).max(), np.abs(position).max()) > LARGEST_ANGLE:

@@ -127,10 +127,7 @@ def fit_robot(
     Sensitivities are taken once; the rigid bodies' torques are taken again along the motion of
     every iteration. Joints are weighted by their residuals.
 
-    Returns
-    -------
-    estimates, loads
-        Loads along the last simulated motion.
+    Returns estimates, and loads along the last simulated motion.
     """
     drives = np.array([estimate.drive for estimate in estimates])
     spread = np.sqrt([np.diag(estimate.covariance) for estimate in estimates])
@@ -224,10 +221,7 @@ def fit_servos(
     Joint by joint first, with what the others do taken from the measured motion and then from a
     simulation of all; then all at once, because the joints act on one another.
 
-    Returns
-    -------
-    list
-        Runs and estimate of each joint.
+    Returns runs and estimate of each joint.
     """
     trajectories = [
         finer_motion(smooth_motion(motion.position, motion.rate), motion.finer)

@@ -26,10 +26,7 @@ class Segments(tuple[slice, ...]):
     def starts(self) -> IntArray:
         """(m + 1,) first row of each run, and the end of the last.
 
-        Raises
-        ------
-        ValueError
-            Runs that overlap or leave rows out.
+        Raises ValueError: runs that overlap or leave rows out.
         """
         starts = np.array([0] + [segment.stop for segment in self], dtype=np.int64)
         for segment, start in zip(self, starts, strict=False):
@@ -141,18 +138,12 @@ class AutoregressiveModel:
         contiguous in time. They must cover every row in order; rows of different segments are taken
         as independent.
 
-        Returns
-        -------
-        ndarray of the shape of `rows`.
+        Returns ndarray of the shape of `rows`.
         """
         return self._filtered(rows, segments, 1.0, whiten_lines)
 
     def _filtered(
-        self,
-        rows: FloatArray,
-        segments: Sequence[slice],
-        scale: float,
-        kernel: Callable[..., None],
+        self, rows: FloatArray, segments: Sequence[slice], scale: float, kernel: Callable[..., None]
     ) -> FloatArray:
         starts = _starts(segments, len(rows))
         if self.order == 0 or rows.size == 0:
@@ -174,9 +165,7 @@ class AutoregressiveModel:
         of each row on the regular grid of the series. Places further apart than the memory of the
         filter are taken as independent, so that recordings may be kept apart by any large step.
 
-        Returns
-        -------
-        (g, k) with g ≥ r: one row for each place of the grid that was filled.
+        Returns (g, k) with g ≥ r: one row for each place of the grid that was filled.
         """
         if len(rows) == 0 or self.order == 0:
             return np.array(rows, dtype=float)
@@ -228,15 +217,11 @@ def fit_autoregression(
     the exact start of every segment is r ln σ₀² + Σ_k n_k ln(1 − κ_k²); AIC adds 2 for each
     coefficient. The mean is not removed: an offset belongs to the model of the joint.
 
-    Parameters
-    ----------
-    residual : (r,) or (r, m)
-        Residual of one joint, y − X β̂; the energies of several columns are summed.
-    segments : sequence of slice
-        Rows that are contiguous in time.
-    max_order : int, optional
-        Highest order tried; by default 100 or, if that is lower, the order at which ten rows
-        with a full past are left for each coefficient.
+    - `residual`: (r,) or (r, m), residual of one joint, y − X β̂; the energies of several columns
+      are summed
+    - `segments`: rows that are contiguous in time
+    - `max_order`: highest order tried; by default 100 or, if that is lower, the order at which ten
+      rows with a full past are left for each coefficient
     """
     residual = np.asarray(residual, dtype=float)
     place = _place_in_segment(segments, len(residual))
@@ -259,14 +244,10 @@ def fit_autoregression(
 def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) -> FloatArray:
     """Reflection coefficients κ₁ … of Burg's recursion over all segments.
 
-    Parameters
-    ----------
-    series : (r,) or (r, m)
-        Several columns are realisations of one process: their energies are summed.
-    segments : sequence of slice
-        Rows that are contiguous in time.
-    order : int
-        How many are wanted; fewer are returned when nothing is left to predict.
+    - `series`: (r,) or (r, m), several columns are realisations of one process: their energies are
+      summed
+    - `segments`: rows that are contiguous in time
+    - `order`: how many are wanted; fewer are returned when nothing is left to predict
     """
     series = series.reshape(len(series), -1)
     reflections = np.empty(order)

@@ -15,20 +15,10 @@ def whiten_lines(
 ) -> None:
     """Apply a prediction-error filter within each segment.
 
-    Parameters
-    ----------
-    lines : (k, r)
-        One column of rows a line.
-    starts : (m + 1,) int
-        First row of each segment, and the number of rows.
-    polynomial : (p + 1,)
-        1, c₁ … c_p.
-    start : (p, p) lower triangular
-        Whitens the first p rows of a segment.
-    scale
-        Factor of the result.
-    whitened : (k, r)
-        Result.
+    - `lines`: (k, r), one column of rows a line
+    - `starts`: (m + 1,) int, first row of each segment, and the number of rows
+    - `polynomial`: (p + 1,), 1, c₁ … c_p
+    - `start`: (p, p) lower triangular, whitens the first p rows of a segment
     """
     order = len(polynomial) - 1
     for k in range(len(lines)):
@@ -87,18 +77,10 @@ def burg(
 ) -> int:
     """Write reflection coefficients and return how many there are.
 
-    Parameters
-    ----------
-    forward, backward : (r, m)
-        The series, twice; overwritten by its prediction errors.
-    place : (r,) int
-        How many predecessors each row has in its segment.
-    floor
-        Energy below which nothing is left to predict.
-    most
-        Modulus of a reflection coefficient, at most.
-    reflections : (order,)
-        Result.
+    - `forward`, `backward`: (r, m), the series, twice; overwritten by its prediction errors
+    - `place`: (r,) int, how many predecessors each row has in its segment
+    - `floor`: energy below which nothing is left to predict
+    - `most`: modulus of a reflection coefficient, at most
     """
     for step in range(1, len(reflections) + 1):
         energy, product = 0.0, 0.0

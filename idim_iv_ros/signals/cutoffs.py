@@ -24,16 +24,10 @@ _SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names no
 class Cutoffs:
     """What the signals are filtered with, and why.
 
-    Attributes
-    ----------
-    position, decimation : float
-        Hz.
-    factors : tuple of int
-        Decimation factor of each recording.
-    row_rate : float
-        Decimated samples per second, the same for all recordings, Hz.
-    reasons : tuple of str
-        One sentence for each value that was proposed or derived.
+    - `position`, `decimation`: Hz
+    - `factors`: decimation factor of each recording
+    - `row_rate`: decimated samples per second, the same for all recordings, Hz
+    - `reasons`: one sentence for each value that was proposed or derived
     """
 
     position: float
@@ -53,12 +47,8 @@ def choose_cutoffs(
 
     `records`: all recordings; `source`: the configuration file, for messages.
 
-    Raises
-    ------
-    UsageError
-        A cut-off contradicts a rate or the other cut-off.
-    DataError
-        No decimation brings all recordings to one rate.
+    Raises UsageError: a cut-off contradicts a rate or the other cut-off; DataError: no decimation
+    brings all recordings to one rate.
     """
     slowest = min(records, key=lambda record: record.rate)
     rate, name = slowest.rate, f" of {slowest.name}" if len(records) > 1 else ""
@@ -141,10 +131,7 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
     The noise floor is the median of the power spectral density (Welch) over the upper half of
     the frequencies; the motion ends where the density first falls below ten times that floor.
 
-    Raises
-    ------
-    DataError
-        The recording is too short for a spectrum.
+    Raises DataError: the recording is too short for a spectrum.
     """
     if len(position) < 64:
         raise DataError(f"{len(position)} samples are too few to measure a bandwidth")

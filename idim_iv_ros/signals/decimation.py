@@ -36,26 +36,25 @@ _LANES, _TILE, _SMALLEST = 32, 64, 1e-200
 
 @dataclass(frozen=True)
 class Chunk:
-    """Decimated samples `kept` (indices in the full record) and the samples needed for them."""
+    """Decimated samples `kept` (indices in the full record) and the samples needed for them.
+
+    `places`: of these samples among all decimated ones.
+    """
 
     first: int
     last: int
     kept: NDArray[np.int64]
+    places: slice
 
 
 @dataclass(frozen=True)
 class ParallelDecimation:
     """Keep one sample in `factor` of a record of `samples`, after the low-pass filter.
 
-    Attributes
-    ----------
-    factor : int
-        1 keeps everything and filters nothing.
-    samples : int
-    edge : float
-        Of the filter, as a share of the new Nyquist frequency.
-    phase : {"first", "last"}
-        Which sample of each group is kept; ``last`` is what MATLAB's decimate keeps.
+    - `factor`: 1 keeps everything and filters nothing
+    - `edge`: of the filter, as a share of the new Nyquist frequency
+    - `phase`: {"first", "last"}, which sample of each group is kept; ``last`` is what MATLAB's
+      decimate keeps
     """
 
     factor: int
@@ -97,7 +96,7 @@ class ParallelDecimation:
             inside = kept[start : start + groups]
             first = max(0, int(inside[0]) - memory)
             last = min(self.samples, int(inside[-1]) + 1 + memory)
-            yield Chunk(first, last, inside)
+            yield Chunk(first, last, inside, slice(start, start + groups))
 
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
         """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
@@ -140,7 +139,9 @@ class ParallelDecimation:
 
     def at(self, signal: FloatArray, places: IntArray) -> FloatArray:
         """Filter a whole record (n_samples, …) and keep the samples at `places`, any of them."""
-        return self.apply(signal, Chunk(0, self.samples, np.asarray(places, dtype=np.int64)))
+        return self.apply(
+            signal, Chunk(0, self.samples, np.asarray(places, dtype=np.int64), slice(None))
+        )
 
     def settling(self, tolerance: float) -> int:
         """Samples that one waits for; see `settling_samples`."""
@@ -148,7 +149,7 @@ class ParallelDecimation:
 
     def whole(self, signal: FloatArray) -> FloatArray:
         """Decimate a whole record (n_samples, …) at once."""
-        return self.apply(signal, Chunk(0, self.samples, self.kept))
+        return self.apply(signal, Chunk(0, self.samples, self.kept, slice(None)))
 
 
 def decimation_factor(rate: float, cutoff: float, edge: float) -> int:
@@ -194,21 +195,12 @@ def _forward_backward(
     stays in the cache; the operations and their order are those of `sosfilt`, so that every bit is
     the same down to numbers of 1e-200.
 
-    Parameters
-    ----------
-    sections : (n_sections, 6)
-    constant_state : (n_sections, 2)
-        State of the filter in a signal that is 1 for ever.
-    lines : (k, n)
-        One signal a line.
-    padding
-        Samples by which each end is extended, point by point about the end.
-    kept : (m,) int, increasing
-        Samples that are wanted.
-    work : (n + 2 padding, lanes)
-        Overwritten; so are `tile`, (steps, lanes), and `states`, (2, n_sections, lanes).
-    filtered : (k, m)
-        Result.
+    - `sections`: (n_sections, 6)
+    - `constant_state`: (n_sections, 2), state of the filter in a signal that is 1 for ever
+    - `padding`: samples by which each end is extended, point by point about the end
+    - `kept`: (m,) int, increasing, samples that are wanted
+    - `work`: (n + 2 padding, lanes), overwritten; so are `tile`, (steps, lanes), and `states`, (2,
+      n_sections, lanes)
     """
     lanes, size = tile.shape[1], tile.shape[0]
     count, samples = lines.shape

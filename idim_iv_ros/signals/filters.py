@@ -26,14 +26,9 @@ def zero_phase_butterworth(
     `signal`: (n_samples, n_joints). `rate`, `cutoff`: Hz; `cutoff` is that of one pass. `order`: of
     one pass.
 
-    Returns
-    -------
-    (n_samples, n_joints)
+    Returns (n_samples, n_joints).
 
-    Raises
-    ------
-    ValueError
-        The signal is shorter than the start-up of the filter.
+    Raises ValueError: the signal is shorter than the start-up of the filter.
     """
     sections = _sections(order, cutoff, rate)
     padding = 3 * order
@@ -101,10 +96,7 @@ def central_differences(
     `signal`: (n_samples, n_joints); `rate`: Hz. `start`, `stop`: samples to return; neighbours
     outside are used where there are any. `order`: of the error, in the time between two samples.
 
-    Returns
-    -------
-    velocity, acceleration : (stop - start, n_joints)
-        Per second, per second squared.
+    Returns velocity, acceleration (stop - start, n_joints): per second, per second squared.
     """
     stop = len(signal) if stop is None else stop
     first, last = max(start - order, 0), min(stop + order, len(signal))

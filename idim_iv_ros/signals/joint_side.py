@@ -20,25 +20,17 @@ _TORQUES = (1e-9, 1e9)
 class JointSignals:
     """One recording in joint coordinates, on its uniform grid.
 
-    Attributes
-    ----------
-    name : str
-        The bag it comes from.
-    rate : float
-        Hz.
-    position : (n_samples, n_joints)
-        Measured, unfiltered, rad or m.
-    torque : (n_samples, n_joints)
-        N m or N (or the unit of the effort where that is no torque).
-    valid : (n_samples, n_joints) bool
-        Whether the joint's position and torque rest on measurements.
-    velocity : (n_samples, n_joints) or None
-        As the driver publishes it, rad/s or m/s; the control law is fitted with it.
-    position_reference, velocity_reference : (n_samples, n_joints) or None
-    link_position : (n_samples, n_joints) or None
-        Of encoders behind the gears, unfiltered, rad or m.
-    link_valid : (n_samples, n_joints) bool or None
-        Whether that rests on measurements.
+    - `rate`: Hz
+    - `position`: (n_samples, n_joints), measured, unfiltered, rad or m
+    - `torque`: (n_samples, n_joints), N m or N (or the unit of the effort where that is no torque)
+    - `valid`: (n_samples, n_joints) bool, whether the joint's position and torque rest on
+      measurements
+    - `velocity`: (n_samples, n_joints) or None, as the driver publishes it, rad/s or m/s; the
+      control law is fitted with it
+    - `position_reference`, `velocity_reference`: (n_samples, n_joints) or None
+    - `link_position`: (n_samples, n_joints) or None, of encoders behind the gears, unfiltered, rad
+      or m
+    - `link_valid`: (n_samples, n_joints) bool or None, whether that rests on measurements
     """
 
     name: str
@@ -101,12 +93,8 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     on the joint side as they are. Where no effort is recorded, the torque is what the configured
     law makes of the position error (`servo_torque`).
 
-    Raises
-    ------
-    UsageError
-        No effort is recorded, and no law is given from which it follows.
-    DataError
-        Positions or torques that no robot has, before or after the scaling.
+    Raises UsageError: no effort is recorded, and no law is given from which it follows; DataError:
+    positions or torques that no robot has, before or after the scaling.
     """
     robot = configuration.robot
     transform = joint_transform(configuration)
@@ -153,9 +141,7 @@ def joint_reference(
     Of a robot without efforts they are held from one to the next and arrive
     `signals.reference_delay` late; what is returned is their mean about each sample.
 
-    Returns
-    -------
-    references, missing : (n_samples, n_joints) rad or m, bool; None, None where there are none
+    Returns references (n_samples, n_joints), rad or m, and which are missing; None, None without.
     """
     signal, signals = recording.position_reference, configuration.signals
     if signal is None:
@@ -178,10 +164,7 @@ def servo_torque(
 ) -> FloatArray:
     """Torques (n_samples, n_joints) that the law of a servo makes of its position error, N m.
 
-    Raises
-    ------
-    UsageError
-        There is no reference, or no law of the position error alone.
+    Raises UsageError: there is no reference, or no law of the position error alone.
     """
     law, name = configuration.controller, configuration.source or "the configuration"
     if reference is None:

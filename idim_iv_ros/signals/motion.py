@@ -35,23 +35,12 @@ _ABOVE = 3.0  # times the decimation cut-off, where only noise is left
 class Motion:
     """One recording, filtered and trimmed.
 
-    Attributes
-    ----------
-    signals : JointSignals
-        The unfiltered record.
-    cutoff : float
-        Of the position filter, Hz.
-    order : int
-        Of one pass of the position filter.
-    position : (n_samples, n_joints)
-        Zero-phase filtered, rad or m, not trimmed.
-    span : slice
-        The trimmed part; everything below refers to it.
-    decimation : ParallelDecimation
-    kept : (n_kept, n_joints) bool
-        Decimated samples that count for each joint: measured, faster than the reversal speed.
-    dropped : dict
-        How many decimated joint samples were dropped for which reason.
+    - `cutoff`: of the position filter, Hz
+    - `order`: of one pass of the position filter
+    - `position`: (n_samples, n_joints), zero-phase filtered, rad or m, not trimmed
+    - `span`: slice, the trimmed part; everything below refers to it
+    - `kept`: (n_kept, n_joints) bool, decimated samples that count for each joint: measured, faster
+      than the reversal speed
     """
 
     signals: JointSignals
@@ -70,7 +59,7 @@ class Motion:
     def derivatives_of(
         self, position: FloatArray, first: int, last: int
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the same of other positions (n_samples, n_joints) of the whole record."""
+        """Return `derivatives` of other positions (n_samples, n_joints) of the whole record."""
         start = self.span.start
         rate = self.signals.rate
         velocity, acceleration = central_differences(
@@ -113,17 +102,10 @@ def filter_motion(
 ) -> tuple[tuple[Motion, ...], FloatArray, tuple[str, ...], tuple[str, ...]]:
     """Filter the positions of all recordings and decide which decimated samples count.
 
-    Returns
-    -------
-    motions : one for each recording
-    minimum_speed : (n_joints,) rad/s
-    still : joints that stand still in all recordings
-    reasons : sentences for the report
+    Returns the motion of each recording, the reversal speed (n_joints,) rad/s, joints that stand
+    still in all recordings, and sentences for the report.
 
-    Raises
-    ------
-    DataError
-        A recording is too short to be filtered, or no joint ever moves.
+    Raises DataError: a recording is too short to be filtered, or no joint ever moves.
     """
     filtered = []
     still = np.ones(len(joints), dtype=bool)

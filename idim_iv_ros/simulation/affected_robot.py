@@ -86,10 +86,7 @@ def affected_robot(
     the effects is kept from driving. `position` (n_joints,) is where backlash is given its
     default stiffness.
 
-    Raises
-    ------
-    UsageError
-        A shaft where the drive inertia is not known (see `shaft.split_drives`).
+    Raises UsageError: a shaft where the drive inertia is not known (see `shaft.split_drives`).
     """
     shafts = joined_shafts(added.of(ShaftPart))
     parameters = split_drives(robot, parameters, [shaft.joint for shaft in shafts])

@@ -105,10 +105,8 @@ def simulate_closed_loop(
     - `start_time`: s since the start of the session, for friction that drifts
     - `accelerations`: whether the result holds them: each costs as much as a time step
 
-    Raises
-    ------
-    UsageError
-        An effect that is not known, or whose parameters cannot be (see `effects`, `shaft`).
+    Raises UsageError: an effect that is not known, or whose parameters cannot be (see `effects`,
+    `shaft`).
     """
     position_reference = np.asarray(position_reference, dtype=float)
     joints = position_reference.shape[1]
@@ -254,12 +252,7 @@ def replay(
     - `motion`: with a reference; the start is its filtered position and speed
     - `effects`, `start_time`, `accelerations`: see `simulate_closed_loop`
 
-    Raises
-    ------
-    ValueError
-        The recording has no reference.
-    UsageError
-        See `simulate_closed_loop`.
+    Raises ValueError: the recording has no reference; UsageError: see `simulate_closed_loop`.
     """
     signals = motion.signals
     if signals.position_reference is None:

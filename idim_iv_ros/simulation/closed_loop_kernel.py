@@ -218,10 +218,8 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
     ) -> tuple[int, int, int, float]:
         """Simulate from `state`, which is overwritten.
 
-        Returns
-        -------
-        outcome, joint, samples, time
-            Samples are those that were recorded before the time at which it ended.
+        Returns outcome, joint, samples, time: samples are those that were recorded before the time
+        at which it ended.
         """
         _ = digest
         n, ring = loop.kp.shape[0], state.pending.shape[0]

@@ -80,11 +80,8 @@ def factor_of_lateness(lateness: float, period: float) -> float | None:
 
     - `lateness`, `period`: s
 
-    Returns
-    -------
-    float or None
-        0 < factor ≤ 1; None where differences over the period are later than that: the exact speed
-        is then as near.
+    Returns 0 < factor ≤ 1, or None where differences over the period are later than
+    that: the exact speed is then as near.
     """
     if lateness < 0.5 * period * (1.0 - 1e-9):
         return None
@@ -106,10 +103,8 @@ def control_law(
 ) -> ControlLaw:
     """Build the law that a configuration describes.
 
-    Raises
-    ------
-    UsageError
-        The configuration says that the law is unknown; it must be fitted (`fit_controller`).
+    Raises UsageError: the configuration says that the law is unknown; it must be fitted
+    (`fit_controller`).
     """
     if section.type == "unknown":
         raise UsageError("controller.type is unknown: there is no law to simulate")
@@ -175,10 +170,8 @@ class ControllerFit:
     ) -> ControlLaw:
         """Law that follows a reference (n_samples, n_joints), sampled at `rate`.
 
-        Raises
-        ------
-        ValueError
-            A position or velocity gain is not positive: nothing that can be simulated.
+        Raises ValueError: a position or velocity gain is not positive: nothing that can be
+        simulated.
         """
         kp, kd = self.gain("kp"), self.gain("kd")
         if np.any(kp <= 0.0) or np.any(kd < 0.0):

@@ -55,10 +55,8 @@ def joint_effects(
 ) -> tuple[JointEffect, ...]:
     """Check effects and complete their parameters; those in the base parameters drop out.
 
-    Raises
-    ------
-    UsageError
-        An effect, joint or parameter that is not known, missing, or out of its range.
+    Raises UsageError: an effect, joint or parameter that is not known, missing, or out of its
+    range.
     """
     complete = []
     for one in effects:

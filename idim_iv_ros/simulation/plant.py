@@ -137,7 +137,6 @@ def workspace(plant: Plant) -> Workspace:
 def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool = True) -> Plant:
     """Shape a robot and its parameters for simulation.
 
-    - `robot`: kinematics and gravity
     - `parameters`: in the order of the robot's joints; they need not be physical
     - `dissipative`: clip friction at what dissipates: Fv, Fc and Fcm at zero, |Fvm| at √(Fv_a
       Fv_b). Estimates near zero are negative by their noise, and a joint that friction drives runs

@@ -62,7 +62,6 @@ def record_simulated_robot(
       noise; noise and quantisation are those of the recorder.
     - `position_reference`, `velocity_reference`: (n_samples, n_joints) at `rate`, rad, rad/s
     - `rate`: of the recording, Hz. The law's period must be a whole fraction of 1/rate.
-    - `seed`: of the noise
     - `position_noise`, `torque_noise`: standard deviation, one value or (n_joints,), rad (m), N m
       (N)
     - `encoder_resolution`: step of the recorded position, one value or (n_joints,), rad (m); 0 for
@@ -76,10 +75,7 @@ def record_simulated_robot(
     - `effects`, `start_time`: see `simulate_closed_loop`; what is recorded is what the encoders
       show
 
-    Raises
-    ------
-    ValueError
-        The control period does not divide the sample period.
+    Raises ValueError: the control period does not divide the sample period.
     """
     period = 1.0 / rate if law.period is None else law.period
     ratio = round(1.0 / (rate * period))

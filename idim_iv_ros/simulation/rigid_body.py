@@ -205,9 +205,7 @@ def inverse_dynamics(
     - `robot`, `parameters`: kinematics, and dynamic parameters that need not be physical
     - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
 
-    Returns
-    -------
-    (n_samples, n_joints) N m (N)
+    Returns (n_samples, n_joints) N m (N).
     """
     order = robot.order
     dynamics = plant(robot, parameters, dissipative=False)

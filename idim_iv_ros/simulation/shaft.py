@@ -53,10 +53,7 @@ def split_drives(
     a motion of the rigid robot cannot tell them apart. There the drive inertia is that of the
     nominal model (`simulator.armature`), taken from the links.
 
-    Raises
-    ------
-    UsageError
-        The drive inertia of one of `joints` is in neither of them, or not positive.
+    Raises UsageError: the drive inertia of one of `joints` is in neither of them, or not positive.
     """
     for joint in joints:
         inertia, given = parameters.drive_inertia[joint], robot.given.drive_inertia[joint]

@@ -16,6 +16,7 @@ from idim_iv_ros.files import (
     FilePath,
     as_file,
     complete_files,
+    refused_if_unwritable,
     require_file_place,
 )
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model, read_urdf_file
@@ -108,10 +109,12 @@ def simulated_robot(
     """
     if configuration.signals.effort_unit != "N m":
         raise UsageError("signals.effort_unit: only a robot in N m can be simulated")
-    identification = configuration.identification.model_copy(
-        update={"friction": ["viscous", "coulomb", "offset"], "drive_inertia": True, "exclude": []}
+    whole = configuration.changed(
+        "identification",
+        friction=["viscous", "coulomb", "offset"],
+        drive_inertia=True,
+        exclude=[],
     )
-    whole = configuration.model_copy(update={"identification": identification})
     model = build_inverse_model(whole, urdf, source)
     settings = configuration.simulated_robot
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
@@ -233,24 +236,22 @@ def simulate(
             {key: getattr(effect, key) for key in keys} for effect in robot.effects
         ]
     bags = []
-    try:
-        # All of them or none, also where one of many loops diverges.
-        with (
-            Stopwatch(progress) as watch,
-            complete_files([*bag_paths.values(), truth]) as temporary,
-        ):
-            for count, seed in enumerate(seeds):
-                watch.stage(f"simulating seed {seed}", count / len(seeds))
-                record = robot.record(trajectory, seed)
-                path = bag_paths[seed]
-                watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
-                topics = recorded_topics(configuration, robot, record)
-                with temporary[path].open("wb") as stream:
-                    write_messages(stream, topics, text)
-                bags.append(_summary(path, seed, record, robot.robot.joint_types))
-            temporary[truth].write_text(json_text(content), encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    # All of them or none, also where one of many loops diverges.
+    with (
+        refused_if_unwritable(out),
+        Stopwatch(progress) as watch,
+        complete_files([*bag_paths.values(), truth]) as temporary,
+    ):
+        for count, seed in enumerate(seeds):
+            watch.stage(f"simulating seed {seed}", count / len(seeds))
+            record = robot.record(trajectory, seed)
+            path = bag_paths[seed]
+            watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
+            topics = recorded_topics(configuration, robot, record)
+            with temporary[path].open("wb") as stream:
+                write_messages(stream, topics, text)
+            bags.append(_summary(path, seed, record, robot.robot.joint_types))
+        temporary[truth].write_text(json_text(content), encoding="utf-8")
     return bags, truth
 
 

@@ -41,20 +41,13 @@ _LEVEL = 0.95
 class Change:
     """The best supported change of a series, believed or not.
 
-    Attributes
-    ----------
-    kind : str
-    p_value : float
-        Of the null hypothesis that nothing changed, the search over kinds and places included.
-    place : int
-        First value that is changed, from 0.
-    place_low, place_high : int
-        95 % interval of `place`.
-    before, before_std : float
-        Level before the change.
-    size, size_low, size_high : float
-        Change at the last value, with an interval that holds it for every place in question.
-    fitted : (k,)
+    - `p_value`: of the null hypothesis that nothing changed, the search over kinds and places
+      included
+    - `place`: first value that is changed, from 0
+    - `place_low`, `place_high`: 95 % interval of `place`
+    - `before`, `before_std`: level before the change
+    - `size`, `size_low`, `size_high`: change at the last value, with an interval that holds it for
+      every place in question
     """
 
     kind: Kind
@@ -75,19 +68,12 @@ def change_of(
 ) -> Change | None:
     """Search a series for a change.
 
-    Parameters
-    ----------
-    values, variances : (k,)
-        Variances matter up to a common factor where `prior` is zero.
-    times : (k,)
-        Not decreasing.
-    prior
-        ν: degrees of freedom by which the variances are known already.
+    - `values`, `variances`: (k,), variances matter up to a common factor where `prior` is zero
+    - `times`: (k,), not decreasing
+    - `prior`: ν: degrees of freedom by which the variances are known already
 
-    Returns
-    -------
-    Change or None
-        None where there are fewer than five values, all are equal, or all are of one time.
+    Returns None where there are fewer than five values, all are equal, or all are
+    of one time.
     """
     count = len(values)
     if count < LEAST:

@@ -12,18 +12,9 @@ Estimate = tuple[float, float]  # value and standard deviation
 class Drift:
     """A parameter of the last identification beside its first estimate.
 
-    Attributes
-    ----------
-    parameter : str
-    value, first : float
-        Last and first estimate.
-    statistic : float
-        See `in_deviations`: standard normal if the parameter has not changed.
-    limit : float
-        What its magnitude exceeds by chance with the probability that was asked for, shared
-        among all parameters (Bonferroni).
-    since : tuple of str
-        Recordings of the first estimate.
+    - `statistic`: see `in_deviations`: standard normal if the parameter has not changed
+    - `limit`: what its magnitude exceeds by chance with the probability that was asked for, shared
+      among all parameters (Bonferroni)
     """
 
     parameter: str
@@ -47,14 +38,8 @@ def drifts_of(
 ) -> list[Drift]:
     """Compare two independent estimates of the same parameters.
 
-    Parameters
-    ----------
-    first, last
-        Value and standard deviation by name, the same names in both.
-    significance
-        Probability that any of the parameters is flagged although none has changed.
-    since
-        Recordings of the first estimate.
+    - `first`, `last`: value and standard deviation by name, the same names in both
+    - `significance`: probability that any of the parameters is flagged although none has changed
     """
     limit = largest_by_chance(significance, len(last))
     return [

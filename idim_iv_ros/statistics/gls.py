@@ -23,19 +23,10 @@ _AMPLE_ROWS_PER_COLUMN = 200
 class GlsRegression:
     """target = regressors δ + v with v autoregressive.
 
-    Attributes
-    ----------
-    errors : AutoregressiveModel
-        The model of v.
-    whitened : (k, c + 1)
-        R factor of the whitened [regressors, target].
-    n_rows : int
-    coefficients : (c,)
-        δ̂ by generalised least squares, zero for columns that depend on others.
-    covariance_root : (c, rank)
-        covariance_root @ covariance_root.T is the covariance of δ̂.
-    variance : float
-        σ² of the whitened residual.
+    - `whitened`: (k, c + 1), R factor of the whitened [regressors, target]
+    - `coefficients`: (c,), δ̂ by generalised least squares, zero for columns that depend on others
+    - `covariance_root`: (c, rank), covariance_root @ covariance_root.T is the covariance of δ̂
+    - `variance`: σ² of the whitened residual
     """
 
     errors: AutoregressiveModel

@@ -9,29 +9,16 @@ import scipy
 class HypothesisTest:
     """The outcome of one statistical test, or the reason why it could not be run.
 
-    Attributes
-    ----------
-    null : str
-        The null hypothesis in words.
-    scope : str
-        ``"all"`` or the name of a joint.
-    statistic, p_value : float or None
-        None where the test could not be run; `reason` then says why.
-    df : int or None
-        Numerator degrees of freedom (of χ² or F).
-    df_denom : int or None
-        Denominator degrees of freedom of F; None for χ².
-    max_deviation : float or None
-        Effect size: how far the estimate is from the null, on the test's own scale.
-    alpha : float
-        Significance level at which `accepted` is judged.
-    reason : str or None
-        Why there is no statistic, or None.
-    torque_deviation_percent : float or None
-        Effect size of an instrument test on the scale of the torque, or None.
-    accepted : bool or None
-        Whether the null hypothesis is accepted at `alpha`, whatever is given; None if the test was
-        not run.
+    - `scope`: ``"all"`` or the name of a joint
+    - `statistic`, `p_value`: None where the test could not be run; `reason` then says why
+    - `df`: numerator degrees of freedom (of χ² or F)
+    - `df_denom`: denominator degrees of freedom of F; None for χ²
+    - `max_deviation`: effect size: how far the estimate is from the null, on the test's own scale
+    - `alpha`: significance level at which `accepted` is judged
+    - `torque_deviation_percent`: effect size of an instrument test on the scale of the torque, or
+      None
+    - `accepted`: whether the null hypothesis is accepted at `alpha`, whatever is given; None if the
+      test was not run
     """
 
     null: str
@@ -74,5 +61,5 @@ def f_test(
     """
     statistic = explained / df / (unexplained / df_denom)
     p_value = float(scipy.stats.f.sf(statistic, df, df_denom))
-    made = HypothesisTest(null, scope, statistic, df, df_denom, p_value, max_deviation)
-    return replace(made, torque_deviation_percent=torque_deviation_percent)
+    test = HypothesisTest(null, scope, statistic, df, df_denom, p_value, max_deviation)
+    return replace(test, torque_deviation_percent=torque_deviation_percent)

@@ -37,26 +37,16 @@ def wald_test_of_instruments(
 ) -> tuple[HypothesisTest, ...]:
     """Test the instruments for all rows and joint by joint (paper, equation 10).
 
-    Parameters
-    ----------
-    joints : sequence of JointRows
-        Unfiltered rows; the test whitens them itself.
-    parameters : (b,)
-        The IDIM-IV estimate β̂.
-    not_simulated : str, optional
-        Why the instruments do not come from a simulation of the loop. Such instruments share
-        the noise of X by construction, and no test is run.
+    - `joints`: unfiltered rows; the test whitens them itself
+    - `not_simulated`: why the instruments do not come from a simulation of the loop. Such
+      instruments share the noise of X by construction, and no test is run.
+    - `simulation_errors`: sequence of (r_j, n_draws), draws of the change of Z β̂ that comes from
+      the uncertainty of the parameters with which the instruments were simulated. Without them the
+      parameters are taken as known.
 
-    simulation_errors : sequence of (r_j, n_draws), optional
-        Draws of the change of Z β̂ that comes from the uncertainty of the parameters with which
-        the instruments were simulated. Without them the parameters are taken as known.
-
-    Returns
-    -------
-    tuple of HypothesisTest
-        Scope "all" first, then one for each joint in the order given. `max_deviation` is that
-        of `largest_deviation`; `torque_deviation_percent` is 100 ‖Z δ̂‖ / ‖X β̂‖ less what
-        noise alone would give (for "all": root mean square over the joints).
+    Returns tests of scope "all" first, then one for each joint in the order given.
+    `max_deviation` is that of `largest_deviation`; `torque_deviation_percent` is 100 ‖Z δ̂‖ / ‖X
+    β̂‖ less what noise alone would give (for "all": root mean square over the joints).
     """
     fits: list[_Fit] = []
     tests: list[HypothesisTest] = []

@@ -33,44 +33,26 @@ def beyond_noise(share: float, size: float, noise: float) -> float:
 class ResidualDiagnosis:
     """The residual of one joint.
 
-    Attributes
-    ----------
-    joint : str
-    rms : float
-        N m (N for a prismatic joint).
-    relative_percent : float or None
-        100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque.
-    ar_order : int
-        Order of the autoregressive model by AIC, 0 for white.
-    white : bool or None
-        Whether the residual may be treated as white: Ljung-Box accepts it, or what it finds is
-        harmless: its past predicts less than 5 % of its variance and the standard deviations
-        computed as if it were white are less than 1.1 times too small. None if not tested.
-    whiteness_p_value, normality_p_value : float or None
-        Those of the tests, whatever is given.
-    predictable_share : float
-        Share of the variance that the residual's own past predicts.
-    sigma_understatement : float
-        How many times too small the white-noise standard deviations of the estimates are,
-        median over the columns of Z: σ_N ‖Hᵀ z‖ / (σ_ε ‖z‖).
-    largest_correlation_after : float
-        Largest |autocorrelation| that the filter leaves beyond lag 0.
-    whiteness : HypothesisTest
-        Ljung-Box on the residual itself; before whitening only a description, since it takes
-        the regressors as exogenous.
-    whiteness_after : HypothesisTest
-        Ljung-Box on the whitened residual, its degrees of freedom less the order.
-    normality : HypothesisTest
-        Jarque-Bera on the whitened residual.
-    skewness, excess_kurtosis : float
-        Effect sizes of normality, both 0 for a Gaussian. With thousands of rows a kurtosis
-        that harms nothing is significant.
-    autoregression : AutoregressiveModel
-        Of the residual; like what follows it is for the report and in no document.
-    acf, acf_whitened : (n_lags + 1,)
-        Autocorrelation from lag 0, of the residual and of the whitened residual.
-    acf_bound : float
-        95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r.
+    - `rms`: N m (N for a prismatic joint)
+    - `relative_percent`: 100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque
+    - `ar_order`: order of the autoregressive model by AIC, 0 for white
+    - `white`: whether the residual may be treated as white: Ljung-Box accepts it, or what it finds
+      is harmless: its past predicts less than 5 % of its variance and the standard deviations
+      computed as if it were white are less than 1.1 times too small. None if not tested.
+    - `whiteness_p_value`, `normality_p_value`: those of the tests, whatever is given
+    - `predictable_share`: share of the variance that the residual's own past predicts
+    - `sigma_understatement`: how many times too small the white-noise standard deviations of the
+      estimates are, median over the columns of Z: σ_N ‖Hᵀ z‖ / (σ_ε ‖z‖)
+    - `largest_correlation_after`: largest |autocorrelation| that the filter leaves beyond lag 0
+    - `whiteness`: Ljung-Box on the residual itself; before whitening only a description, since it
+      takes the regressors as exogenous
+    - `whiteness_after`: Ljung-Box on the whitened residual, its degrees of freedom less the order
+    - `skewness`, `excess_kurtosis`: effect sizes of normality, both 0 for a Gaussian. With
+      thousands of rows a kurtosis that harms nothing is significant.
+    - `autoregression`: of the residual; like what follows it is for the report and in no document
+    - `acf`, `acf_whitened`: (n_lags + 1,), autocorrelation from lag 0, of the residual and of the
+      whitened residual
+    - `acf_bound`: 95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r
     """
 
     joint: str
@@ -171,20 +153,9 @@ def ljung_box(
 
     n_k is the number of pairs at lag k within a segment, r − k for a single segment.
 
-    Parameters
-    ----------
-    series : (r,)
-        A residual, raw or whitened.
-    segments : sequence of slice
-        Rows that are contiguous in time.
-    null, scope : str
-        Of the result.
-    n_lags : int
-        How many lags are summed.
-    fitted : int
-        How many coefficients of a filter were fitted on this series.
-    alpha : float
-        Level of the test.
+    - `series`: (r,), a residual, raw or whitened
+    - `segments`: rows that are contiguous in time
+    - `fitted`: how many coefficients of a filter were fitted on this series
     """
     count, dof = len(series), n_lags - fitted
     if count < _LEAST_ROWS or dof < 1:
@@ -220,7 +191,7 @@ def _sigma_understatement(model: AutoregressiveModel, rows: JointRows) -> float:
 
 
 def excess_kurtosis(values: FloatArray) -> float:
-    """Of values (r,) about zero: large where a few of them hold the energy, −3 where all are 0."""
+    """Excess kurtosis about zero of (r,): large where a few have the energy, −3 where all are 0."""
     energy = values**2
     return float(np.mean(energy**2) / max(float(np.mean(energy)) ** 2, 1e-300)) - 3.0
 
@@ -253,10 +224,8 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
 
     `time` (n,) s: of the rows; `residual` (n,) N m (N).
 
-    Returns
-    -------
-    float or None
-        Never above 1; None for fewer than ten seconds with rows, or no residual at all.
+    Returns at most 1; None for fewer than ten seconds with rows, or no residual
+    at all.
     """
     square = residual**2
     if len(square) == 0 or not square.any():
@@ -291,27 +260,17 @@ def largest_share(
     with its mean and variance (Satterthwaite), its ratio to the mean square of the identification
     for F.
 
-    Parameters
-    ----------
-    freedom
-        See `mean_square_freedom`.
-    identified_rows, rows
-        Of the identification, and those that are compared with it.
-    false_alarms
-        Probability, 0 to 1.
-    errors_of_parameters
-        Mean variance of the predictions by that of the parameters, over the mean square of the
-        identification's residual.
+    - `identified_rows`, `rows`: of the identification, and those that are compared with it
+    - `false_alarms`: probability, 0 to 1
+    - `errors_of_parameters`: mean variance of the predictions by that of the parameters, over the
+      mean square of the identification's residual
 
-    Returns
-    -------
-    float or None
-        None where there are no rows.
+    Returns None where there are no rows.
     """
     if rows < 1 or identified_rows < 1:
         return None
     mean = 1.0 + errors_of_parameters
     variance = 2.0 / (freedom * rows) + 2.0 * errors_of_parameters**2
-    own_freedom = 2.0 * mean**2 / variance
-    quantile = scipy.stats.f.isf(false_alarms, own_freedom, freedom * identified_rows)
+    new_freedom = 2.0 * mean**2 / variance
+    quantile = scipy.stats.f.isf(false_alarms, new_freedom, freedom * identified_rows)
     return float(np.sqrt(mean * quantile))

@@ -86,26 +86,15 @@ def specification_tests(
 ) -> tuple[HypothesisTest, ...]:
     """Test the residual of each joint against each family of functions of the motion.
 
-    Parameters
-    ----------
-    joints : sequence of JointRows
-        Unfiltered rows.
-    parameters : (b,)
-        The IDIM-IV estimate β̂.
-    candidates : one mapping for each joint
-        Family to (r_j, m) functions of the simulated motion at these rows.
-    alpha : float
-        Probability that a right model is accused anywhere; each test is at a tenth of α over
-        their number, because the autocorrelation of the residual is estimated.
-    not_simulated : str, optional
-        Why there is no simulated motion: no test is run.
+    - `candidates`: one mapping for each joint, family to (r_j, m) functions of the simulated motion
+      at these rows
+    - `alpha`: probability that a right model is accused anywhere; each test is at a tenth of α over
+      their number, because the autocorrelation of the residual is estimated
+    - `not_simulated`: why there is no simulated motion: no test is run
 
-    Returns
-    -------
-    tuple of HypothesisTest
-        Scope ``joint: family``, joint by joint. `torque_deviation_percent` is the rms of what
-        the functions explain of the residual, less what noise alone would give, in percent of
-        that of the torque.
+    Returns tests of scope ``joint: family``, joint by joint.
+    `torque_deviation_percent` is the rms of what the functions explain of the residual, less what
+    noise alone would give, in percent of that of the torque.
     """
     tests = []
     for rows, families in zip(joints, candidates, strict=True):

@@ -56,25 +56,17 @@ def judge_joint(
     Where tests reject and both the deviation and the residual beyond the noise are below 1 % of
     the torque, that is a note.
 
-    Parameters
-    ----------
-    instruments : HypothesisTest
-        The Wald test of Π = I of this joint.
-    residual : ResidualDiagnosis
-        Of the same joint.
-    specification : sequence of HypothesisTest
-        Whether it follows the position, the speed or the acceleration. A rejection whose effect
-        is below 2 % of the torque is not judged: reversals alone leave that much.
-    noise : float, optional
-        Standard deviation that the sensors' noise gives the torque, N m (N). Without it no
-        deviation counts as small.
+    - `specification`: whether it follows the position, the speed or the acceleration. A rejection
+      whose effect is below 2 % of the torque is not judged: reversals alone leave that much.
+    - `noise`: standard deviation that the sensors' noise gives the torque, N m (N). Without it no
+      deviation counts as small.
     """
     beyond = None
     if noise is not None and residual.relative_percent is not None:
         beyond = beyond_noise(residual.relative_percent, residual.rms, noise)
     rejecting = [test for test in specification if test.accepted is False]
     sizes = [_percent(test) for test in (instruments, *specification) if test.accepted is False]
-    verdict, sentence, note = _judged(instruments, residual, rejecting, beyond)
+    verdict, sentence, note = _verdict_of(instruments, residual, rejecting, beyond)
     return JointVerdict(
         residual.joint,
         verdict,
@@ -86,7 +78,7 @@ def judge_joint(
     )
 
 
-def _judged(
+def _verdict_of(
     instruments: HypothesisTest,
     residual: ResidualDiagnosis,
     rejecting: Sequence[HypothesisTest],

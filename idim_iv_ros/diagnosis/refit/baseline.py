@@ -201,11 +201,10 @@ def with_parameters(data: Baseline, values: FloatArray) -> Baseline:
 
 def with_offsets(configuration: Configuration) -> Configuration:
     """Return the configuration with a model that has torque offsets, but those that it excludes."""
-    section = configuration.identification
-    if "offset" in section.friction:
+    friction = configuration.identification.friction
+    if "offset" in friction:
         return configuration
-    changed = section.model_copy(update={"friction": [*section.friction, "offset"]})
-    return configuration.model_copy(update={"identification": changed})
+    return configuration.changed("identification", friction=[*friction, "offset"])
 
 
 def _parameters(

@@ -76,7 +76,7 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
         wanted = max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff)
         position = min(wanted, _HIGHEST_CUTOFF * rate)
     cutoffs = {"position_cutoff": position, "decimation_cutoff": min(cutoff, position)}
-    return configuration.model_copy(update={"processing": processing.model_copy(update=cutoffs)})
+    return configuration.changed("processing", **cutoffs)
 
 
 def _effort_rate(recording: Recording) -> float:

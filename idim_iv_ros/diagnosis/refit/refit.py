@@ -48,8 +48,7 @@ class MissingGravity:
     def corrected(self, configuration: Configuration) -> Configuration:
         """Return the configuration with gravity of the usual size in this direction."""
         vector = _STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
-        robot = configuration.robot.model_copy(update={"gravity": vector.tolist()})
-        return configuration.model_copy(update={"robot": robot})
+        return configuration.changed("robot", gravity=vector.tolist())
 
     def cause(self, with_gravity: Stage) -> Cause:
         """Build the cause from the nominal model with gravity."""
@@ -146,9 +145,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
     if of_stamps.sticking:
-        configuration = prepared.configuration
-        law = configuration.controller.model_copy(update={"delay": delay})
-        delayed = configuration.model_copy(update={"controller": law})
+        delayed = prepared.configuration.changed("controller", delay=delay)
         other = on_likelier_motion(refit_of(replace(prepared, configuration=delayed), delay))
         support = _likelihood(other) - _likelihood(refit)
         refit = max(refit, other, key=_likelihood)

@@ -13,8 +13,13 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.files import PROGRAM, FilePath, complete_files, require_replaceable
+from idim_iv_ros.files import (
+    PROGRAM,
+    FilePath,
+    complete_files,
+    refused_if_unwritable,
+    require_replaceable,
+)
 from idim_iv_ros.recording.bags.definitions import JOINT_STATE
 from idim_iv_ros.recording.request import in_root
 from idim_iv_ros.types import FloatArray, IntArray
@@ -214,11 +219,12 @@ def write_bag(
     """
     out = Path(out)
     require_replaceable([out], force=force)
-    try:
-        with complete_files([out]) as temporary, temporary[out].open("wb") as stream:
-            write_messages(stream, topics, robot_description)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    with (
+        refused_if_unwritable(out),
+        complete_files([out]) as temporary,
+        temporary[out].open("wb") as stream,
+    ):
+        write_messages(stream, topics, robot_description)
 
 
 def write_messages(
