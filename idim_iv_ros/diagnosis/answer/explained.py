@@ -32,21 +32,11 @@ NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 class JudgedTerm:
     """A term and how far it is believed.
 
-    Attributes
-    ----------
-    term : Term
-    features : (f,)
-        See `comparison.probability`.
-    probability : float
-        That it is a cause by its first name; that its set holds one decides.
-    chosen : str
-        Without how many of the folds the search chooses it: ``4 of 4``.
-    reason : str
-        Why it is no cause; empty where it is one.
-    outside : bool
-        Whether its torque is there, and it is something else.
-    too_unsure : float or None
-        Probability that its set holds a cause, where nothing but this speaks against it.
+    `features`: see `comparison.probability`; `probability`: that it is a cause by its first name;
+    that its set holds one decides; `chosen`: without how many of the folds the search chooses it,
+    ``4 of 4``; `reason`: why it is no cause, empty where it is one; `outside`: whether its torque
+    is there, and it is something else; `too_unsure`: probability that its set holds a cause, where
+    nothing but this speaks against it.
     """
 
     term: Term
@@ -62,28 +52,13 @@ class JudgedTerm:
 class Explained:
     """What the gap is explained by: causes, and the refit with those that are effects.
 
-    Attributes
-    ----------
-    selection : Selection
-    effects, numbers : tuple of JudgedTerm
-        Causes: of structure, in the order of the stages, and of the nominal numbers.
-    not_given : tuple of JudgedTerm
-        Numbers of which the nominal model says nothing, and that the recording shows.
-    doubtful : tuple of JudgedTerm
-        Selected and no causes.
-    outside : tuple of Term
-        Free curves, and effects that are not adequate: what the catalogue does not explain.
-    regression : Regression
-        Of the refit, with one block for each of `effects`.
-    fits : tuple of Fit
-        Of the refit, and with the first, the first two … effects.
-    whole : Fit
-        With what lies outside the catalogue and matters, and with the numbers that no base
-        parameters hold, too.
-    tested : HeldOut
-        Held-out residuals of the stages.
-    floors : tuple of NoiseFloor
-        One for each joint.
+    `effects`, `numbers`: causes, of structure in the order of the stages, and of the nominal
+    numbers; `not_given`: numbers of which the nominal model says nothing, and that the recording
+    shows; `doubtful`: selected and no causes; `outside`: free curves, and effects that are not
+    adequate: what the catalogue does not explain. `regression`: of the refit, with one block for
+    each of `effects`; `fits`: of the refit, and with the first, the first two … effects; `whole`:
+    with what lies outside the catalogue and matters, and with the numbers that no base parameters
+    hold, too; `tested`: held-out residuals of the stages; `floors`: one for each joint.
     """
 
     selection: Selection
@@ -210,12 +185,8 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
 def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[JudgedTerm, ...]:
     """Numbers of which the nominal model says nothing, where the recording shows them.
 
-    Parameters
-    ----------
-    causes
-        Of structure and of the nominal numbers, beside which they are taken.
-    fit
-        Of the refit with the effects: says how precise they are.
+    `causes`: of structure and of the nominal numbers, beside which they are taken; `fit`: of the
+    refit with the effects: says how precise they are.
     """
     comparison, count = selection.comparison, len(fit.values)
     sizes = comparison.options.ledger.sizes

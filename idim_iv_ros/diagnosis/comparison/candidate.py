@@ -41,23 +41,10 @@ class Kind(Enum):
 class Candidate:
     """One effect at one place, with all shapes of one width that are tried.
 
-    Attributes
-    ----------
-    kind : Kind
-    effect : StructuralEffect or ParametricEffect
-    place : Place or None
-        None where a number belongs to no joint.
-    shapes : tuple of Shape
-        One for each option; a number has none and one option.
-    changes : tuple of Change
-        Of a number.
-    lines : dict of int to (options × width, r_j) float32
-        Torque of unit coefficients by joint, N m: the columns of one option after those of the
-        option before.
-    width : int
-        Columns of an option.
-    scope : Scope or None
-        Recordings in which it acts; None: all.
+    `place`: None where a number belongs to no joint; `shapes`: one for each option; a number has
+    none and one option, and `changes`; `lines`: torque of unit coefficients by joint, N m, (options
+    × width, r_j): the columns of one option after those of the option before; `width`: columns of
+    an option; `scope`: recordings in which it acts; None: all.
     """
 
     kind: Kind
@@ -105,17 +92,10 @@ class Catalogue:
     Numbers of which the nominal model says nothing are free in every comparison: they are
     `not_given`, and no candidates.
 
-    Parameters
-    ----------
-    data, regression
-        The refit on the smooth motion.
-    without
-        Names of effects that are left out.
-    hidden
-        Effects and joints that the recording cannot show.
-    scopes, number_scopes
-        Recordings in which effects, and numbers, may differ from the others. What all recordings
-        share then has free numbers, and those that base parameters hold are no candidates.
+    `without`: effects that are left out; `hidden`: effects and joints that the recording cannot
+    show; `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from the
+    others. What all recordings share then has free numbers, and those that base parameters hold are
+    no candidates.
     """
 
     def __init__(

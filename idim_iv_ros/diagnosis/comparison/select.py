@@ -15,15 +15,9 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
-from idim_iv_ros.diagnosis.comparison.model_with_terms import (
-    ModelWithTerms,
-    NominalErrors,
-    Term,
-    Torques,
-)
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
-from idim_iv_ros.diagnosis.comparison.prior import Prior
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -42,16 +36,7 @@ _ROWS_PER_COLUMN = 4
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Terms that explain the gap, and what they were compared by.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-        Numbers and effects.
-    curves : tuple of Term
-        Free curves of what is left.
-    comparison : Comparison
-    """
+    """Terms that explain the gap, free curves of what they leave, and what compared them."""
 
     terms: tuple[Term, ...]
     curves: tuple[Term, ...]
@@ -71,7 +56,6 @@ class Selection:
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     """Search for what explains the gap of a ledger."""
     options = Options(ledger, catalogue.candidates)
-    torques, prior = Torques(options), Prior(options)
     noise = noise_of(ledger, _beside_curves(ledger, catalogue))
     terms: tuple[Term, ...] = ()
     errors: tuple[float, float] | None = None
@@ -79,12 +63,10 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
         white = whitened(options, noise)
         return_freed_memory()
         if errors is None:
-            comparison, terms = _with_likely_errors(catalogue, options, white, torques, prior)
+            comparison, terms = _with_likely_errors(catalogue, white)
             errors = comparison.nominal.errors
         else:
-            comparison = Comparison(
-                catalogue, NominalErrors(options, white, torques, errors), prior
-            )
+            comparison = Comparison(catalogue, NominalErrors(white, errors))
             terms = climb(comparison, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
@@ -129,12 +111,7 @@ def refit_residuals(
 ) -> list[FloatArray]:
     """(r_j,) what new numbers, all of them free, leave of a gap by least squares.
 
-    Parameters
-    ----------
-    gap
-        (r_j,) of each joint; None: that of the ledger.
-    counted
-        Rows (r_j,) that are fitted; None: all.
+    `gap`: (r_j,); None: that of the ledger; `counted`: rows (r_j,) that are fitted; None: all.
     """
     gap = ledger.gap if gap is None else gap
     shares: list[FloatArray] = []
@@ -154,17 +131,17 @@ def refit_residuals(
 
 
 def _with_likely_errors(
-    catalogue: Catalogue, options: Options, white: Whitened, torques: Torques, prior: Prior
+    catalogue: Catalogue, white: Whitened
 ) -> tuple[Comparison, tuple[Term, ...]]:
     """Climb from small and from likely nominal errors, and again where others are likelier."""
 
     def comparison(errors: tuple[float, float]) -> Comparison:
-        return Comparison(catalogue, NominalErrors(options, white, torques, errors), prior)
+        return Comparison(catalogue, NominalErrors(white, errors))
 
-    if not options.ledger.nominal:
+    if not white.options.ledger.nominal:
         only = comparison((1.0, 1.0))
         return only, climb(only, ())
-    starts = [likeliest_errors(options.ledger, white, ())]
+    starts = [likeliest_errors(white, ())]
     starts += [(size, size) for size in RELATIVE_ERRORS[:2]]
     best: tuple[float, Comparison, tuple[Term, ...]] | None = None
     tried: set[tuple[float, float]] = set()
@@ -179,11 +156,8 @@ def _with_likely_errors(
         if not _is_full(terms) or best is None or value + usual > best[0] - _WITHIN_RESTARTS:
             value, terms = _restarts(this, value, terms)
         value += usual
-        better = likeliest_errors(
-            options.ledger, white, [_white_columns(white, options, t) for t in terms], terms
-        )
         if len(tried) < _MOST_ERRORS:
-            starts.append(better)
+            starts.append(likeliest_errors(white, terms))
         if best is None or value > best[0]:
             best = value, this, terms
     assert best is not None
@@ -198,20 +172,9 @@ def log_prior_of_errors(errors: tuple[float, float]) -> float:
     return -settings.ERROR_COST * float(logs.max()) - 0.5 * apart**2
 
 
-def _white_columns(white: Whitened, options: Options, term: Term) -> dict[int, FloatArray]:
-    return {
-        joint: white.noise[joint].standardized(table, options.ledger.joints[joint].segments)
-        for joint, table in term.columns.items()
-    }
-
-
-def likeliest_errors(
-    ledger: Ledger,
-    white: Whitened,
-    columns: Sequence[dict[int, FloatArray]],
-    terms: Sequence[Term] = (),
-) -> tuple[float, float]:
+def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> tuple[float, float]:
     """Relative errors of links and drives under which rows and terms are likeliest."""
+    ledger, columns = white.options.ledger, [white.columns(term.columns) for term in terms]
     b, q = ledger.parameters, sum(term.width for term in terms)
     normal, right = np.zeros((b + q, b + q)), np.zeros(b + q)
     for joint, rows in enumerate(ledger.joints):
