@@ -39,7 +39,8 @@ def data() -> Baseline:
 def selected(data: Baseline, regression: Regression, *only: str) -> Selection:
     """What the search takes of some effects; of all, if none are named."""
     without = [name for name in NAMES if only and name not in only]
-    return select(Catalogue(data, regression, without), torque_ledger(data, regression))
+    changed = replace(data, regression=regression)
+    return select(Catalogue(changed, without), torque_ledger(changed))
 
 
 def names_of(selection: Selection) -> list[tuple[str, int | None]]:
@@ -147,7 +148,7 @@ def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None
 
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
-    explanation = explained(data, regression, selected(data, regression))
+    explanation = explained(replace(data, regression=regression), selected(data, regression))
     assert (explanation.effects, explanation.numbers) == ((), ())
     rest = unexplained(data, explanation)
     assert rest is not None

@@ -89,14 +89,14 @@ def matters(term: Term) -> bool:
     return float(term.visible[term.place.joint]) >= settings.LEAST_NONPARAMETRIC
 
 
-def explained(data: Baseline, regression: Regression, selection: Selection) -> Explained:
+def explained(data: Baseline, selection: Selection) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes.
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judgements = _judged_terms(data, regression, selection)
+    judgements = _judged_terms(data, selection)
     while True:
-        explanation = _tested(data, regression, selection, judgements)
+        explanation = _tested(data, selection, judgements)
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
@@ -110,9 +110,7 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
         ]
 
 
-def _tested(
-    data: Baseline, regression: Regression, selection: Selection, judgements: Sequence[JudgedTerm]
-) -> Explained:
+def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
     judgements = [
         *_without_doubtful(selection, [term for term in judgements if not term.reason]),
@@ -123,6 +121,7 @@ def _tested(
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
     doubtful = tuple(term for term in judgements if term.reason)
+    regression = data.regression
     fits = [regression.fit()]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
@@ -134,7 +133,7 @@ def _tested(
     more = [term.columns for term in outside if matters(term)]
     more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
     repeats = repeats_of(data)
-    floors = noise_floors(data, regression, fits[-1], repeats)
+    floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
         data,
         regression,
@@ -226,7 +225,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     return tuple(made)
 
 
-def _judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first."""
     terms = [
         (number, term)
@@ -236,7 +235,7 @@ def _judged_terms(data: Baseline, regression: Regression, selection: Selection) 
     if not terms:
         return []
     chosen = chosen_without(selection)
-    remaining = _beyond_noise(data, regression, selection)
+    remaining = _beyond_noise(data, selection)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
@@ -252,9 +251,9 @@ def _judged_terms(data: Baseline, regression: Regression, selection: Selection) 
     return sorted(made, key=lambda judgements: -float(judgements.term.visible.max()))
 
 
-def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
+def _beyond_noise(data: Baseline, selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    floors = noise_floors(data, regression, regression.fit(), repeats_of(data))
+    floors = noise_floors(data, data.regression.fit(), repeats_of(data))
     ledger = selection.comparison.options.ledger
     left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
     shares = []

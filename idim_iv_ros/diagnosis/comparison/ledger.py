@@ -11,7 +11,7 @@ from idim_iv_ros.diagnosis.comparison.nominal_errors import (
     errors_of_links,
     numbers_not_given,
 )
-from idim_iv_ros.diagnosis.likelihood import Regression, noise_model, rms
+from idim_iv_ros.diagnosis.likelihood import noise_model, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.estimation.qr import Basis, independent_basis
@@ -73,13 +73,13 @@ class Ledger:
         return 1 + max(int(block.max()) for block in self.blocks if len(block))
 
 
-def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False) -> Ledger:
+def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     """Rows of the torque on the smooth motion, with the nominal model's numbers.
 
     `free`: whether every number is free, whatever the nominal model says.
     """
     given = None if free else data.prepared.given
-    joints = regression.joints
+    regression, joints = data.regression, data.regression.joints
     sizes = np.array(data.torque_sizes)
     model = data.prepared.model
     if given is None:
