@@ -44,7 +44,7 @@ def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
 
 
 def chain_of(data: Baseline) -> tuple[Baseline, EffortShift]:
-    shifted, _, chain = aligned(data)
+    shifted, chain = aligned(data)
     return shifted, chain
 
 
