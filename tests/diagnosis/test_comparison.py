@@ -136,7 +136,9 @@ def test_friction_that_starts_anew_is_told_from_that_of_the_session(two_recordin
 
 
 def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
-    (cause,) = structural_causes(data, explained(data, *single(0)), [None])
+    regression, selection = single(0)
+    explanation = explained(replace(data, regression=regression), selection)
+    (cause,) = structural_causes(data, explanation, [None])
     assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
     assert cause.probability is not None and cause.probability > 0.8
     assert cause.parameters["excess"].value == pytest.approx(0.5, abs=0.1)
