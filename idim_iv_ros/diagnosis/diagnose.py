@@ -119,10 +119,8 @@ def diagnose(
 
 def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
     """Search for what explains the gap, and judge it."""
-    data, regression = refit.data, refit.regression
-    catalogue = Catalogue(data, regression, without, refit.hidden)
-    selection = select(catalogue, torque_ledger(data, regression))
-    return explained(data, regression, selection)
+    catalogue = Catalogue(refit.data, without, refit.hidden)
+    return explained(refit.data, select(catalogue, torque_ledger(refit.data)))
 
 
 def concluded(
@@ -133,7 +131,7 @@ def concluded(
     watch: Stopwatch,
 ) -> GapResult:
     """Take the steps after the search and build the document; `configuration`: as it was given."""
-    data, regression, prepared = refit.data, refit.regression, refit.data.prepared
+    data, prepared = refit.data, refit.data.prepared
     watch.stage("simulated motion", 0.85)
     tracked = tracked_stages(data, explanation)
     stages = tuple(
@@ -142,7 +140,7 @@ def concluded(
     )
 
     effects = [effect.term for effect in explanation.effects]
-    recordings = agreement(data, regression, effects, without)
+    recordings = agreement(data, effects, without)
     numbers, errors = parametric_causes(data, explanation)
     law = check_law(data, without, shift=refit.shift.shift, std=refit.shift.std or 0.0)
     law = law.not_shown_by_torque(data, numbers, effects)
@@ -153,17 +151,17 @@ def concluded(
         *(() if refit.gravity is None else (refit.gravity.cause(stages[0]),)),
         *(refit.delays or law.delay),
     ]
-    transmissions = measured_transmissions(data, regression)
-    causes, shafts, excluded = with_transmissions(data, regression, transmissions, causes, without)
+    transmissions = measured_transmissions(data)
+    causes, shafts, excluded = with_transmissions(data, transmissions, causes, without)
     causes = strongest_first(causes, data)
     hints = hints_of(data, explanation)
 
     watch.stage("where", 0.95)
-    gaps, findings = where(data, regression, explanation.fits[0], explanation.floors)
+    gaps, findings = where(data, explanation.fits[0], explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], [floor.sigma for floor in explanation.floors])
     made = explanation.selection.comparison.catalogue.made
-    hidden = not_shown_by_motion(data, regression, structural, noise, made)
+    hidden = not_shown_by_motion(data, structural, noise, made)
     named = {(cause.effect, cause.joint) for cause in causes}
 
     outside = unexplained(data, explanation)
@@ -272,11 +270,11 @@ def concluded(
 
 def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     """Measured torque and that of three models for the figures, one series for each joint."""
-    data, regression, fit = refit.data, refit.regression, explanation.fit
-    residuals, given = nominal_residuals(data, regression), data.prepared.given
+    data, fit = refit.data, explanation.fit
+    residuals, given = nominal_residuals(data), data.prepared.given
     made = []
     for joint, name in enumerate(data.joints):
-        torque = regression.joints[joint].torque
+        torque = data.rows[joint].torque
         friction = _friction(refit, joint, fit.values)
         for number, effect in enumerate(explanation.effects):
             columns = effect.term.columns
@@ -300,7 +298,10 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
 
 def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
     """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
-    rows, chosen = refit.regression.joints[joint], refit.data.columns_of(joint, "Fv", "Fc", "off")
+    rows, chosen = (
+        refit.data.regression.joints[joint],
+        refit.data.columns_of(joint, "Fv", "Fc", "off"),
+    )
     return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
 
 
@@ -309,7 +310,7 @@ def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameter
     fit, parameters = explanation.fit, len(explanation.fit.values)
     rows = [
         replace(joint, torque=joint.prediction(fit.values) + residual)
-        for joint, residual in zip(refit.regression.joints, fit.residuals, strict=True)
+        for joint, residual in zip(refit.data.regression.joints, fit.residuals, strict=True)
     ]
     sigma = np.maximum([np.std(residual) for residual in fit.residuals], 1e-300)
     covariance = fit.covariance[:parameters, :parameters]

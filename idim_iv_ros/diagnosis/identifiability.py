@@ -166,22 +166,21 @@ def too_little(joint: int, covered: OperatingRange) -> bool:
 
 def not_shown_by_motion(
     data: Baseline,
-    regression: Regression,
     catalogue: Sequence[Effect],
     noise_models: Sequence[AutoregressiveModel],
     made: Made = lambda effect, place, shape: None,
 ) -> tuple[NotTestable, ...]:
     """Say which effects the motion cannot show, joint by joint.
 
-    `regression`: of the refit; only its regressor is used, not its torque. `noise_models`: noise of
+    Only the regressor of the refit is used, not its torque. `noise_models`: noise of
     each joint, given beforehand or bounded from below (`floor_noise_models`). `made`: columns that
     the search has.
     """
     covered = operating_range(data)
-    absorption = Absorption(regression, noise_models)
+    absorption = Absorption(data.regression, noise_models)
     friction = _dry_friction(data, covered)
     refused = []
-    for joint, rows in enumerate(regression.joints):
+    for joint, rows in enumerate(data.regression.joints):
         scale = JointScale(covered, joint, friction[joint])
         for effect in catalogue:
             # Of pairs of joints the one with the next joint.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
+from idim_iv_ros.diagnosis.likelihood import Fit, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
@@ -203,7 +203,7 @@ def in_words(
 
 
 def where(
-    data: Baseline, regression: Regression, refit: Fit, floors: Sequence[NoiseFloor]
+    data: Baseline, refit: Fit, floors: Sequence[NoiseFloor]
 ) -> tuple[Where, tuple[str, ...]]:
     """Find where the gap lies, and say in which regimes much of it does, the largest first.
 
@@ -211,9 +211,9 @@ def where(
     refit where no model is given. The residual of the refit shows missing effects: findings about
     it follow where it is above the noise.
     """
-    nominal, joints = nominal_residuals(data, regression), range(len(data.joints))
+    nominal, joints = nominal_residuals(data), range(len(data.joints))
     shown = refit.residuals if nominal is None else nominal
-    gaps = _joint_gaps(data, regression, shown, floors)
+    gaps = _joint_gaps(data, shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in joints]
     used = set(joints) - data.left_out
@@ -228,7 +228,6 @@ def where(
 
 def _joint_gaps(
     data: Baseline,
-    regression: Regression,
     residuals: Sequence[FloatArray],
     floors: Sequence[NoiseFloor],
 ) -> tuple[JointGap, ...]:
@@ -237,7 +236,7 @@ def _joint_gaps(
     Shares are those of what lies beyond the noise.
     """
     sizes = np.array([rms(residual) for residual in residuals])
-    whole = np.maximum([rms(rows.torque) for rows in regression.joints], 1e-300)
+    whole = np.array(data.torque_sizes)
     noise = np.array([floor.sigma or 0.0 for floor in floors])
     beyond = np.maximum(sizes**2 - noise**2, 0.0) / whole**2
     shares = beyond / max(float(np.sum(beyond)), 1e-300)

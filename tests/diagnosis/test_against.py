@@ -13,7 +13,7 @@ from idim_iv_ros.diagnosis.against.changes import agreement, changes_between
 from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
 from idim_iv_ros.diagnosis.against.sets import two_sets
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, RecordingAgreement
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
@@ -159,7 +159,7 @@ def test_a_change_that_is_not_confirmed_is_still_a_difference() -> None:
     """Numbers of the second set alone, held out, say so; what comes closest is named as such."""
     sets = two_sets([run("a", 1)], [run("b", 2, truth=stiffer(2.0))], arm(1).configuration)
     scopes = [sets.first, sets.second]
-    changes = changes_between(sets.data, sets.regression, scopes, [sets.second], LEFT_OUT)
+    changes = changes_between(sets.data, scopes, [sets.second], LEFT_OUT)
     doubtful = replace(changes, accepted={}, doubtful={**changes.accepted, **changes.doubtful})
     result = contrast_of(sets, doubtful, [], LEFT_OUT)
     assert result.differs and result.causes == ()
@@ -192,7 +192,7 @@ def data() -> Baseline:
 def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> Regression:
     """Rows whose torque is that of other parameters than the nominal, and changes by recording."""
     random = np.random.default_rng(seed)
-    plain = smooth_regression(data)
+    plain = data.regression
     truth = 1.1 * data.prepared.model.given
     joints = []
     for joint, rows in enumerate(plain.joints):
@@ -214,7 +214,7 @@ def differing(
     data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]
 ) -> dict[int, RecordingAgreement]:
     """Recordings that differ, by their number."""
-    agreements = agreement(data, world(data, seed, change))
+    agreements = agreement(replace(data, regression=world(data, seed, change)))
     assert [recording.bag for recording in agreements] == [
         part.bag for part in data.prepared.session.parts
     ]
@@ -260,4 +260,4 @@ def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
 
 
 def test_one_recording_is_held_against_nothing(data: Baseline) -> None:
-    assert agreement(replace(data, motions=data.motions[:1]), smooth_regression(data)) == ()
+    assert agreement(replace(data, motions=data.motions[:1])) == ()

@@ -39,7 +39,8 @@ def data() -> Baseline:
 def selected(data: Baseline, regression: Regression, *only: str) -> Selection:
     """What the search takes of some effects; of all, if none are named."""
     without = [name for name in NAMES if only and name not in only]
-    return select(Catalogue(data, regression, without), torque_ledger(data, regression))
+    changed = replace(data, regression=regression)
+    return select(Catalogue(changed, without), torque_ledger(changed))
 
 
 def names_of(selection: Selection) -> list[tuple[str, int | None]]:
@@ -155,7 +156,9 @@ def test_friction_that_starts_anew_is_told_from_that_of_the_session(two_recordin
 
 
 def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
-    (cause,) = structural_causes(data, explained(data, *single(0)), [None])
+    regression, selection = single(0)
+    explanation = explained(replace(data, regression=regression), selection)
+    (cause,) = structural_causes(data, explanation, [None])
     assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
     assert cause.probability is not None and cause.probability > 0.8
     assert cause.parameters["excess"].value == pytest.approx(0.5, abs=0.1)
@@ -167,7 +170,7 @@ def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None
 
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
-    explanation = explained(data, regression, selected(data, regression))
+    explanation = explained(replace(data, regression=regression), selected(data, regression))
     assert (explanation.effects, explanation.numbers) == ((), ())
     rest = unexplained(data, explanation)
     assert rest is not None

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
 from tests.diagnosis.worlds import point_mass, world
@@ -25,8 +26,8 @@ from tests.inputs import changed
 
 
 def explanation_of(data: Baseline, regression: Regression) -> Explained:
-    catalogue = Catalogue(data, regression)
-    return explained(data, regression, select(catalogue, torque_ledger(data, regression)))
+    other = replace(data, regression=regression)
+    return explained(other, select(Catalogue(other), torque_ledger(other)))
 
 
 def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
@@ -149,7 +150,7 @@ def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
     text = arm.configuration.robot.urdf.read_text()
     bare.write_text(re.sub("<dynamics [^>]*/>", "", text))
     data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))
-    explanation = explanation_of(data, smooth_regression(data))
+    explanation = explanation_of(data, data.regression)
     causes = parametric_causes(data, explanation)[0]
     assert explanation.effects == ()
     assert sorted(names(causes)) == [("friction_level", joint) for joint in data.joints]

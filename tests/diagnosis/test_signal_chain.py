@@ -14,7 +14,7 @@ from bags import simulated_arms
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
-from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, _chain, aligned
+from idim_iv_ros.diagnosis.refit.signal_chain import _chain, aligned
 from idim_iv_ros.recording import Recording
 from tests.diagnosis.motions import with_signals
 from tests.estimation.test_simulated_arms import recorded
@@ -31,7 +31,7 @@ def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:
         replace(row, torque=motion.decimation.whole(motion.torque[:, j])[motion.kept[:, j]])
         for j, row in enumerate(data.rows)
     )
-    return replace(changed, rows=rows)
+    return replace(changed, rows=rows).on(changed.motions)
 
 
 def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
@@ -43,17 +43,12 @@ def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
     return np.column_stack(parts)
 
 
-def chain_of(data: Baseline) -> tuple[Baseline, EffortShift]:
-    shifted, _, chain = aligned(data)
-    return shifted, chain
-
-
 def effort_of(recording: Recording) -> np.ndarray:
     return np.asarray(recording.effort.values)
 
 
 def test_a_measured_torque_is_not_shifted(data: Baseline) -> None:
-    _, chain = chain_of(data)
+    _, chain = aligned(data)
     assert chain.std is not None
     assert abs(chain.shift) < 3.0 * chain.std
     assert chain.agreeing.all()
@@ -62,7 +57,7 @@ def test_a_measured_torque_is_not_shifted(data: Baseline) -> None:
 def test_a_held_command_is_half_a_period_later_than_its_mean(arm, data) -> None:
     command = simulated_arms.record(arm, 1).truth.torque
     mean = 0.5 * (command + np.vstack([command[:1], command[:-1]]))  # what acts around each sample
-    chains = [chain_of(with_effort(data, effort))[1] for effort in (command, mean)]
+    chains = [aligned(with_effort(data, effort))[1] for effort in (command, mean)]
     assert all(chain.agreeing.all() for chain in chains)
     assert chains[0].shift - chains[1].shift == pytest.approx(0.5 * PERIOD, rel=0.02)
     assert abs(chains[1].shift) < 3.0 * chains[1].std
@@ -71,11 +66,11 @@ def test_a_held_command_is_half_a_period_later_than_its_mean(arm, data) -> None:
 @pytest.mark.parametrize("delay", [-0.8e-3, 1.3e-3, 6e-3])
 def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> None:
     effort = effort_of(recorded(arm, 1))
-    _, plain = chain_of(data)
-    shifted, chain = chain_of(with_effort(data, later(effort, [delay, delay], arm.rate)))
+    _, plain = aligned(data)
+    shifted, chain = aligned(with_effort(data, later(effort, [delay, delay], arm.rate)))
     assert chain.shift - plain.shift == pytest.approx(delay, abs=0.03 * PERIOD)
     rows = [row.torque for row in shifted.rows]
-    for restored, original in zip(rows, chain_of(data)[0].rows, strict=True):
+    for restored, original in zip(rows, aligned(data)[0].rows, strict=True):
         inner = slice(20, -20)
         error = np.std(restored[inner] - original.torque[inner])
         assert error < 0.01 * np.std(original.torque)
@@ -83,7 +78,7 @@ def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> N
 
 def test_a_joint_that_is_later_than_the_other_keeps_its_delay(arm, data) -> None:
     effort = effort_of(recorded(arm, 1))
-    _, chain = chain_of(with_effort(data, later(effort, [0.0, 4e-3], arm.rate)))
+    _, chain = aligned(with_effort(data, later(effort, [0.0, 4e-3], arm.rate)))
     assert chain.std is not None
     assert abs(chain.shift) < 3.0 * chain.std
     assert chain.agreeing.tolist() == [True, False]

@@ -8,7 +8,7 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, _crossing, soft_friction
@@ -124,7 +124,7 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
 
 
 def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Baseline) -> None:
-    assert soft_friction(data, smooth_regression(data)) is None
+    assert soft_friction(data) is None
     assert refitted([recorded(arm, 1)], arm.configuration, ()).softened is None
 
 
@@ -137,8 +137,8 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
     for joint, row in enumerate(data.rows):
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
         rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
-    robot = replace(data, rows=tuple(rows))
-    friction = soft_friction(robot, smooth_regression(robot))
+    robot = replace(data, rows=tuple(rows)).on(data.motions)
+    friction = soft_friction(robot)
     if len(softer) == 1:
         assert friction is None
         return

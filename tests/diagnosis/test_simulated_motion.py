@@ -11,7 +11,7 @@ from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.smooth_motion import corrected_motions, high_passed
 from idim_iv_ros.diagnosis.tracking import (
@@ -156,7 +156,7 @@ def base() -> Baseline:
 
 @pytest.fixture(scope="module")
 def regression(base: Baseline) -> Regression:
-    return smooth_regression(base)
+    return base.regression
 
 
 def test_repeats_tell_the_noise_that_was_put_in(base: Baseline, regression: Regression) -> None:
@@ -167,12 +167,10 @@ def test_repeats_tell_the_noise_that_was_put_in(base: Baseline, regression: Regr
     rate, edge = base.prepared.motions[0].signals.rate, base.motions[0].decimation.edge
     # White noise of 0.5 % of the limit, through a filter that passes this share of the band.
     expected = 0.005 * limits * np.sqrt(edge * base.row_rate / rate)
-    for floor, value in zip(noise_floors(base, regression, fit, repeats), expected, strict=True):
+    for floor, value in zip(noise_floors(base, fit, repeats), expected, strict=True):
         assert floor.origin == "repeats"
         assert floor.sigma == pytest.approx(value, rel=0.15)
-    for floor, colour in zip(
-        noise_floors(base, regression, fit, ()), fit.noise_models, strict=True
-    ):
+    for floor, colour in zip(noise_floors(base, fit, ()), fit.noise_models, strict=True):
         assert floor.origin == "lower bound"
         assert floor.sigma == colour.sigma
 
@@ -187,11 +185,10 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(base, 
     assert "efforts are in A" in current.why_no_given
     fit = regression.fit()
     numbers = [
-        {candidate.kind for candidate in Catalogue(one, regression).candidates}
-        for one in (ampere, base)
+        {candidate.kind for candidate in Catalogue(one).candidates} for one in (ampere, base)
     ]
     assert [Kind.NUMBER in kinds for kinds in numbers] == [False, True]
-    gaps, _ = where(ampere, regression, fit, noise_floors(base, regression, fit, ()))
+    gaps, _ = where(ampere, fit, noise_floors(base, fit, ()))
     assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
     units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
     assert units <= {"A"}
@@ -203,8 +200,8 @@ def test_more_noise_hides_more(base: Baseline, regression: Regression) -> None:
         replace(noise, innovation_variance=900.0 * noise.innovation_variance)
         for noise in fit.noise_models
     )
-    few = not_shown_by_motion(base, regression, STRUCTURAL, fit.noise_models)
-    many = not_shown_by_motion(base, regression, STRUCTURAL, loud)
+    few = not_shown_by_motion(base, STRUCTURAL, fit.noise_models)
+    many = not_shown_by_motion(base, STRUCTURAL, loud)
     assert len(many) > len(few) + 5
     assert {(n.effect, n.joint) for n in few} <= {(n.effect, n.joint) for n in many}
     assert all(refusal.reason and refusal.excitation_needed for refusal in many)

@@ -57,7 +57,7 @@ def measure(record):
     def measured(gear: Gear, seed: int = 1) -> Transmission:
         bag, configuration = record(gear, seed)
         refit = refitted(read_configured([bag], configuration), configuration, ())
-        (joint,) = measured_transmissions(refit.data, refit.regression)
+        (joint,) = measured_transmissions(refit.data)
         return joint.result
 
     return measured
@@ -199,7 +199,7 @@ def test_what_the_encoders_exclude_is_taken_out_with_a_note(diagnosed):
     soft = EffectParameter(1e3, 10.0, "N m/rad")
     cause = replace(shafts(diagnosed(SHAFT))[0], parameters={"stiffness": soft})
     (rigid,) = diagnosed(Gear(late=0.003)).transmissions
-    causes, measured, notes = with_transmissions(None, None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
+    causes, measured, notes = with_transmissions(None, [Measured(0, rigid)], [cause])  # type: ignore[arg-type]
     assert causes == measured == []
     assert "excludes" in notes[0]
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 
 NOISE = (0.15, 0.05)  # N m, of a row
@@ -46,7 +46,7 @@ def world(
         Of the rows of each joint, N m.
     """
     random = np.random.default_rng(seed)
-    plain = smooth_regression(data)
+    plain = data.regression
     assert data.prepared.given is not None
     true = data.prepared.given + (0.0 if change is None else change)
     made = []

@@ -10,7 +10,7 @@ from bags import simulated_arms
 from bags.simulated_arms import CONFIG, SimulatedArm, arm2
 from idim_iv_ros import IdentificationResult, identify, identify_recordings, load_configuration
 from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import baseline, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
@@ -117,10 +117,10 @@ def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: Si
     )
     (repeat,) = repeats_of(data)
     assert (repeat.first, repeat.second, repeat.lag) == (0, 1, -1000)
-    regression: Regression = smooth_regression(data)
+    regression: Regression = data.regression
     fit = regression.fit()
     for floor, rows, noise in zip(
-        noise_floors(data, regression, fit, [repeat]), regression.joints, (0.45, 0.175), strict=True
+        noise_floors(data, fit, [repeat]), regression.joints, (0.45, 0.175), strict=True
     ):
         assert floor.origin == REPEATS
         assert floor.sigma is not None

@@ -24,7 +24,7 @@ def measured(data: Path, folder: Path, link: str) -> dict[str, Transmission]:
     configuration = kuka_configuration(data, folder)
     recordings = read_configured(kuka_bags(data, folder, link=link), configuration)
     refit = refitted(recordings, configuration, ())
-    joints = measured_transmissions(refit.data, refit.regression)
+    joints = measured_transmissions(refit.data)
     return {joint.result.joint: joint.result for joint in joints}
 
 

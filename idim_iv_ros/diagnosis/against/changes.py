@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.likelihood import Regression, rms
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import Parameters
@@ -46,7 +46,6 @@ class Changes:
 
 def changes_between(
     data: Baseline,
-    regression: Regression,
     scopes: Sequence[Scope],
     number_scopes: Sequence[Scope],
     without: Collection[str] = (),
@@ -58,8 +57,8 @@ def changes_between(
     `without`: effects that are left out of the catalogue; `taken_out`: terms of another search
     whose torque is taken out first.
     """
-    catalogue = Catalogue(data, regression, without, scopes=scopes, number_scopes=number_scopes)
-    ledger = torque_ledger(data, regression, free=True)
+    catalogue = Catalogue(data, without, scopes=scopes, number_scopes=number_scopes)
+    ledger = torque_ledger(data, free=True)
     gap = list(ledger.gap)
     for term in taken_out:
         gap = term.taken_from(gap)
@@ -178,7 +177,6 @@ def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Es
 
 def agreement(
     data: Baseline,
-    regression: Regression,
     taken_out: Sequence[Term] = (),
     without: Collection[str] = (),
 ) -> tuple[RecordingAgreement, ...]:
@@ -186,7 +184,7 @@ def agreement(
 
     Of two recordings that differ the second is named: nothing says which of them is right.
 
-    `regression`: of the refit; `taken_out`: structural causes, whose torque is taken out first;
+    `taken_out`: structural causes, whose torque is taken out first;
     `without`: effects that are left out of the catalogue.
     """
     count = len(data.motions)
@@ -194,7 +192,7 @@ def agreement(
         return ()
     scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
     structural = {effect.name for effect in STRUCTURAL}
-    changes = changes_between(data, regression, (), scopes, {*without, *structural}, taken_out)
+    changes = changes_between(data, (), scopes, {*without, *structural}, taken_out)
     differences: list[list[tuple[FloatArray, Difference]]] = [[] for _ in range(count)]
     for change in number_changes(changes):
         shares = rms_of(data, change.terms, change.recordings) / np.array(data.torque_sizes)

@@ -54,7 +54,7 @@ def contrasted(
     if len(sets.second) > 1:
         numbers += [frozenset({number}) for number in sorted(sets.second)]
     scopes = [sets.first, sets.second]
-    changes = changes_between(sets.data, sets.regression, scopes, numbers, without)
+    changes = changes_between(sets.data, scopes, numbers, without)
     return contrast_of(sets, changes, disagreeing, without)
 
 

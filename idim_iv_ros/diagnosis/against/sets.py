@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.likelihood import Regression, rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, smooth_regression, with_offsets
+from idim_iv_ros.diagnosis.likelihood import rms
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, with_offsets
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.estimation.rows import JointRows
@@ -29,12 +29,11 @@ class TwoSets:
     """Rows of both sets, those of the reference first.
 
     `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
-    `regression`: on the smooth motion; `refits` (Refit, Refit): of reference and second set by
+    `refits` (Refit, Refit): of reference and second set by
     themselves.
     """
 
     data: Baseline
-    regression: Regression
     refits: tuple[Refit, Refit]
 
     @property
@@ -78,8 +77,7 @@ def two_sets(
         if all(data.sticking for data in sets):
             break
     one, other = map(on_likelier_motion, sets)
-    data = _together(one.data, other.data)
-    return TwoSets(data, smooth_regression(data), (one, other))
+    return TwoSets(_together(one.data, other.data), (one, other))
 
 
 def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:
@@ -108,13 +106,13 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
     factors = (*one.cutoffs.factors, *other.cutoffs.factors)
-    return replace(
+    both = replace(
         first,
         prepared=_of_session(one, session, factors, (*one.motions, *other.motions)),
         rows=tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True)),
-        motions=(*first.motions, *second.motions),
         sticking=first.sticking and second.sticking,
     )
+    return both.on((*first.motions, *second.motions))
 
 
 def _rows(first: JointRows, second: JointRows) -> JointRows:

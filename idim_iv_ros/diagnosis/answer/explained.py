@@ -32,21 +32,11 @@ NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 class JudgedTerm:
     """A term and how far it is believed.
 
-    Attributes
-    ----------
-    term : Term
-    features : (f,)
-        See `comparison.probability`.
-    probability : float
-        That it is a cause by its first name; that its set holds one decides.
-    chosen : str
-        Without how many of the folds the search chooses it: ``4 of 4``.
-    reason : str
-        Why it is no cause; empty where it is one.
-    outside : bool
-        Whether its torque is there, and it is something else.
-    too_unsure : float or None
-        Probability that its set holds a cause, where nothing but this speaks against it.
+    `features`: see `comparison.probability`; `probability`: that it is a cause by its first name;
+    that its set holds one decides; `chosen`: without how many of the folds the search chooses it,
+    ``4 of 4``; `reason`: why it is no cause, empty where it is one; `outside`: whether its torque
+    is there, and it is something else; `too_unsure`: probability that its set holds a cause, where
+    nothing but this speaks against it.
     """
 
     term: Term
@@ -62,28 +52,13 @@ class JudgedTerm:
 class Explained:
     """What the gap is explained by: causes, and the refit with those that are effects.
 
-    Attributes
-    ----------
-    selection : Selection
-    effects, numbers : tuple of JudgedTerm
-        Causes: of structure, in the order of the stages, and of the nominal numbers.
-    not_given : tuple of JudgedTerm
-        Numbers of which the nominal model says nothing, and that the recording shows.
-    doubtful : tuple of JudgedTerm
-        Selected and no causes.
-    outside : tuple of Term
-        Free curves, and effects that are not adequate: what the catalogue does not explain.
-    regression : Regression
-        Of the refit, with one block for each of `effects`.
-    fits : tuple of Fit
-        Of the refit, and with the first, the first two … effects.
-    whole : Fit
-        With what lies outside the catalogue and matters, and with the numbers that no base
-        parameters hold, too.
-    tested : HeldOut
-        Held-out residuals of the stages.
-    floors : tuple of NoiseFloor
-        One for each joint.
+    `effects`, `numbers`: causes, of structure in the order of the stages, and of the nominal
+    numbers; `not_given`: numbers of which the nominal model says nothing, and that the recording
+    shows; `doubtful`: selected and no causes; `outside`: free curves, and effects that are not
+    adequate: what the catalogue does not explain. `regression`: of the refit, with one block for
+    each of `effects`; `fits`: of the refit, and with the first, the first two … effects; `whole`:
+    with what lies outside the catalogue and matters, and with the numbers that no base parameters
+    hold, too; `tested`: held-out residuals of the stages; `floors`: one for each joint.
     """
 
     selection: Selection
@@ -114,14 +89,14 @@ def matters(term: Term) -> bool:
     return float(term.visible[term.place.joint]) >= settings.LEAST_NONPARAMETRIC
 
 
-def explained(data: Baseline, regression: Regression, selection: Selection) -> Explained:
+def explained(data: Baseline, selection: Selection) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes.
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judgements = _judged_terms(data, regression, selection)
+    judgements = _judged_terms(data, selection)
     while True:
-        explanation = _tested(data, regression, selection, judgements)
+        explanation = _tested(data, selection, judgements)
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
@@ -135,9 +110,7 @@ def explained(data: Baseline, regression: Regression, selection: Selection) -> E
         ]
 
 
-def _tested(
-    data: Baseline, regression: Regression, selection: Selection, judgements: Sequence[JudgedTerm]
-) -> Explained:
+def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
     judgements = [
         *_without_doubtful(selection, [term for term in judgements if not term.reason]),
@@ -148,6 +121,7 @@ def _tested(
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
     doubtful = tuple(term for term in judgements if term.reason)
+    regression = data.regression
     fits = [regression.fit()]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
@@ -159,7 +133,7 @@ def _tested(
     more = [term.columns for term in outside if matters(term)]
     more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
     repeats = repeats_of(data)
-    floors = noise_floors(data, regression, fits[-1], repeats)
+    floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
         data,
         regression,
@@ -210,12 +184,8 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
 def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[JudgedTerm, ...]:
     """Numbers of which the nominal model says nothing, where the recording shows them.
 
-    Parameters
-    ----------
-    causes
-        Of structure and of the nominal numbers, beside which they are taken.
-    fit
-        Of the refit with the effects: says how precise they are.
+    `causes`: of structure and of the nominal numbers, beside which they are taken; `fit`: of the
+    refit with the effects: says how precise they are.
     """
     comparison, count = selection.comparison, len(fit.values)
     sizes = comparison.options.ledger.sizes
@@ -255,7 +225,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     return tuple(made)
 
 
-def _judged_terms(data: Baseline, regression: Regression, selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first."""
     terms = [
         (number, term)
@@ -265,7 +235,7 @@ def _judged_terms(data: Baseline, regression: Regression, selection: Selection) 
     if not terms:
         return []
     chosen = chosen_without(selection)
-    remaining = _beyond_noise(data, regression, selection)
+    remaining = _beyond_noise(data, selection)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
@@ -281,9 +251,9 @@ def _judged_terms(data: Baseline, regression: Regression, selection: Selection) 
     return sorted(made, key=lambda judgements: -float(judgements.term.visible.max()))
 
 
-def _beyond_noise(data: Baseline, regression: Regression, selection: Selection) -> FloatArray:
+def _beyond_noise(data: Baseline, selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    floors = noise_floors(data, regression, regression.fit(), repeats_of(data))
+    floors = noise_floors(data, data.regression.fit(), repeats_of(data))
     ledger = selection.comparison.options.ledger
     left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
     shares = []

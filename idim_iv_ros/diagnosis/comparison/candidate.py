@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.nominal_errors import numbers_not_given
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
-from idim_iv_ros.diagnosis.likelihood import Columns, Regression
+from idim_iv_ros.diagnosis.likelihood import Columns
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
 from idim_iv_ros.diagnosis.refit.refit import unit_gravity_rows
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
@@ -41,23 +41,10 @@ class Kind(Enum):
 class Candidate:
     """One effect at one place, with all shapes of one width that are tried.
 
-    Attributes
-    ----------
-    kind : Kind
-    effect : StructuralEffect or ParametricEffect
-    place : Place or None
-        None where a number belongs to no joint.
-    shapes : tuple of Shape
-        One for each option; a number has none and one option.
-    changes : tuple of Change
-        Of a number.
-    lines : dict of int to (options × width, r_j) float32
-        Torque of unit coefficients by joint, N m: the columns of one option after those of the
-        option before.
-    width : int
-        Columns of an option.
-    scope : Scope or None
-        Recordings in which it acts; None: all.
+    `place`: None where a number belongs to no joint; `shapes`: one for each option; a number has
+    none and one option, and `changes`; `lines`: torque of unit coefficients by joint, N m, (options
+    × width, r_j): the columns of one option after those of the option before; `width`: columns of
+    an option; `scope`: recordings in which it acts; None: all.
     """
 
     kind: Kind
@@ -105,23 +92,15 @@ class Catalogue:
     Numbers of which the nominal model says nothing are free in every comparison: they are
     `not_given`, and no candidates.
 
-    Parameters
-    ----------
-    data, regression
-        The refit on the smooth motion.
-    without
-        Names of effects that are left out.
-    hidden
-        Effects and joints that the recording cannot show.
-    scopes, number_scopes
-        Recordings in which effects, and numbers, may differ from the others. What all recordings
-        share then has free numbers, and those that base parameters hold are no candidates.
+    `without`: effects that are left out; `hidden`: effects and joints that the recording cannot
+    show; `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from the
+    others. What all recordings share then has free numbers, and those that base parameters hold are
+    no candidates.
     """
 
     def __init__(
         self,
         data: Baseline,
-        regression: Regression,
         without: Collection[str] = (),
         hidden: Collection[tuple[str, int]] = (),
         scopes: Sequence[Scope] = (),
@@ -141,7 +120,7 @@ class Catalogue:
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
         ]
-        numbers = [] if data.prepared.why_no_given else self._numbers(regression, without, still)
+        numbers = [] if data.prepared.why_no_given else self._numbers(without, still)
         self.not_given = tuple(number for number in numbers if number.is_not_given(self.space))
         numbers = [number for number in numbers if number not in self.not_given]
         common = [
@@ -236,10 +215,8 @@ class Catalogue:
             made.append(Candidate(kind, effect, place, kept, (), lines, width))
         return made
 
-    def _numbers(
-        self, regression: Regression, without: Collection[str], still: Collection[int]
-    ) -> list[Candidate]:
-        units = change_rows(self.data, regression, self.space)
+    def _numbers(self, without: Collection[str], still: Collection[int]) -> list[Candidate]:
+        units = change_rows(self.data, self.space)
         made = []
         for effect in PARAMETRIC:
             if effect.name in without:
@@ -280,15 +257,13 @@ class Catalogue:
         return effect.impossible(shape, coefficients, place.joint, self.covered)
 
 
-def change_rows(
-    data: Baseline, regression: Regression, space: ParameterSpace
-) -> tuple[FloatArray, ...]:
+def change_rows(data: Baseline, space: ParameterSpace) -> tuple[FloatArray, ...]:
     """Rows (r_j, d) of unit changes of all numbers of a space, for each joint, N m."""
-    b, units = regression.parameters, []
+    b, units = data.regression.parameters, []
     # Per small rotation of gravity about each axis, N m/rad.
     down = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
     gravity = unit_gravity_rows(data, np.array([np.cross(axis, down) for axis in space.axes]))
-    for joint, rows in enumerate(regression.joints):
+    for joint, rows in enumerate(data.regression.joints):
         unit = np.zeros((len(rows), space.size))
         unit[:, rows.columns] = rows.matrix
         unit[:, b : b + 2] = gravity[joint]

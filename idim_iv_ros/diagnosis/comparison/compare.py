@@ -10,7 +10,6 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
-from idim_iv_ros.diagnosis.comparison.prior import Prior
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -21,19 +20,11 @@ _LOOKED_AT = 400  # options whose evidence is computed first: those with the hig
 
 
 class Comparison:
-    """Options beside models of one noise and one size of nominal errors.
+    """Options beside models of one noise and one size of nominal errors."""
 
-    Parameters
-    ----------
-    catalogue
-        Says what physics allows.
-    nominal
-    prior
-    """
-
-    def __init__(self, catalogue: Catalogue, nominal: NominalErrors, prior: Prior) -> None:
-        self.catalogue, self.nominal, self.prior = catalogue, nominal, prior
-        self.options = nominal.options
+    def __init__(self, catalogue: Catalogue, nominal: NominalErrors) -> None:
+        self.catalogue, self.nominal = catalogue, nominal
+        self.options, self.prior = nominal.options, nominal.options.prior
         blocks = nominal.options.ledger.blocks
         numbers = np.concatenate(blocks)
         joints = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
@@ -102,12 +93,8 @@ class Comparison:
     ) -> tuple[FloatArray, FloatArray]:
         """Shares of the torque (n_joints,) that an option has, and that counts beside others.
 
-        Parameters
-        ----------
-        plain, uncovered
-            (r_j, w) columns of unit size as they are, and less what the model takes of them.
-        unit
-            (w,) coefficients.
+        `plain`, `uncovered`: (r_j, w) columns of unit size as they are, and less what the model
+        takes of them; `unit`: (w,) coefficients.
         """
         ledger = self.options.ledger
         sizes = ledger.sizes
@@ -161,14 +148,9 @@ class Comparison:
         The second is where its torque is (White's estimator): 1 where the noise is as large there
         as elsewhere, more where noise grows with the torque or outliers lie. Both are 1 at least.
 
-        Parameters
-        ----------
-        rest
-            (r,) whitened residual of the model, all joints one after the other.
-        lines
-            (w_k, r) whitened columns of every option, less what the model takes of them.
-        coefficients
-            (w_k,) of every option.
+        `rest`: (r,) whitened residual of the model, all joints one after the other; `lines`,
+        `coefficients`: (w_k, r), (w_k,) of every option: whitened columns, less what the model
+        takes of them.
         """
         made = []
         for columns, values in zip(lines, coefficients, strict=True):
@@ -317,8 +299,7 @@ class _Ranking:
         deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row])
         unit = vectors @ (self._shrunk[row, self._directions[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
-        candidate = options.candidates[options.candidate[k]]
-        shape = candidate.shapes[options.shape[k]] if candidate.shapes else None
+        candidate, shape = options.named(k)
         if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
             return None
         return unit, coefficients, deviations
@@ -333,7 +314,7 @@ class _Ranking:
     ) -> Term:
         comparison, options = self.comparison, self.comparison.options
         prior = comparison.prior
-        candidate = options.candidates[options.candidate[option]]
+        candidate, shape = options.named(option)
         w, place = int(options.width[option]), options.place[option]
         basis = comparison.nominal.basis[w][place]
         row = kept[0][1]
@@ -349,13 +330,12 @@ class _Ranking:
             key = options.keys[options.key[k]]
             keys[key] = keys.get(key, 0.0) + float(weight)
         odds = float(self.capped[row]) + prior.odds_of_presence(candidate.key)
-        shape = int(options.shape[option])
         inverse = np.linalg.pinv(basis)
         lines = {joint: table @ inverse for joint, table in plain.items()}
         return Term(
             candidate=candidate,
-            option=shape,
-            shape=candidate.shapes[shape] if candidate.shapes else None,
+            option=int(options.shape[option]),
+            shape=shape,
             columns=lines,
             coefficients=coefficients,
             deviations=deviations,

@@ -12,7 +12,7 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.signals import Unnamed
 from idim_iv_ros.effects.cause import Family
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 OfMotion = Callable[[RobotMotion, int], FloatArray]
@@ -98,7 +98,7 @@ class Curve(Nonparametric):
         knots = self._knots(covered, place.joint)
         return [Knots(tuple(map(float, knots)))] if np.all(np.diff(knots) > 0.0) else []
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Knots) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Knots) -> Torques:
         """Hat functions at the knots."""
         values = self._variable(motion, place.joint)
         hats = np.column_stack(
@@ -116,10 +116,7 @@ class Stop(Nonparametric):
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
         """Positions near either end of the range."""
-        low, high = (
-            float(covered.low[place.joint]),
-            float(covered.high[place.joint]),
-        )
+        low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
         length = _STOP_RANGE * (high - low)
         if high <= low:
             return []
@@ -134,7 +131,7 @@ class Stop(Nonparametric):
         move = 0.05 * step * covered.span(place.joint)
         return [replace(shape, position=shape.position + sign * move) for sign in (1.0, -1.0)]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: StopShape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: StopShape) -> Torques:
         """Spring and damper beyond the position."""
         side, start = shape.side, shape.position
         beyond = np.maximum(side * (motion.position[:, place.joint] - start), 0.0)
@@ -150,7 +147,7 @@ class Lags(Nonparametric):
     family = "frequency"
     words = "follows the torque's rate of change"
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """Derivatives of the joint's torque, first to third."""
         rows = [motion.torque[:, place.joint]]
         for _ in range(3):

@@ -17,15 +17,7 @@ SIZES = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])
 
 
 def by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
-    """Logarithm of the Bayes factor of each size: (k, sizes).
-
-    Parameters
-    ----------
-    scores, information
-        (k, w) z and λ.
-    misfit
-        (k,) τ₀².
-    """
+    """Logarithm of the Bayes factor of each size, (k, sizes), from z, λ (k, w) and τ₀² (k,)."""
     information = information[:, None, :]
     least = 1.0 + misfit[:, None, None] * information
     whole = least + SIZES[:, None] ** 2 * information

@@ -17,11 +17,8 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 class Chosen:
     """What the search does without each of some parts of the time.
 
-    Attributes
-    ----------
-    keys : for each fold the effects and places that are chosen without it
-    gains : (folds, terms)
-        Logarithm of the predictive density of the part that each term of the selection brings.
+    `keys`: effects and places that are chosen without each; `gains` (folds, terms): logarithm of
+    the predictive density of the part that each term of the selection brings.
     """
 
     keys: tuple[frozenset[Key], ...]
@@ -36,26 +33,18 @@ class Chosen:
 def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen:
     """Search again without each of some parts of the time.
 
-    Parameters
-    ----------
-    part
-        (blocks,) part that each block of time belongs to; None: equal stretches of the session.
+    `part`: (blocks,) that each block of time belongs to; None: equal stretches of the session.
     """
     comparison = selection.comparison
-    nominal, options = comparison.nominal, comparison.options
-    ledger = options.ledger
+    nominal, ledger = comparison.nominal, comparison.options.ledger
     if part is None:
         count, folds = ledger.block_count, int(settings.FOLDS)
         part = np.arange(count) * folds // max(count, folds)
     keys, gains = [], []
     parts = [part[block] for block in ledger.blocks]
-    for fold, white in enumerate(without_parts(options, nominal.white, parts)):
+    for fold, white in enumerate(without_parts(nominal.white, parts)):
         counted: list[BoolArray] = [number != fold for number in parts]
-        fitted = Comparison(
-            comparison.catalogue,
-            NominalErrors(options, white, nominal.torques, nominal.errors),
-            comparison.prior,
-        )
+        fitted = Comparison(comparison.catalogue, NominalErrors(white, nominal.errors))
         keys.append(frozenset(term.key for term in climb(fitted, ())))
         gains.append(_gains(fitted, selection, counted))
         del fitted  # before the next one is made

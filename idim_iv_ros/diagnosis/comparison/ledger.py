@@ -11,7 +11,7 @@ from idim_iv_ros.diagnosis.comparison.nominal_errors import (
     errors_of_links,
     numbers_not_given,
 )
-from idim_iv_ros.diagnosis.likelihood import Regression, noise_model, rms
+from idim_iv_ros.diagnosis.likelihood import noise_model, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.estimation.qr import Basis, independent_basis
@@ -28,24 +28,12 @@ _FREE = 100.0  # torque that a unit of a number without a given value makes, tim
 class Ledger:
     """Rows r = y − X β₀ of all joints, and the physical errors of β₀.
 
-    Attributes
-    ----------
-    joints : tuple of JointRows
-        X of each joint.
-    gap : tuple of (r_j,)
-        What the nominal model leaves, N m (N).
-    sizes : (n_joints,)
-        RMS of the recorded torque, N m (N).
-    link_errors, drive_errors : (b, k)
-        Changes of the b base parameters that are relative errors of one of links, of drives.
-    free_errors : (b, k)
-        Changes of any size, of numbers of which the nominal model says nothing.
-    blocks : tuple of (r_j,) int
-        Stretch of time that each row belongs to, numbered over all recordings.
-    nominal : bool
-        Whether there are given numbers; else every number is free.
-    unsampled : tuple of (r_j,), optional
-        Content of the torque at half the rate of the recording, N m (N).
+    `joints`: X of each; `gap` (r_j,): what the nominal model leaves, N m (N); `sizes` (n_joints,):
+    rms of the recorded torque; `unsampled` (r_j,): content of the torque at half the rate of the
+    recording. Changes (b, k) of the b base parameters: `link_errors`, `drive_errors` of relative
+    size one, `free_errors` of any size, of numbers of which the nominal model says nothing.
+    `blocks` (r_j,): stretch of time that each row belongs to, numbered over all recordings;
+    `nominal`: whether there are given numbers; else every number is free.
     """
 
     joints: tuple[JointRows, ...]
@@ -85,16 +73,13 @@ class Ledger:
         return 1 + max(int(block.max()) for block in self.blocks if len(block))
 
 
-def torque_ledger(data: Baseline, regression: Regression, *, free: bool = False) -> Ledger:
+def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     """Rows of the torque on the smooth motion, with the nominal model's numbers.
 
-    Parameters
-    ----------
-    free
-        Whether every number is free, whatever the nominal model says.
+    `free`: whether every number is free, whatever the nominal model says.
     """
     given = None if free else data.prepared.given
-    joints = regression.joints
+    regression, joints = data.regression, data.regression.joints
     sizes = np.array(data.torque_sizes)
     model = data.prepared.model
     if given is None:
@@ -142,15 +127,7 @@ def _of_free_size(
 
 @dataclass(frozen=True, eq=False)
 class RowNoise:
-    """Noise of one joint's rows.
-
-    Attributes
-    ----------
-    model : AutoregressiveModel
-        Of the noise over its scale.
-    scale : (r,)
-        By how much it is larger than usual.
-    """
+    """Noise of one joint's rows: a model of it over its scale (r,), 1 where it is usual."""
 
     model: AutoregressiveModel
     scale: FloatArray
@@ -183,15 +160,10 @@ def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[RowNoise,
 
 
 def scale_of(residual: FloatArray, unsampled: FloatArray) -> FloatArray:
-    """Scale (r,) of noise to which torque is added that sampling may have missed.
+    """Scale (r,) of the noise of a residual to which torque is added that sampling may have missed.
 
-    Parameters
-    ----------
-    residual
-        (r,) N m (N).
-    unsampled
-        (r,) content at half the rate of the recording, N m (N): what lies beyond is about as
-        large, and has come down to the rows. Below the level that it usually has it is noise.
+    `unsampled`: (r,) content at half the rate of the recording, N m (N): what lies beyond is about
+    as large, and has come down to the rows. Below the level that it usually has it is noise.
     """
     usual = float(np.median(residual**2)) * 1.4826**2
     missed = unsampled**2 - _CLEAR**2 * float(np.median(unsampled**2))

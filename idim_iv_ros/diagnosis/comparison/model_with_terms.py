@@ -12,11 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
-from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, products_with_model
+from idim_iv_ros.diagnosis.comparison.options import Whitened
 from idim_iv_ros.effects.effect import Effect, Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _LINES_KEPT = 64  # options; a search asks for some forty, again and again
@@ -28,31 +26,14 @@ _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as go
 class Term:
     """One option in a model.
 
-    Attributes
-    ----------
-    candidate : Candidate
-    option : int
-        Its place among the candidate's shapes.
-    shape : Shape or None
-    columns : dict of int to (r_j, w)
-        Torque of unit coefficients, N m.
-    coefficients, deviations : (w,)
-    basis : (w, w)
-        Coefficients of a torque of unit size.
-    size : float
-        Share of the torque, root of the mean over its joints.
-    log_prior : float
-        Of this option.
-    evidence : float
-        Logarithm of the Bayes factor against misfit, when it was accepted.
-    presence : float
-        Posterior probability against nothing, before calibration.
-    whole, visible : (n_joints,)
-        Share of the torque that it has, and that counts beside errors and other terms.
-    rivals : tuple of (Key, float)
-        Other effects and places with their weights, together with its own one.
-    dispersion : float
-        Variance of its score over blocks of time over that of the model.
+    `option`: place of its `shape` among the candidate's; `columns` (r_j, w): torque of unit
+    coefficients, N m; `basis` (w, w): coefficients of a torque of unit size; `size`: share of the
+    torque, root of the mean over its joints; `log_prior`: of this option; `evidence`: logarithm of
+    the Bayes factor against misfit, when it was accepted; `presence`: posterior probability against
+    nothing, before calibration; `whole`, `visible` (n_joints,): share of the torque that it has,
+    and that counts beside errors and other terms; `rivals`: other effects and places with their
+    weights, together with its own one; `dispersion`: variance of its score over blocks of time over
+    that of the model.
     """
 
     candidate: Candidate
@@ -112,34 +93,13 @@ class Term:
         return self.basis * max(_WIDER * self.size, _LEAST_SIZE)
 
 
-class Torques:
-    """Products of columns that are not whitened, each row by the joint's torque: shares squared."""
-
-    def __init__(self, options: Options) -> None:
-        ledger = options.ledger
-        noise, model = [], []
-        for rows, size in zip(ledger.joints, ledger.sizes, strict=True):
-            flat = AutoregressiveModel(np.zeros(0), max(len(rows), 1) * float(size) ** 2)
-            noise.append(RowNoise(flat, np.ones(len(rows))))
-            model.append(flat.standardized(rows.matrix, rows.segments))
-        self.inner = options.inner_products(noise)[0]
-        self.normal, self.shared = products_with_model(options, model, noise)
-
-
 class NominalErrors:
-    """All options beside the errors of the nominal numbers, of one relative size.
+    """All options beside errors of the nominal numbers: relative sizes of links, of drives."""
 
-    Parameters
-    ----------
-    errors
-        Relative size of errors of links, and of drives.
-    """
-
-    def __init__(
-        self, options: Options, white: Whitened, torques: Torques, errors: tuple[float, float]
-    ) -> None:
-        self.options, self.white, self.torques, self.errors = options, white, torques, errors
-        ledger: Ledger = options.ledger
+    def __init__(self, white: Whitened, errors: tuple[float, float]) -> None:
+        self.options, self.white, self.errors = white.options, white, errors
+        options, ledger = white.options, white.options.ledger
+        inner_torque, normal_torque, shared_torque = options.torques
         sizes = ledger.errors(errors)
         values, vectors = np.linalg.eigh(sizes.T @ white.normal @ sizes)
         values = np.maximum(values, 0.0)
@@ -155,9 +115,9 @@ class NominalErrors:
         )
         self.projected = self.root.T @ white.shared  # (k, p)
         self.moved = self.root @ self.projected  # (b, p): errors beside a unit of each column
-        left = white.with_options(options, [gap[:, None] for gap in white.gap])[:, 0]
+        left = white.with_options([gap[:, None] for gap in white.gap])[:, 0]
         score = left - self.projected.T @ self.explained
-        twice = torques.normal @ self.moved - 2.0 * torques.shared
+        twice = normal_torque @ self.moved - 2.0 * shared_torque
         self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
         for w, which in options.of_width.items():
             columns = options.columns[w]
@@ -165,11 +125,11 @@ class NominalErrors:
             inner = white.inner[w] - np.matmul(part, part.transpose(0, 2, 1))
             moved = self.moved[:, columns].transpose(1, 2, 0)
             change = np.matmul(moved, twice[:, columns].transpose(1, 0, 2))
-            visible = torques.inner[w] + 0.5 * (change + change.transpose(0, 2, 1))
+            visible = inner_torque[w] + 0.5 * (change + change.transpose(0, 2, 1))
             number = options.is_number[which]
-            visible[number] = torques.inner[w][number]
+            visible[number] = inner_torque[w][number]
             energy, directions = np.linalg.eigh(visible)
-            whole = np.trace(torques.inner[w], axis1=1, axis2=2)
+            whole = np.trace(inner_torque[w], axis1=1, axis2=2)
             energy = np.maximum(energy, 1e-5 * whole[:, None] / w + 1e-30)
             basis = directions / np.sqrt(energy * w)[:, None, :]
             turned = basis.transpose(0, 2, 1)
@@ -194,17 +154,7 @@ class NominalErrors:
         numbers, basis = options.columns[w][place], self.basis[w][place]
         return {
             joint: options.lines[joint][options.at[joint][numbers]].T @ basis
-            for joint in options.candidates[options.candidate[option]].joints
-        }
-
-    def whitened(self, columns: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
-        """Columns (r_j, w) with the noise at unit variance, of the rows that count."""
-        joints, white = self.options.ledger.joints, self.white
-        return {
-            joint: white.noise[joint].standardized(table, joints[joint].segments)
-            * white.counted[joint][:, None]
-            for joint, table in columns.items()
-            if not joints[joint].left_out
+            for joint in options.named(option)[0].joints
         }
 
     def lines_beside_errors(
@@ -226,7 +176,7 @@ class NominalErrors:
                 del self._lines[next(iter(self._lines))]
             w, place = int(self.options.width[option]), self.options.place[option]
             moved = self.moved[:, self.options.columns[w][place]] @ self.basis[w][place]
-            white = self.whitened(self.columns(option))
+            white = self.white.columns(self.columns(option))
             self._lines[option] = self.lines_beside_errors(white, moved)
         return self._lines[option]
 
@@ -235,9 +185,8 @@ class _TermProducts:
     """Products of one term with the model and with all options, beside the nominal errors."""
 
     def __init__(self, nominal: NominalErrors, term: Term) -> None:
-        options, white = nominal.options, nominal.white
-        ledger = options.ledger
-        self.white = nominal.whitened(term.columns)
+        white, ledger = nominal.white, nominal.options.ledger
+        self.white = white.columns(term.columns)
         shared = np.zeros((ledger.parameters, term.width))
         gap = np.zeros(term.width)
         for joint, table in self.white.items():
@@ -261,7 +210,7 @@ class _TermProducts:
             options = nominal.options
             nothing = [np.zeros((len(rows), len(self.score))) for rows in options.ledger.joints]
             rows = [self.white.get(joint, zeros) for joint, zeros in enumerate(nothing)]
-            crossed = nominal.white.with_options(options, rows)
+            crossed = nominal.white.with_options(rows)
             crossed -= nominal.projected.T @ self.projected
             self._crossed = {
                 w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])
@@ -279,13 +228,7 @@ class _TermProducts:
 
 @dataclass(frozen=True, eq=False)
 class ModelWithTerms:
-    """A model: the nominal errors and some terms, their coefficients as good as free.
-
-    Attributes
-    ----------
-    nominal : NominalErrors
-    terms : tuple of Term
-    """
+    """A model: the nominal errors and some terms, their coefficients as good as free."""
 
     nominal: NominalErrors
     terms: tuple[Term, ...]
@@ -421,14 +364,8 @@ class ModelWithTerms:
     ) -> list[FloatArray]:
         """Columns (r_j, w) of an option less what errors and terms take of them, N m (N).
 
-        Parameters
-        ----------
-        moved
-            (b, w) nominal errors beside a unit of each column.
-        columns
-            (r_j, w) by joint.
-        crossed
-            (w, q) products with the terms beside the nominal errors.
+        `moved`: (b, w) nominal errors beside a unit of each column; `crossed`: (w, q) products with
+        the terms beside the nominal errors.
         """
         taken = self._taken(crossed)
         return self._left(columns, moved + self._moved @ taken, taken)

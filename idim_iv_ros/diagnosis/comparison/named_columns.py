@@ -30,18 +30,12 @@ class _Named(ParametricEffect):
 
 
 class NamedColumns(Catalogue):
-    """Columns by name, in all rows and, of two sets, in the second one alone.
+    """Columns (r,) or (r, w) by name, in all rows and, of two sets, in the second one alone.
 
     They are free curves besides, so that the first noise is that of what all of them leave.
 
-    Parameters
-    ----------
-    columns
-        (r,) or (r, w) torque of unit coefficients.
-    second
-        Rows (r,) of a second set; columns are (r,) then.
-    acts_with
-        Names of those that are nothing without another one.
+    `second`: rows (r,) of a second set; columns are (r,) then; `acts_with`: names of those that are
+    nothing without another one.
     """
 
     def __init__(
@@ -79,18 +73,11 @@ def ledger_of_rows(
     constants: FloatArray,
     runs: Sequence[slice],
 ) -> Ledger:
-    """Rows of one equation.
+    """Rows of one equation; `runs`: rows without a gap in time.
 
-    Parameters
-    ----------
-    rest, size
-        (r,) what is to be explained, and the size by which shares of it are taken.
-    numbers, likely
-        (r, n) columns that the equation has whatever is compared, and how large each number is.
-    constants
-        (r, c) columns of numbers that may be of any size.
-    runs
-        Rows without a gap in time.
+    `rest`, `size`: (r,) what is to be explained, and the size by which shares of it are taken;
+    `numbers`, `likely`: (r, n) columns that the equation has whatever is compared, and how large
+    each number is; `constants`: (r, c) columns of numbers that may be of any size.
     """
     matrix = np.column_stack([numbers, constants])
     sizes = np.concatenate([likely, np.full(constants.shape[1], FREE * size)])

@@ -52,12 +52,8 @@ def errors_of_drives(model: InverseModel, refit: DynamicParameters | None = None
     """Changes (n_standard, k) that are errors of size one of drive inertia, friction and offsets.
 
     By their own value, at least by the median of their kind; a joint's offset by its dry friction,
-    and friction of a coupling by what is usual of the joints.
-
-    Parameters
-    ----------
-    refit
-        Says how large friction is where the nominal model has none at all.
+    and friction of a coupling by what is usual of the joints. `refit` says how large friction is
+    where the nominal model has none at all.
     """
     given = model.robot.given
     friction = refit if refit is not None and not np.any(given.coulomb) else given

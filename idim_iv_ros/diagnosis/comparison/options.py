@@ -1,37 +1,63 @@
 """All options of all candidates side by side, and their products with each other and the model."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Kind
+from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
+from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.memory import return_freed_memory
+from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _AT_ONCE = 128  # columns that are whitened together
+_NOTHING = 0.5  # prior probability that there is nothing more
+_SHAPES_OF_PRIOR = 5  # more shapes than these cost no presence
+
+
+class Prior:
+    """Prior probability of every option: of its effect, its place, its shape."""
+
+    def __init__(self, options: "Options") -> None:
+        names: dict[tuple[str, Scope | None], list[int]] = {}
+        for number, key in enumerate(options.keys):
+            curve = options.is_curve[np.flatnonzero(options.key == number)[0]]
+            name = "a free curve" if curve else key[0]
+            names.setdefault((name, key[3]), []).append(number)
+        weight = np.zeros(len(options.keys))
+        for numbers in names.values():
+            first = options.candidates[options.candidate[options.key == numbers[0]][0]]
+            likely = (
+                settings.PRIOR_OF_CURVE if first.kind is Kind.CURVE else first.effect.prior_weight
+            )
+            weight[numbers] = likely / len(numbers)
+        weight *= (1.0 - _NOTHING) / weight.sum()
+        shapes = np.bincount(options.key, minlength=len(options.keys))
+        self.log = np.log(weight[options.key] / shapes[options.key])
+        self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
+        self.nothing = float(np.log(_NOTHING))
+        self._of_key = {
+            options.keys[number]: float(value)
+            for number, value in zip(options.key, self.of_presence, strict=True)
+        }
+
+    def odds_of_presence(self, key: Key) -> float:
+        """Logarithm of the prior odds of an effect at a place against nothing more."""
+        return self._of_key[key] - self.nothing
 
 
 class Options:
     """Numbers of all options, and where their columns are.
 
-    Attributes
-    ----------
-    candidate, shape : (m,) int
-        Of each option: place of its candidate in the list, and of its shape there.
-    first, width : (m,) int
-        Its columns among all of them.
-    of_width : dict of int to (m_w,) int
-        Options of each width.
-    place : (m,) int
-        Place of each option among those of its width.
-    columns : dict of int to (m_w, w) int
-        Their columns.
-    lines : tuple of (p_j, r_j) float32
-        Torque of unit coefficients at each joint, one line a column.
-    at : tuple of (p,) int
-        Line of each column at a joint; −1 where it has none.
+    Of each option `candidate` and `shape`: place of its candidate in the list, and of its shape
+    there; `first`, `width`: its columns among all of them; `of_width`: options of each width;
+    `place`: of each option among those of its width; `columns`: (m_w, w) theirs. `lines`: (p_j,
+    r_j) torque of unit coefficients at each joint, one line a column; `at`: (p,) line of each
+    column at a joint; −1 where it has none.
     """
 
     def __init__(self, ledger: Ledger, candidates: Sequence[Candidate]) -> None:
@@ -77,15 +103,32 @@ class Options:
         self.is_curve: BoolArray = self.kinds == Kind.CURVE.value
         self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
 
+    @cached_property
+    def prior(self) -> Prior:
+        """What is likely of every option before anything is recorded."""
+        return Prior(self)
+
+    @cached_property
+    def torques(self) -> tuple[dict[int, FloatArray], FloatArray, FloatArray]:
+        """Inner, normal and shared products of rows by the joint's torque: shares squared."""
+        noise, model = [], []
+        for rows, size in zip(self.ledger.joints, self.ledger.sizes, strict=True):
+            flat = AutoregressiveModel(np.zeros(0), max(len(rows), 1) * float(size) ** 2)
+            noise.append(RowNoise(flat, np.ones(len(rows))))
+            model.append(flat.standardized(rows.matrix, rows.segments))
+        return self.inner_products(noise)[0], *self.products_with_model(model, noise)
+
+    def named(self, option: int) -> tuple[Candidate, Shape | None]:
+        """Candidate of an option, and its shape if it has one."""
+        candidate = self.candidates[self.candidate[option]]
+        return candidate, candidate.shapes[self.shape[option]] if candidate.shapes else None
+
     def inner_products(
         self, noise: Sequence[RowNoise], parts: Sequence[IntArray] | None = None
     ) -> list[dict[int, FloatArray]]:
         """Products (m_w, w, w) of the whitened columns of each option, over all joints, by part.
 
-        Parameters
-        ----------
-        parts
-            Part (r_j,) that each row of a joint belongs to; None: one for all.
+        `parts`: part (r_j,) that each row of a joint belongs to; None: one for all.
         """
         count = 1 if parts is None else 1 + max(int(part.max(initial=0)) for part in parts)
         made = [
@@ -116,29 +159,46 @@ class Options:
                 made[there] += (table @ rows.astype(np.float32))[place[there]]
         return made
 
+    def products_with_model(
+        self, model: Sequence[FloatArray], noise: Sequence[RowNoise]
+    ) -> tuple[FloatArray, FloatArray]:
+        """XᵀX (b, b) of the whitened model (r_j, c_j), and Xᵀ (b, p) with all whitened columns."""
+        b = self.ledger.parameters
+        normal, shared = np.zeros((b, b)), np.zeros((b, self.count))
+        for rows, drawn, joint, table, place in zip(
+            model,
+            self.drawn_back(noise, model),
+            self.ledger.joints,
+            self.lines,
+            self.at,
+            strict=True,
+        ):
+            normal[np.ix_(joint.columns, joint.columns)] += rows.T @ rows
+            if len(table):
+                there = np.flatnonzero(place >= 0)
+                product = (table @ drawn.astype(np.float32))[place[there]]
+                shared[np.ix_(joint.columns, there)] += product.T
+        return normal, shared
+
+    def drawn_back(self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]) -> list[FloatArray]:
+        """Wᵀ rows (r_j, q), of what differs from zero."""
+        return [
+            one.drawn_back(table, joint.segments) if table.any() else table
+            for one, table, joint in zip(noise, rows, self.ledger.joints, strict=True)
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class Whitened:
     """Rows of model and gap with the noise of each joint at unit variance, and their products.
 
-    The columns of the options, which are by far the most, are not kept whitened: (W x)ᵀ y is
-    xᵀ (Wᵀ y).
-
-    Attributes
-    ----------
-    noise : tuple of RowNoise
-    model : tuple of (r_j, c_j)
-    gap : tuple of (r_j,)
-    counted : tuple of (r_j,) bool
-        Rows that count; those of model and gap that do not are zero.
-    normal : (b, b)
-        XᵀX.
-    shared : (b, p)
-        Xᵀ with all columns.
-    inner : dict of int to (m_w, w, w)
-        Products of the columns of each option.
+    The columns of the options, which are by far the most, are not kept whitened: (W x)ᵀ y is xᵀ (Wᵀ
+    y). Rows of `model` (r_j, c_j) and `gap` (r_j,) that are not `counted` are zero; `normal`: XᵀX
+    (b, b); `shared`: Xᵀ with all columns (b, p); `inner`: (m_w, w, w) products of the columns of
+    each option.
     """
 
+    options: Options
     noise: tuple[RowNoise, ...]
     model: tuple[FloatArray, ...]
     gap: tuple[FloatArray, ...]
@@ -147,9 +207,19 @@ class Whitened:
     shared: FloatArray
     inner: dict[int, FloatArray]
 
-    def with_options(self, options: Options, rows: Sequence[FloatArray]) -> FloatArray:
+    def with_options(self, rows: Sequence[FloatArray]) -> FloatArray:
         """Products (p, q) of all columns, whitened, with whitened rows (r_j, q)."""
-        return options.products(_drawn_back(options, self.noise, rows))
+        return self.options.products(self.options.drawn_back(self.noise, rows))
+
+    def columns(self, columns: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
+        """Columns (r_j, w) with the noise at unit variance, of the rows that count."""
+        joints = self.options.ledger.joints
+        return {
+            joint: self.noise[joint].standardized(table, joints[joint].segments)
+            * self.counted[joint][:, None]
+            for joint, table in columns.items()
+            if not joints[joint].left_out
+        }
 
 
 def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
@@ -161,8 +231,9 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
         both = kept * noise[joint].standardized(np.column_stack([rows.matrix, left]), rows.segments)
         model.append(both[:, :-1])
         gap.append(both[:, -1])
-    normal, shared = products_with_model(options, model, noise)
+    normal, shared = options.products_with_model(model, noise)
     return Whitened(
+        options=options,
         noise=tuple(noise),
         model=tuple(model),
         gap=tuple(gap),
@@ -173,53 +244,17 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
     )
 
 
-def without_parts(
-    options: Options, white: Whitened, parts: Sequence[IntArray]
-) -> Iterator[Whitened]:
-    """Yield whitened rows and products without one part of the rows, for every part in turn.
-
-    Parameters
-    ----------
-    parts
-        Number (r_j,) of the part that each row of a joint belongs to.
-    """
-    inner = options.inner_products(white.noise, parts)
+def without_parts(white: Whitened, parts: Sequence[IntArray]) -> Iterator[Whitened]:
+    """Yield the same without one part (r_j,) of the rows, for every part in turn."""
+    inner = white.options.inner_products(white.noise, parts)
     for part, inner_of_part in enumerate(inner):
         kept = tuple(
             one & (number != part) for one, number in zip(white.counted, parts, strict=True)
         )
         model = tuple(rows * some[:, None] for rows, some in zip(white.model, kept, strict=True))
         gap = tuple(left * some for left, some in zip(white.gap, kept, strict=True))
-        normal, shared = products_with_model(options, model, white.noise)
+        normal, shared = white.options.products_with_model(model, white.noise)
         left = {w: white.inner[w] - inner_of_part[w] for w in white.inner}
         yield replace(
             white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=left
         )
-
-
-def _drawn_back(
-    options: Options, noise: Sequence[RowNoise], rows: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """Wᵀ rows (r_j, q), of what differs from zero."""
-    return [
-        one.drawn_back(table, joint.segments) if table.any() else table
-        for one, table, joint in zip(noise, rows, options.ledger.joints, strict=True)
-    ]
-
-
-def products_with_model(
-    options: Options, model: Sequence[FloatArray], noise: Sequence[RowNoise]
-) -> tuple[FloatArray, FloatArray]:
-    """XᵀX (b, b) of the whitened model (r_j, c_j), and Xᵀ (b, p) with all whitened columns."""
-    b = options.ledger.parameters
-    normal, shared = np.zeros((b, b)), np.zeros((b, options.count))
-    for joint, (rows, drawn, table, place) in enumerate(
-        zip(model, _drawn_back(options, noise, model), options.lines, options.at, strict=True)
-    ):
-        columns: IntArray = options.ledger.joints[joint].columns
-        normal[np.ix_(columns, columns)] += rows.T @ rows
-        if len(table):
-            there = np.flatnonzero(place >= 0)
-            product = (table @ drawn.astype(np.float32))[place[there]]
-            shared[np.ix_(columns, there)] += product.T
-    return normal, shared

@@ -34,17 +34,9 @@ LIMITS = 0.01, 0.99  # no table of a few thousand recordings says more
 class Table:
     """Weights of a logistic regression.
 
-    Attributes
-    ----------
-    origin : str
-        From which recordings it was made.
-    terms : int
-        Of all of them.
-    intercept : float
-    weights : dict of str to float
-        Those of `FEATURES`.
-    effects : dict of str to float
-        What is added for an effect, drawn towards zero: some are what misfit looks like.
+    `origin`: from which recordings it was made; `terms`: of all of them; `weights`: those of
+    `FEATURES`; `effects`: what is added for an effect, drawn towards zero: some are what misfit
+    looks like.
     """
 
     origin: str
@@ -66,15 +58,8 @@ def features(
 ) -> FloatArray:
     """What the probability of one term is computed from (see `FEATURES`).
 
-    Parameters
-    ----------
-    selection
-    number
-        Which of its terms.
-    chosen
-        What the search does without parts of the time.
-    remaining
-        (n_joints,) what all terms leave beyond the noise, as a share of the torque.
+    `chosen`: what the search does without parts of the time; `remaining`: (n_joints,) what all
+    terms leave beyond the noise, as a share of the torque.
     """
     comparison, terms = selection.comparison, selection.terms
     term = terms[number]

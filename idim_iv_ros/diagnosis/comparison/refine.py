@@ -35,7 +35,7 @@ def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term
     term = terms[number]
     effect, place = term.candidate.effect, term.candidate.place
     assert isinstance(effect, StructuralEffect) and place is not None and term.shape is not None
-    highest = _level(comparison, terms, number, term)
+    highest = ModelWithTerms(comparison.nominal, tuple(terms)).level
     for step in _STEPS:
         for _ in range(_MOVES):
             near = effect.neighbours(term.shape, step, place, comparison.catalogue.covered)
@@ -55,17 +55,10 @@ def _best_of(
     comparison: Comparison, terms: Sequence[Term], number: int, shapes: Sequence[Shape]
 ) -> tuple[float, Term] | None:
     """The likeliest of some shapes in the place of a term, and the level of the model with it."""
-    term = terms[number]
-    effect, place = term.candidate.effect, term.candidate.place
-    if not shapes or not isinstance(effect, StructuralEffect) or place is None:
-        return None
+    term, catalogue = terms[number], comparison.catalogue
     shapes = [shape for shape in shapes if _within_grid(term, shape)]
-    if not shapes:
-        return None
     best: tuple[float, Term] | None = None
-    for shape, columns in zip(
-        shapes, comparison.catalogue.columns_of(term.candidate, shapes), strict=True
-    ):
+    for shape, columns in zip(shapes, catalogue.columns_of(term.candidate, shapes), strict=True):
         if not all(np.isfinite(table).all() for table in columns.values()):
             continue
         width = next(iter(columns.values())).shape[1]
@@ -81,9 +74,7 @@ def _best_of(
         model = ModelWithTerms(comparison.nominal, tuple(trial))
         start = model.starts[number]
         values = model.coefficients[start : start + width]
-        if not effect.admissible(shape, values):
-            continue
-        if effect.impossible(shape, values, place.joint, comparison.catalogue.covered):
+        if catalogue.why_impossible(term.candidate, shape, values, values):
             continue
         if best is None or model.level > best[0]:
             best = model.level, other
@@ -117,10 +108,6 @@ def _unit_torque(comparison: Comparison, columns: Columns) -> FloatArray:
     energy, directions = np.linalg.eigh(np.atleast_2d(inner))
     energy = np.maximum(energy, 1e-5 * float(energy.sum()) / len(energy) + 1e-30)
     return np.asarray(directions / np.sqrt(energy * len(energy)))
-
-
-def _level(comparison: Comparison, terms: Sequence[Term], number: int, term: Term) -> float:
-    return ModelWithTerms(comparison.nominal, (*terms[:number], term, *terms[number + 1 :])).level
 
 
 def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:

@@ -8,6 +8,7 @@ drives: the one that makes the whole likelier, each size with a set of its own.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -15,19 +16,15 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
-from idim_iv_ros.diagnosis.comparison.model_with_terms import (
-    ModelWithTerms,
-    NominalErrors,
-    Term,
-    Torques,
-)
+from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
-from idim_iv_ros.diagnosis.comparison.prior import Prior
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.types import BoolArray, FloatArray
 
+Terms = tuple[Term, ...]
+Grown = tuple[float, Terms]  # a set with its objective
 _MOST_TERMS = 8  # besides errors of signals, which every joint may have
 _ROUNDS = 18  # of adding one term
 _RESTARTS = 3
@@ -42,19 +39,10 @@ _ROWS_PER_COLUMN = 4
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Terms that explain the gap, and what they were compared by.
+    """Terms that explain the gap, free curves of what they leave, and what compared them."""
 
-    Attributes
-    ----------
-    terms : tuple of Term
-        Numbers and effects.
-    curves : tuple of Term
-        Free curves of what is left.
-    comparison : Comparison
-    """
-
-    terms: tuple[Term, ...]
-    curves: tuple[Term, ...]
+    terms: Terms
+    curves: Terms
     comparison: Comparison
 
     @property
@@ -71,20 +59,17 @@ class Selection:
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     """Search for what explains the gap of a ledger."""
     options = Options(ledger, catalogue.candidates)
-    torques, prior = Torques(options), Prior(options)
     noise = noise_of(ledger, _beside_curves(ledger, catalogue))
-    terms: tuple[Term, ...] = ()
+    terms: Terms = ()
     errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
         white = whitened(options, noise)
         return_freed_memory()
         if errors is None:
-            comparison, terms = _with_likely_errors(catalogue, options, white, torques, prior)
+            comparison, terms = _with_likely_errors(catalogue, white)
             errors = comparison.nominal.errors
         else:
-            comparison = Comparison(
-                catalogue, NominalErrors(options, white, torques, errors), prior
-            )
+            comparison = Comparison(catalogue, NominalErrors(white, errors))
             terms = climb(comparison, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
@@ -158,12 +143,7 @@ def refit_residuals(
 ) -> list[FloatArray]:
     """(r_j,) what new numbers, all of them free, leave of a gap by least squares.
 
-    Parameters
-    ----------
-    gap
-        (r_j,) of each joint; None: that of the ledger.
-    counted
-        Rows (r_j,) that are fitted; None: all.
+    `gap`: (r_j,); None: that of the ledger; `counted`: rows (r_j,) that are fitted; None: all.
     """
     gap = ledger.gap if gap is None else gap
     shares: list[FloatArray] = []
@@ -182,20 +162,18 @@ def refit_residuals(
     ]
 
 
-def _with_likely_errors(
-    catalogue: Catalogue, options: Options, white: Whitened, torques: Torques, prior: Prior
-) -> tuple[Comparison, tuple[Term, ...]]:
+def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparison, Terms]:
     """Climb from small and from likely nominal errors, and again where others are likelier."""
 
     def comparison(errors: tuple[float, float]) -> Comparison:
-        return Comparison(catalogue, NominalErrors(options, white, torques, errors), prior)
+        return Comparison(catalogue, NominalErrors(white, errors))
 
-    if not options.ledger.nominal:
+    if not white.options.ledger.nominal:
         only = comparison((1.0, 1.0))
         return only, climb(only, ())
-    starts = [likeliest_errors(options.ledger, white, ())]
+    starts = [likeliest_errors(white, ())]
     starts += [(size, size) for size in RELATIVE_ERRORS[:2]]
-    best: tuple[float, Comparison, tuple[Term, ...]] | None = None
+    best: tuple[float, Comparison, Terms] | None = None
     tried: set[tuple[float, float]] = set()
     while starts:
         errors = starts.pop(0)
@@ -206,13 +184,10 @@ def _with_likely_errors(
         usual = log_prior_of_errors(errors) / settings.TEMPER
         value, terms = _grown(this, ())
         if not _is_full(terms) or best is None or value + usual > best[0] - _WITHIN_RESTARTS:
-            value, terms = _restarts(this, value, terms)
+            value, terms = _restarts(this, (value, terms))
         value += usual
-        better = likeliest_errors(
-            options.ledger, white, [_white_columns(white, options, t) for t in terms], terms
-        )
         if len(tried) < _MOST_ERRORS:
-            starts.append(better)
+            starts.append(likeliest_errors(white, terms))
         if best is None or value > best[0]:
             best = value, this, terms
     assert best is not None
@@ -227,20 +202,9 @@ def log_prior_of_errors(errors: tuple[float, float]) -> float:
     return -settings.ERROR_COST * float(logs.max()) - 0.5 * apart**2
 
 
-def _white_columns(white: Whitened, options: Options, term: Term) -> dict[int, FloatArray]:
-    return {
-        joint: white.noise[joint].standardized(table, options.ledger.joints[joint].segments)
-        for joint, table in term.columns.items()
-    }
-
-
-def likeliest_errors(
-    ledger: Ledger,
-    white: Whitened,
-    columns: Sequence[dict[int, FloatArray]],
-    terms: Sequence[Term] = (),
-) -> tuple[float, float]:
+def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> tuple[float, float]:
     """Relative errors of links and drives under which rows and terms are likeliest."""
+    ledger, columns = white.options.ledger, [white.columns(term.columns) for term in terms]
     b, q = ledger.parameters, sum(term.width for term in terms)
     normal, right = np.zeros((b + q, b + q)), np.zeros(b + q)
     for joint, rows in enumerate(ledger.joints):
@@ -274,41 +238,33 @@ def likeliest_errors(
     return best
 
 
-def climb(comparison: Comparison, start: Sequence[Term]) -> tuple[Term, ...]:
+def climb(comparison: Comparison, start: Sequence[Term]) -> Terms:
     """The set of the highest objective that growing and restarting reach."""
-    return _restarts(comparison, *_grown(comparison, tuple(start)))[1]
+    return _restarts(comparison, _grown(comparison, tuple(start)))[1]
 
 
-def _restarts(
-    comparison: Comparison, value: float, terms: tuple[Term, ...]
-) -> tuple[float, tuple[Term, ...]]:
-    """The best set, and its objective, of one that has grown and those that restarts reach."""
-    tried: set[frozenset[tuple[object, ...]]] = set()
+def _restarts(comparison: Comparison, best: Grown) -> Grown:
+    """The best of a set that has grown and those that restarts reach."""
+    tried: set[frozenset[object]] = set()
     for _ in range(_RESTARTS):
-        better = _restarted(comparison, value, terms, tried)
+        better = _restarted(comparison, best, tried)
         if better is None:
             break
-        value, terms = better
-    return value, terms
+        best = better
+    return best
 
 
-def _restarted(
-    comparison: Comparison,
-    value: float,
-    terms: tuple[Term, ...],
-    tried: set[frozenset[tuple[object, ...]]],
-) -> tuple[float, tuple[Term, ...]] | None:
+def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]]) -> Grown | None:
     """A better set that grows without one of the terms; fewer terms may be as good."""
+    value, terms = best
     if len(terms) < 2:
         return None
     for term in sorted(terms, key=lambda term: float(term.visible.max())):
         rest = tuple(other for other in terms if other is not term)
-        starts = [rest, *((other,) for other in rest if len(rest) > 1)]
-        for start in starts:
-            state = frozenset(other.identity for other in start)
-            if state in tried:
+        for start in (rest, *((other,) for other in rest if len(rest) > 1)):
+            if _state(start) in tried:
                 continue
-            tried.add(state)
+            tried.add(_state(start))
             new, others = _grown(comparison, start)
             fewer = len(others) < len(terms)
             if new > value or (fewer and new > value - _tolerance(comparison, terms, others)):
@@ -316,32 +272,35 @@ def _restarted(
     return None
 
 
-def _grown(comparison: Comparison, start: tuple[Term, ...]) -> tuple[float, tuple[Term, ...]]:
+def _grown(comparison: Comparison, terms: Terms) -> Grown:
     """The best set on the way from a start: every term tested again, one added, and so on."""
-    terms = start
     best = comparison.objective(terms), terms
-    seen: set[frozenset[tuple[object, ...]]] = set()
+    seen: set[frozenset[object]] = set()
     for _ in range(_ROUNDS):
         for term in terms if len(terms) > 1 else ():
-            if not any(term is other for other in terms):
+            number = next((k for k, other in enumerate(terms) if other is term), None)
+            if number is None:
                 continue
-            number = next(k for k, other in enumerate(terms) if other is term)
             others = (*terms[:number], *terms[number + 1 :])
             again = comparison.best(others)
             if again is not None and again.key == term.key:
                 continue
             terms = others if again is None else (*others[:number], again, *others[number:])
-            best = _better(comparison, best, terms)
-        state = frozenset(term.identity for term in terms)
-        if state in seen or _is_full(terms):
+            best = max(best, (comparison.objective(terms), terms), key=itemgetter(0))
+        if _state(terms) in seen or _is_full(terms):
             break
-        seen.add(state)
+        seen.add(_state(terms))
         more = comparison.best(terms)
         if more is None:
             break
         terms = (*terms, more)
-        best = _better(comparison, best, terms)
+        best = max(best, (comparison.objective(terms), terms), key=itemgetter(0))
     return best
+
+
+def _state(terms: Terms) -> frozenset[object]:
+    """Candidates and shapes of a set, whatever their order."""
+    return frozenset(term.identity for term in terms)
 
 
 def _is_full(terms: Sequence[Term]) -> bool:
@@ -349,16 +308,9 @@ def _is_full(terms: Sequence[Term]) -> bool:
     return sum(term.candidate.kind is not Kind.SIGNAL for term in terms) >= _MOST_TERMS
 
 
-def _better(
-    comparison: Comparison, best: tuple[float, tuple[Term, ...]], terms: tuple[Term, ...]
-) -> tuple[float, tuple[Term, ...]]:
-    value = comparison.objective(terms)
-    return (value, terms) if value > best[0] else best
-
-
-def _tolerance(comparison: Comparison, terms: tuple[Term, ...], others: tuple[Term, ...]) -> float:
+def _tolerance(comparison: Comparison, terms: Terms, others: Terms) -> float:
     """Evidence that misfit may make at the joints of the terms that stay."""
-    kept = {term.identity for term in others}
+    kept = _state(others)
     gone = {j for t in terms if t.identity not in kept for j in t.candidate.joints}
     stay = {j for t in others for j in t.candidate.joints}
     model = ModelWithTerms(comparison.nominal, terms)

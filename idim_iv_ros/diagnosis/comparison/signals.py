@@ -4,14 +4,14 @@ It is looked for beside the effects, so that none is named for it.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import EffectParameter, Family
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
-from idim_iv_ros.effects.motion import RobotMotion
+from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.waves import WaveEffect, Waves
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
@@ -26,14 +26,11 @@ class Unnamed(Effect):
     """What is compared and is no effect of the catalogue; its coefficients are no numbers of it."""
 
     excitation = ""
+    signed = True
 
     def grid(self, place: Place, covered: OperatingRange) -> Sequence[Shape]:
         """Return one shape, which has no numbers."""
         return [Shape()]
-
-    def admissible(self, shape: Any, coefficients: FloatArray) -> bool:
-        """Return True: coefficients of any size and sign."""
-        return True
 
     def parameters(
         self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
@@ -66,7 +63,7 @@ class TiltedMoments(SignalError):
         """One place: the first joint."""
         return [Place(0)]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """Cosine and sine of the first joint's position; zero where gravity shows them."""
         still = np.zeros_like(motion.position)
         weight = inverse_dynamics(motion.robot, motion.links, motion.position, still, still)
@@ -94,7 +91,7 @@ class CommonShift(SignalError):
         """Early or late by what a few periods of a slow control make."""
         return bool(np.all(np.abs(coefficients) < _LONGEST_SHIFT))
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> dict[int, FloatArray]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """Rate of change of every joint's torque, N m/s."""
         rates = np.asarray(np.gradient(motion.torque, 1.0 / motion.rate, axis=0))
         return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}
@@ -111,9 +108,7 @@ class GainRipple(WaveEffect, SignalError):
     name = "gain_ripple"
     family: ClassVar[Family] = "position"
 
-    def torques(
-        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]
-    ) -> list[dict[int, FloatArray]]:
+    def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Waves]) -> list[Torques]:
         """Torque of the joint times sine and cosine of each wave."""
         torque = motion.torque[:, [place.joint]]
         waves = super().torques(motion, place, shapes)

@@ -42,7 +42,8 @@ class Baseline:
     the nominal model (zero there), and no physics that it lacks.
 
     `sticking`: whether it is known where joints stick: the closed loop of every recording is
-    simulated; `shift`: s by which the effort of the rows is later than recorded.
+    simulated; `regression`: of the torque on the smooth motion; `shift`: s by which the effort of
+    the rows is later than recorded.
     """
 
     prepared: PreparedRegression
@@ -51,6 +52,7 @@ class Baseline:
     sources: InstrumentSources
     motions: tuple[SmoothMotion, ...]
     sticking: bool
+    regression: Regression
     shift: float = 0.0
 
     @property
@@ -67,6 +69,21 @@ class Baseline:
     def places(self) -> tuple[IntArray, ...]:
         """(r_j,) of each joint: which decimated sample of its recording each row is."""
         return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
+
+    def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
+        """Return the same on other motions, with friction that sticks as theirs does."""
+        model, parts = self.prepared.model, [[] for _ in self.joints]  # type: ignore[var-annotated]
+        for motion in motions:
+            matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
+            for joint, matrix in enumerate(matrices):
+                matrix[:, self.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
+                parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
+        joints = tuple(
+            replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
+            for rows, part in zip(self.rows, parts, strict=True)
+        )
+        regression = Regression(joints, len(model.base.columns))
+        return replace(self, motions=motions, regression=regression)
 
     @property
     def left_out(self) -> frozenset[int]:
@@ -174,7 +191,9 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     )
     links, whole = _parameters(prepared, estimate.linear.values)
     motions, sticking = smooth_motions(prepared, estimate, links, whole)
-    return Baseline(prepared, rows, estimate, sources, motions, sticking, shift)
+    measured = Regression(rows, len(prepared.model.base.columns))
+    made = Baseline(prepared, rows, estimate, sources, motions, sticking, measured, shift)
+    return made.on(motions)
 
 
 def later(
@@ -222,26 +241,10 @@ def _parameters(
     return replace(whole.of_links, drive_inertia=np.where(grouped & in_unit, -given, 0.0)), whole
 
 
-def nominal_residuals(data: Baseline, regression: Regression) -> tuple[FloatArray, ...] | None:
+def nominal_residuals(data: Baseline) -> tuple[FloatArray, ...] | None:
     """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
     given = data.prepared.given
-    return None if given is None else tuple(rows.residual(given) for rows in regression.joints)
-
-
-def smooth_regression(data: Baseline) -> Regression:
-    """Regress the measured torque on the smooth motion, with friction that sticks."""
-    model = data.prepared.model
-    parts: list[list[np.ndarray]] = [[] for _ in data.joints]
-    for motion in data.motions:
-        matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
-        for joint, matrix in enumerate(matrices):
-            matrix[:, data.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
-            parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
-    joints = tuple(
-        replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
-        for rows, part in zip(data.rows, parts, strict=True)
-    )
-    return Regression(joints, len(model.base.columns))
+    return None if given is None else tuple(rows.residual(given) for rows in data.regression.joints)
 
 
 def operating_range(data: Baseline) -> OperatingRange:

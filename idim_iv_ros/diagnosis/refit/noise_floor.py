@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.types import FloatArray, IntArray
@@ -44,9 +44,7 @@ class NoiseFloor:
     note: str
 
 
-def noise_floors(
-    data: Baseline, regression: Regression, fit: Fit, repeats: Sequence[Repeat]
-) -> tuple[NoiseFloor, ...]:
+def noise_floors(data: Baseline, fit: Fit, repeats: Sequence[Repeat]) -> tuple[NoiseFloor, ...]:
     """Noise of every joint, from repeats where there are any (`repeats_of`).
 
     Between repeats, residuals differ by √2 times the noise. What the model's own columns explain of
@@ -57,7 +55,7 @@ def noise_floors(
     effect is left in them.
     """
     floors = []
-    for joint, rows in enumerate(regression.joints):
+    for joint, rows in enumerate(data.regression.joints):
         if rows.left_out:
             floors.append(NoiseFloor(None, LOWER_BOUND, ""))
             continue

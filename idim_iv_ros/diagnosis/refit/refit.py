@@ -7,13 +7,11 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import (
     Baseline,
     baseline,
     nominal_residuals,
     refit_of,
-    smooth_regression,
 )
 from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
@@ -83,7 +81,6 @@ class Refit:
     """
 
     data: Baseline
-    regression: Regression
     shift: EffortShift
     softened: SoftFriction | None = None
     gravity: MissingGravity | None = None
@@ -153,8 +150,8 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     if name_of("delay") in without or not shift.beyond_control:
         return refit
     before, after = (
-        [float(np.std(residual)) for residual in rows.fit().residuals]
-        for rows in (smooth_regression(data), refit.regression)
+        [float(np.std(residual)) for residual in one.regression.fit().residuals]
+        for one in (data, refit.data)
     )
     return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
 
@@ -169,20 +166,20 @@ def on_likelier_motion(data: Baseline) -> Refit:
     if not data.sticking:
         return joined
     motions = tuple(map(measured_motion, data.motions, data.prepared.motions))
-    return max(joined, _with_friction(replace(data, motions=motions)), key=_likelihood)
+    return max(joined, _with_friction(data.on(motions)), key=_likelihood)
 
 
 def _likelihood(refit: Refit) -> float:
-    return float(refit.regression.fit().log_likelihood)
+    return float(refit.data.regression.fit().log_likelihood)
 
 
 def _with_friction(data: Baseline) -> Refit:
     """Align the effort; once more where dry friction turns early, as simulators solve it."""
-    shifted, rows, shift = aligned(data)
-    softened = soft_friction(shifted, rows)
+    shifted, shift = aligned(data)
+    softened = soft_friction(shifted)
     if softened is not None:
-        shifted, rows, shift = aligned(softened.put_into(data))
-    return Refit(shifted, rows, shift, softened=softened)
+        shifted, shift = aligned(softened.put_into(data))
+    return Refit(shifted, shift, softened)
 
 
 def missing_gravity(data: Baseline) -> MissingGravity | None:
@@ -190,7 +187,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
     robot = data.prepared.model.robot
     if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
         return None
-    columns, regression = unit_gravity_rows(data, np.eye(3)), smooth_regression(data)
+    columns, regression = unit_gravity_rows(data, np.eye(3)), data.regression
     plain = regression.fit()
     heavy = regression.with_columns(dict(enumerate(columns))).fit()
     # A direction that no joint feels has no variance: a planar arm's, out of its plane.
@@ -206,7 +203,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
     low, high = _LIKELY_GRAVITY
     if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
         return None
-    parts = zip(nominal_residuals(data, regression) or (), row_blocks(data), strict=True)
+    parts = zip(nominal_residuals(data) or (), row_blocks(data), strict=True)
     weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
     deviation = np.sqrt(np.diag(heavy.coefficient_covariance))
     return MissingGravity(heavy.coefficients, deviation, wald, weightless)

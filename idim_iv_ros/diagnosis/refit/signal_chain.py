@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, later, smooth_regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -139,12 +138,12 @@ def delay_of_all(
     )
 
 
-def aligned(data: Baseline) -> tuple[Baseline, Regression, EffortShift]:
+def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
     """Estimate the common shift of the effort and take it out of the rows.
 
     Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
-    motion, fitted together with the base parameters and the noise model. Data and regression are
-    returned with the torque of their rows at the instants at which it acts.
+    motion, fitted together with the base parameters and the noise model. The data are returned with
+    the torque of their rows at the instants at which it acts.
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
@@ -153,17 +152,17 @@ def aligned(data: Baseline) -> tuple[Baseline, Regression, EffortShift]:
         {joint: data.decimated(joint, [slope[:, [joint]] for slope in slopes])}
         for joint in range(len(data.joints))
     ]
-    shifted, regression = data, smooth_regression(data)
+    shifted = data
     for _ in range(_SHIFT_STEPS):
-        fit = regression.with_columns(*rates).fit()
+        fit = shifted.regression.with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
         rows = later(data.rows, data.prepared.motions, chain.shift)
-        shifted = replace(data, rows=rows, shift=chain.shift)
-        torques = zip(regression.joints, rows, strict=True)
+        torques = zip(data.regression.joints, rows, strict=True)
         joints = tuple(replace(plain, torque=moved.torque) for plain, moved in torques)
-        regression = replace(regression, joints=joints)
-    return shifted, regression, chain
+        regression = replace(data.regression, joints=joints)
+        shifted = replace(data, rows=rows, regression=regression, shift=chain.shift)
+    return shifted, chain
 
 
 def _chain(

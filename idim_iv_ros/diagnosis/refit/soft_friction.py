@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.simulation import joint_inertia
@@ -57,7 +57,7 @@ class SoftFriction:
             for joint in np.flatnonzero(np.isfinite(self.leads)).tolist():
                 slip[:, joint] = _crossing(*fine, joint, self.leads[joint], self.widths[joint])
             motions.append(replace(motion, slip=slip))
-        return replace(data, motions=tuple(motions))
+        return data.on(tuple(motions))
 
     def sentence(self, joints: Sequence[str]) -> str:
         """Say it for the notes."""
@@ -72,11 +72,10 @@ class SoftFriction:
         )
 
 
-def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None:
+def soft_friction(data: Baseline) -> SoftFriction | None:
     """Look for dry friction that turns early at most joints; None where it sticks.
 
-    `data`, `regression`: on the smooth motion, with the effort aligned: an effort that is recorded
-    before it acts would turn early, too.
+    `data`: with the effort aligned: one that is recorded before it acts would turn early, too.
     """
     whole = data.motions[0].whole
     level = np.maximum(whole.coulomb, 0.0)
@@ -88,7 +87,7 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
     sample = position[:: max(1, len(position) // _STATES)]
     inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
-    tried = _Tried(data, regression, width)
+    tried = _Tried(data, width)
 
     def same_everywhere(crossing: Crossing) -> float:
         return float(tried.gains(dict.fromkeys(every, crossing)).sum())
@@ -119,20 +118,20 @@ def soft_friction(data: Baseline, regression: Regression) -> SoftFriction | None
 class _Tried:
     """Gains of the likelihood with friction that turns early, each column made once."""
 
-    def __init__(self, data: Baseline, regression: Regression, width: FloatArray) -> None:
-        self.data, self.regression, self.width = data, regression, width
-        self.fit: Fit = regression.fit()
+    def __init__(self, data: Baseline, width: FloatArray) -> None:
+        self.data, self.width = data, width
+        self.fit: Fit = data.regression.fit()
         self.fine = [_fine(motion) for motion in data.motions]
         self.columns: dict[tuple[int, Crossing], FloatArray] = {}
 
     def gains(self, crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
-        joints = list(self.regression.joints)
+        joints = list(self.data.regression.joints)
         for joint, crossing in crossings.items():
             matrix = joints[joint].matrix.copy()
             matrix[:, self.data.columns_of(joint, "Fc")] = self._rows(joint, crossing)[:, None]
             joints[joint] = replace(joints[joint], matrix=matrix)
-        changed = replace(self.regression, joints=tuple(joints))
+        changed = replace(self.data.regression, joints=tuple(joints))
         fit = changed.fit(self.fit.noise_models, steps=0)
         return fit.log_likelihoods - self.fit.log_likelihoods
 

@@ -61,15 +61,15 @@ class Measured:
         return TransmissionSeries(self.result.joint, rows.load, twist, rows.direction)
 
 
-def measured_transmissions(data: Baseline, regression: Regression) -> tuple[Measured, ...]:
-    """Measure every joint that has an encoder behind its gear, with the refit's `regression`."""
+def measured_transmissions(data: Baseline) -> tuple[Measured, ...]:
+    """Measure every joint that has an encoder behind its gear."""
     encoders = link_findings(data.prepared.motions, data.prepared.model.robot.joint_types)
-    return tuple(_measured(data, regression, encoder) for encoder in encoders)
+    return tuple(_measured(data, encoder) for encoder in encoders)
 
 
-def _measured(data: Baseline, regression: Regression, encoder: JointFinding) -> Measured:
+def _measured(data: Baseline, encoder: JointFinding) -> Measured:
     joint, name = encoder.joint, data.joints[encoder.joint]
-    rows = twist_rows(data, regression, joint)
+    rows = twist_rows(data, joint)
     reason, count = encoder.sentence if encoder.level == "limited" else "", len(rows.load)
     if count < settings.LEAST_ROWS:
         longer = "record for longer, with this joint moving"
@@ -85,9 +85,9 @@ def _measured(data: Baseline, regression: Regression, encoder: JointFinding) -> 
         bending, rate = fit.accepted(LOAD), fit.accepted(RATE)
         damping = -rate / bending**2 if rate < 0.0 else None
         gap = 2.0 * max(fit.accepted(SIDE), 0.0)
-        elastic = _without_twist(data, regression, joint, 1.0 / bending, damping, gap)
-        links = elastic.fit(regression.fit().noise_models).values
-        fit = fit_twist(twist_rows(data, regression, joint, bending, links))
+        elastic = _without_twist(data, joint, 1.0 / bending, damping, gap)
+        links = elastic.fit(data.regression.fit().noise_models).values
+        fit = fit_twist(twist_rows(data, joint, bending, links))
         if SIDE in fit.chosen:
             fit = fit_twist(fit.rows.away_from_side_changes())
     return Measured(joint, _transmission(data, joint, fit), fit)
@@ -175,7 +175,6 @@ def _link_inertia(data: Baseline, joint: int) -> float:
 
 def _without_twist(
     data: Baseline,
-    regression: Regression,
     joint: int,
     stiffness: float,
     damping: float | None,
@@ -188,16 +187,15 @@ def _without_twist(
     if damping is None:
         damping = _LIGHT_DAMPING * 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
-    joints = list(regression.joints)
+    joints = list(data.regression.joints)
     for other in parts[0]:
         changed = data.decimated(other, [part[other][:, 0] for part in parts])
         joints[other] = replace(joints[other], torque=joints[other].torque - changed)
-    return Regression(tuple(joints), regression.parameters)
+    return replace(data.regression, joints=tuple(joints))
 
 
 def with_transmissions(
     data: Baseline,
-    regression: Regression,
     measured: Sequence[Measured],
     causes: Sequence[Cause],
     without: Collection[str] = (),
@@ -214,7 +212,7 @@ def with_transmissions(
         suggested = [c for c in kept if c.joint == result.joint and part_of(c.effect) in _PARTS]
         part = _part(data, transmission)
         if part and name_of(part) not in without:
-            cause = _cause(data, regression, transmission, part)
+            cause = _cause(data, transmission, part)
             if suggested:
                 gaps = ("torque_gap", "joint_gaps", "simulation_gap")
                 cause = replace(cause, **{name: getattr(suggested[0], name) for name in gaps})
@@ -251,7 +249,7 @@ def _excluded(result: Transmission, cause: Cause) -> bool:
     return least is not None and cause.parameters["stiffness"].value < least
 
 
-def _cause(data: Baseline, regression: Regression, transmission: Measured, part: Part) -> Cause:
+def _cause(data: Baseline, transmission: Measured, part: Part) -> Cause:
     """Name a measured shaft or play, with the residual of the refit at the joint as its gap.
 
     The transmission is not fitted to the torque; the base parameters are, without and with it.
@@ -264,11 +262,11 @@ def _cause(data: Baseline, regression: Regression, transmission: Measured, part:
         stiffness = EffectParameter(result.stiffness_at_least, None, unit)
     named = {"gap": gap if part == "play" else None, "stiffness": stiffness, "damping": damping}
     parameters = {name: number for name, number in named.items() if number is not None}
-    before = after = regression.fit()
+    before = after = data.regression.fit()
     if stiffness is not None:
         damped = None if damping is None else damping.value
         play = gap.value if gap is not None and part == "play" else 0.0
-        elastic = _without_twist(data, regression, joint, stiffness.value, damped, play)
+        elastic = _without_twist(data, joint, stiffness.value, damped, play)
         after = elastic.fit(before.noise_models, steps=0)
     one, two = (rms(fitted.residuals[joint]) for fitted in (before, after))
     return Cause(

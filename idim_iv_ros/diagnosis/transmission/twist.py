@@ -117,7 +117,6 @@ class TwistRows:
 
 def twist_rows(
     data: Baseline,
-    regression: Regression,
     joint: int,
     compliance: float = 0.0,
     values: FloatArray | None = None,
@@ -154,7 +153,8 @@ def twist_rows(
         rows_of = {name: smooth.rows(values)[counting] for name, values in series.items()}
         parts.append({**rows_of, "recording": np.full(int(counting.sum()), number)})
     joined = {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}
-    rows, names, fit = regression.joints[joint], data.prepared.model.base.names, regression.fit()
+    rows, names = data.regression.joints[joint], data.prepared.model.base.names
+    fit = data.regression.fit()
     of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
     places = rows.columns[of_links]
     columns = rows.matrix[:, of_links][np.concatenate(taken)]
