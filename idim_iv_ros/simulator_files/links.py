@@ -41,10 +41,7 @@ def link_bodies(
     `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
     in messages.
 
-    Raises
-    ------
-    UsageError
-        A link for which nothing possible is left.
+    Raises UsageError: a link for which nothing possible is left.
     """
     carried = _carried(urdf, set(joints))
     changed, notes = {}, []
