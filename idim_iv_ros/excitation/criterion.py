@@ -54,10 +54,7 @@ class ExcitationCost:
     def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Cost and gradient of a design vector (n_joints · (1 + size),).
 
-        Raises
-        ------
-        DataError
-            They are no finite numbers.
+        Raises DataError: they are no finite numbers.
         """
         start, coefficients = self.unpack(x)
         states = self.shapes @ coefficients

@@ -83,13 +83,8 @@ def design_excitation(
     to 16. The work is bounded by iterations: the same seed gives the same motion unless the time
     limit ends it early. The result is scaled until every sample keeps every limit.
 
-    Raises
-    ------
-    UsageError
-        Settings outside their range, a start posture outside its limits, a floor that no posture
-        keeps above.
-    DataError
-        No motion within the limits was found.
+    Raises UsageError: settings outside their range, a start posture outside its limits, a floor
+    that no posture keeps above. DataError: no motion within the limits was found.
     """
     began = time.monotonic()
     require_possible(settings, limits, model.robot.joints)
@@ -117,10 +112,7 @@ def require_possible(
 ) -> None:
     """Refuse settings outside their range.
 
-    Raises
-    ------
-    UsageError
-        One line that names the setting.
+    Raises UsageError: one line that names the setting.
     """
     FourierBasis(settings.period, settings.harmonics)
     if not 1 <= settings.repeats <= MOST_SAMPLES:

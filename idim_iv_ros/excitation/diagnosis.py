@@ -245,12 +245,8 @@ def design_diagnosis(
     - `start`: (n_joints,) posture about which it moves; None: the middle of the ranges, or where
       that is below the floor the one of 2,000 postures that is highest above it
 
-    Raises
-    ------
-    UsageError
-        Values outside their range, a floor that no posture keeps above.
-    DataError
-        The segments do not fit in the duration or keep the limits.
+    Raises UsageError: values outside their range, a floor that no posture keeps above. DataError:
+    the segments do not fit in the duration or keep the limits.
     """
     report = progress or (lambda stage, share: None)
     if not rate >= 100.0:

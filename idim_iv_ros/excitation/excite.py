@@ -38,10 +38,7 @@ class Excitation:
 def load_model(configuration: Configuration) -> InverseModel:
     """Build the nominal model, with torques in N m whatever the recordings hold.
 
-    Raises
-    ------
-    UsageError
-        The configuration names no URDF, or one that cannot be used.
+    Raises UsageError: the configuration names no URDF, or one that cannot be used.
     """
     urdf = configuration.robot.description
     if urdf is None:
@@ -119,13 +116,8 @@ def random_motion(
     - `seed`: of the coefficients
     - `limits`: what it may use; else those of `motion_limits`
 
-    Raises
-    ------
-    UsageError
-        No URDF, a limit that is missing, a duration that is not 1 to 1000 s, or as
-        `require_sampling`.
-    DataError
-        The robot cannot even stay near the middle of its range.
+    Raises UsageError: no URDF, a limit that is missing, a duration that is not 1 to 1000 s, or as
+    `require_sampling`. DataError: the robot cannot even stay near the middle of its range.
     """
     if not 1.0 <= duration <= _LONGEST:
         raise UsageError(

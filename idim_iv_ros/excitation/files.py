@@ -40,10 +40,7 @@ def require_place(out: FilePath, *, force: bool = False) -> None:
     - `out`: stem, or one of the files
     - `force`: replace files that this program did not write
 
-    Raises
-    ------
-    UsageError
-        `out` is a folder or has no name, or as `require_file_place`.
+    Raises UsageError: `out` is a folder or has no name, or as `require_file_place`.
     """
     if Path(out).is_dir():
         raise UsageError(f"{out} is a folder; give another --out")
@@ -70,10 +67,7 @@ def write_motion(
     tuple of Path
         The files, in this order.
 
-    Raises
-    ------
-    UsageError
-        A file cannot be written, or must not be replaced; none is then left behind.
+    Raises UsageError: a file cannot be written, or must not be replaced; none is then left behind.
     """
     table, message = io.StringIO(), io.StringIO()
     write_csv(trajectory, table)
@@ -98,10 +92,7 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
 
     - `rate`: points per second; the nearest that divides the trajectory's rate is used
 
-    Raises
-    ------
-    UsageError
-        `rate` is not between 0 and the rate of the trajectory.
+    Raises UsageError: `rate` is not between 0 and the rate of the trajectory.
     """
     if not 0.0 < rate <= trajectory.rate:
         raise UsageError(

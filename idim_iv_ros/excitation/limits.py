@@ -110,10 +110,7 @@ def limit_use(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> Li
 def use_within(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> LimitUse:
     """Return what a finished motion uses.
 
-    Raises
-    ------
-    DataError
-        A sample of it breaks a limit.
+    Raises DataError: a sample of it breaks a limit.
     """
     use = limit_use(robot, limits, motion)
     if not use.within(limits):
@@ -140,10 +137,7 @@ def motion_limits(
     - `acceleration`: one value for all joints or one for each, rad/s² (m/s²)
     - `floor`: height in the base frame, m
 
-    Raises
-    ------
-    UsageError
-        A joint without a limit that is needed, or a value outside its range.
+    Raises UsageError: a joint without a limit that is needed, or a value outside its range.
     """
     robot = model.robot
     if not 0.0 < margin <= 1.0:
@@ -224,10 +218,8 @@ def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArr
 def require_inside(start: FloatArray, limits: MotionLimits, joints: tuple[str, ...]) -> None:
     """Refuse a start posture (n_joints,) that leaves no room within the position limits.
 
-    Raises
-    ------
-    UsageError
-        One line: wrong length, or the first joint outside its limits with the margin.
+    Raises UsageError: one line: wrong length, or the first joint outside its limits with the
+    margin.
     """
     if len(start) != len(joints):
         raise UsageError(f"start has {len(start)} values for {len(joints)} joints")
@@ -291,10 +283,8 @@ def require_reachable(frames: MovingFrames, limits: MotionLimits) -> None:
 
     Looks at 2,000 random postures, and at frames whose height no joint changes.
 
-    Raises
-    ------
-    UsageError
-        One line: the frame that is in the way, and the highest floor that is possible.
+    Raises UsageError: one line: the frame that is in the way, and the highest floor that is
+    possible.
     """
     if limits.floor is None:
         return

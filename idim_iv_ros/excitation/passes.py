@@ -58,10 +58,7 @@ def plan_passes(
     InverseModel, MotionLimits, Trajectory
         The nominal model, the scaled limits, and the motion.
 
-    Raises
-    ------
-    UsageError, DataError
-        See `motion_limits`, `design_excitation`, `random_motion`.
+    Raises UsageError or DataError: see `motion_limits`, `design_excitation`, `random_motion`.
     """
     if not 0.0 < speed_scale <= 1.0:
         raise UsageError(f"speed_scale {speed_scale:g}: a share above 0 and up to 1 is needed")
@@ -102,10 +99,8 @@ def passes_of(
     - `approach_speed`: share of the limits of speed on the way to the motion's start
     - `slow_speed`: speed of the slow pass, share of full speed
 
-    Raises
-    ------
-    UsageError
-        The robot rests outside of its limits, or the way to the start leads below the floor.
+    Raises UsageError: the robot rests outside of its limits, or the way to the start leads below
+    the floor.
     """
     for joint, place, lower, upper in zip(
         motion.joints, start, limits.lower, limits.upper, strict=True

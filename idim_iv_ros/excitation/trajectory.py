@@ -103,10 +103,7 @@ def require_sampling(rate: float, duration: float, what: str) -> None:
     - `duration`: s
     - `what`: what has them, for the message: ``the trajectory``
 
-    Raises
-    ------
-    UsageError
-        The rate or the number of samples is out of its range.
+    Raises UsageError: the rate or the number of samples is out of its range.
     """
     if not _SLOWEST <= rate <= _FASTEST:
         raise UsageError(

@@ -103,10 +103,7 @@ def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:
 def content_task(uri: str) -> BagResult:
     """Return a bag with the digest of its content, or why it cannot be read.
 
-    Raises
-    ------
-    UsageError
-        Its store can be asked for no bag at all.
+    Raises UsageError: its store can be asked for no bag at all.
     """
     status: Status
     try:
@@ -127,10 +124,7 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
 
     A bag without a topic that can be read, or with damages, is corrupt.
 
-    Raises
-    ------
-    OSError
-        Its store does not answer: later it may.
+    Raises OSError: its store does not answer: later it may.
     """
     bag = Bag(Path(uri))
     try:
@@ -199,10 +193,7 @@ def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
 
     The bags are read whole, those that are far away by their index.
 
-    Raises
-    ------
-    OSError
-        Their store does not answer: later it may.
+    Raises OSError: their store does not answer: later it may.
     """
     try:
         return diagnose([open_bag(uri) for uri in uris], robot.local())

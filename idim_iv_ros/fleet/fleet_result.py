@@ -45,10 +45,7 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     `results` are those of all bags, also of those that cannot be used, each recording once
     (`identify_bags`). Their order matters for the list of bags alone.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    Raises UsageError: there is none.
     """
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")

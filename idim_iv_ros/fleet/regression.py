@@ -48,10 +48,8 @@ def bag_fields(
 ) -> dict[str, Any]:
     """Identify the segments of one bag one after the other: `time`, `duration` … of `BagResult`.
 
-    Raises
-    ------
-    UsageError, DataError
-        As `identify`; a segment that supports no estimate is left out if another one does.
+    Raises UsageError or DataError: as `identify`; a segment that supports no estimate is left out
+    if another one does.
     """
     segments: list[Segment] = []
     errors: list[DataError] = []

@@ -41,10 +41,7 @@ def content_of(uri: str) -> str:
     Of what is far away, size and checksum as its store keeps them (where it keeps none, the time
     when it was written): nothing is fetched.
 
-    Raises
-    ------
-    OSError, UsageError, DataError
-        It cannot be found or read.
+    Raises OSError or UsageError or DataError: it cannot be found or read.
     """
     digest = hashlib.sha256()
     if is_local(uri):
@@ -153,10 +150,7 @@ def robots_of(
     `config` is a YAML file for all, or a folder with ``ROBOT.yaml`` or ``TYPE.yaml``, the first
     before the second. The entries get a type where none was given: the name of that file.
 
-    Raises
-    ------
-    UsageError
-        A robot without configuration, a wrong one, or a robot of two types.
+    Raises UsageError: a robot without configuration, a wrong one, or a robot of two types.
     """
     paths: dict[str, Path] = {}
     types: dict[str, str] = {}
@@ -177,10 +171,7 @@ def robots_of(
 def path_of(entry: BagEntry | BagResult, config: Path) -> Path:
     """Return the configuration of the robot of a bag, in a folder of them or the only one.
 
-    Raises
-    ------
-    UsageError
-        The folder has none.
+    Raises UsageError: the folder has none.
     """
     if not config.is_dir():
         return config

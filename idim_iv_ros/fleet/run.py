@@ -156,11 +156,8 @@ _TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
 def connected(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any]:
     """Connect to a running scheduler, or start workers on this machine and end them again.
 
-    Raises
-    ------
-    UsageError
-        Dask is not installed, the scheduler does not answer or has no worker, or its workers run
-        another version of this program.
+    Raises UsageError: Dask is not installed, the scheduler does not answer or has no worker, or its
+    workers run another version of this program.
     """
     try:
         import dask
@@ -212,10 +209,7 @@ def _require_same_version(client: Any) -> None:
 def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Call a function, on a worker: it may have come after the first look.
 
-    Raises
-    ------
-    UsageError
-        The worker runs another version.
+    Raises UsageError: the worker runs another version.
     """
     if (other := code_version()) != version:
         words = f"workers run {other}, this machine {version}"
@@ -234,10 +228,7 @@ def run_tasks(
     `done` is called here with the place among the arguments, and what the function returned, or
     None and why there is nothing.
 
-    Raises
-    ------
-    UsageError
-        A worker runs another version of this program.
+    Raises UsageError: a worker runs another version of this program.
     """
     from distributed import KilledWorker, as_completed
 

@@ -43,12 +43,8 @@ class StoreError(OSError):
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
     """Call a file system; whatever its own errors are, they are OSErrors here.
 
-    Raises
-    ------
-    StoreError
-        Nobody may ask, or nobody answers.
-    OSError
-        This file is not there, or may not be read.
+    Raises StoreError: nobody may ask, or nobody answers. OSError: this file is not there, or may
+    not be read.
     """
     try:
         return function(*arguments, **named)
@@ -69,10 +65,7 @@ def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
 def file_system(uri: str) -> tuple[Any, str]:
     """Return the file system of a path or URL, and the path in it.
 
-    Raises
-    ------
-    UsageError
-        Nothing is installed that opens such a URL.
+    Raises UsageError: nothing is installed that opens such a URL.
     """
     try:
         from fsspec import available_protocols
@@ -96,10 +89,7 @@ def file_system(uri: str) -> tuple[Any, str]:
 def require_stores(uris: Iterable[str]) -> None:
     """Refuse URLs of a kind that nothing here opens, before any bag is looked at.
 
-    Raises
-    ------
-    UsageError
-        There is one; the first is named.
+    Raises UsageError: there is one; the first is named.
     """
     for uri in {uri.partition("://")[0]: uri for uri in uris if not is_local(uri)}.values():
         file_system(uri)
@@ -118,10 +108,7 @@ def local_path(uri: str) -> Path:
 def open_bag(uri: str) -> Bag:
     """Return a bag, not read yet.
 
-    Raises
-    ------
-    OSError
-        It cannot be found, or its store does not answer.
+    Raises OSError: it cannot be found, or its store does not answer.
     """
     if is_local(uri):
         return Bag(local_path(uri))
@@ -166,10 +153,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
     time; others are passed over. Or a folder, or a URL that fsspec opens, which is searched:
     ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
 
-    Raises
-    ------
-    UsageError
-        Nothing is there, no bag is found, or the manifest is wrong.
+    Raises UsageError: nothing is there, no bag is found, or the manifest is wrong.
     """
     system, path = file_system(source)
     try:

@@ -39,10 +39,7 @@ _COLUMNS = (
 def write_table(results: Sequence[BagResult], path: Path) -> None:
     """Write fleet.parquet, complete or not at all.
 
-    Raises
-    ------
-    UsageError
-        It cannot be written, and why.
+    Raises UsageError: it cannot be written, and why.
     """
     import pyarrow
     from pyarrow import parquet

@@ -72,10 +72,7 @@ def identified_model(
     - `model`, `source`: of the configuration (`build_inverse_model`), and the name of its URDF in
       messages
 
-    Raises
-    ------
-    UsageError
-        One line: it cannot be read, or is of another robot, URDF or configuration.
+    Raises UsageError: one line: it cannot be read, or is of another robot, URDF or configuration.
     """
     result = IdentificationResult.read(path)
     require_same_robot(path, result, configuration, model.robot, source)

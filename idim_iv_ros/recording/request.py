@@ -66,20 +66,6 @@ def topics_in_bag(
     return {**full_names, **{name: namespace + name for name in relative.values()}}
 
 
-def descriptions_of(joint_states: str, node_topics: Mapping[str, str]) -> list[str]:
-    """Return the topics that may hold the description of a robot, the likeliest first.
-
-    The node's own, then that in the namespace of the joint states, then those above it; at last
-    the global one.
-    """
-    likely = [node_topics[ROBOT_DESCRIPTION]] if ROBOT_DESCRIPTION in node_topics else []
-    namespace = joint_states
-    while namespace:
-        namespace = namespace.rpartition("/")[0]
-        likely.append(f"{namespace}/{ROBOT_DESCRIPTION}")
-    return list(dict.fromkeys(likely))
-
-
 _WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
 _QUANTITIES = {
     "joint_states": ("position", "velocity"),
@@ -136,8 +122,17 @@ class Request:
 
     @property
     def descriptions(self) -> list[str]:
-        """Topics that may hold the robot's description, the likeliest first."""
-        return descriptions_of(topic_of(self.joint_states), self.node_topics)
+        """Topics that may hold the robot's description, the likeliest first.
+
+        The node's own, then that in the namespace of the joint states, those of the namespaces
+        around it, and at last the global one.
+        """
+        likely = [self.node_topics.get(ROBOT_DESCRIPTION, "")]
+        namespace = topic_of(self.joint_states)
+        while namespace:
+            namespace = namespace.rpartition("/")[0]
+            likely.append(f"{namespace}/{ROBOT_DESCRIPTION}")
+        return list(dict.fromkeys(filter(None, likely)))
 
 
 def in_bag(bag: Bag, request: Request) -> Request:

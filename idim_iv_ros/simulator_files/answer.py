@@ -54,11 +54,8 @@ def read_answer(
 
     `file` is the URDF or MJCF of the configuration.
 
-    Raises
-    ------
-    UsageError
-        It is neither, or of another robot or URDF, has no physically consistent parameters, or no
-        cause that is to be left out.
+    Raises UsageError: it is neither, or of another robot or URDF, has no physically consistent
+    parameters, or no cause that is to be left out.
     """
     text = read_text(path, "the result", megabytes=_LARGEST)
     kind = GapResult if ANY_GAP in text else IdentificationResult

@@ -5,11 +5,12 @@ Of the latter comments, order and line ends stay; blanks may not.
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 from xml.dom import minidom
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 from xml.parsers.expat import ExpatError
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -35,10 +36,7 @@ def file_text(template: str, **shown: object) -> str:
 def read_xml(content: bytes, source: str) -> Any:
     """Return the document of a file, `source` in messages.
 
-    Raises
-    ------
-    UsageError
-        No XML, UTF-16, or entities of its own.
+    Raises UsageError: no XML, UTF-16, or entities of its own.
     """
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise UsageError(f"{source}: is UTF-16; write it as UTF-8")
@@ -68,32 +66,44 @@ def elements(parent: Any, *tags: str) -> Iterator[Any]:
             yield node
 
 
-def set_values(element: Any, values: Mapping[str, str], *, zeros: bool = False) -> None:
+def set_values(node: Any, values: Mapping[str, str], *, zeros: bool = False) -> None:
     """Give attributes other values where they differ; add those that are missing.
 
     `zeros`: also those that are missing and zero.
     """
     for key, text in values.items():
-        if element.hasAttribute(key):
-            if not _same_numbers(element.getAttribute(key), text):
-                element.setAttribute(key, text)
+        if node.hasAttribute(key):
+            if not _same_numbers(node.getAttribute(key), text):
+                node.setAttribute(key, text)
         elif zeros or any(float(word) for word in text.split()):
-            element.setAttribute(key, text)
+            node.setAttribute(key, text)
 
 
-def insert(parent: Any, lines: Sequence[str], *, first: bool) -> None:
-    """Put lines of XML behind the start tag of an element, or before its end tag."""
+def set_child(parent: Any, tag: str, values: Mapping[str, str], *, first: bool) -> None:
+    """Give the attributes of a child element other values; insert it where it is missing."""
+    child = next(elements(parent, tag), None)
+    if child is None:
+        insert(parent, Element(tag, dict(values)), first=first)
+    else:
+        set_values(child, values)
+
+
+def insert(parent: Any, *new: Element, first: bool) -> None:
+    """Put elements and comments behind the start tag of an element, or before its end tag."""
     indent, ancestor = "\n", parent
     while ancestor.nodeType != ancestor.DOCUMENT_NODE:
         indent, ancestor = indent + "  ", ancestor.parentNode
-    text = "".join(indent + line for line in lines)
+    text = ""
+    for node in new:
+        ElementTree.indent(node)
+        text += indent + ElementTree.tostring(node, encoding="unicode").replace("\n", indent)
     before = parent.firstChild if first else parent.lastChild
     if not first and before is not None and before.nodeType != before.TEXT_NODE:
         before = None
     if before is None:
         text += indent[:-2]
-    new: Any = minidom.parseString(f"<new>{text}</new>").documentElement
-    for node in list(new.childNodes):
+    parsed: Any = minidom.parseString(f"<new>{text}</new>").documentElement
+    for node in list(parsed.childNodes):
         parent.insertBefore(parent.ownerDocument.importNode(node, True), before)
 
 
@@ -101,11 +111,6 @@ def _same_numbers(before: str, text: str) -> bool:
     """Whether two texts have the same numbers but for their rounding."""
     old, new = ([float(word) for word in numbers.split()] for numbers in (before, text))
     return len(new) == len(old) and np.allclose(new, old, rtol=1e-12, atol=0.0)
-
-
-def tag_text(name: str, values: Mapping[str, str]) -> str:
-    """Text of an element without content."""
-    return f"<{name} {' '.join(f'{key}={quoteattr(text)}' for key, text in values.items())}/>"
 
 
 def number_text(value: float) -> str:
@@ -120,6 +125,13 @@ def numbers_text(values: FloatArray) -> str:
     return " ".join(number_text(round(float(value), digits)) for value in values)
 
 
-def comment_text(text: str) -> str:
+def element(tag: str, attributes: Mapping[str, str], *children: Element) -> Element:
+    """Return a new element of XML with its content."""
+    made = Element(tag, dict(attributes))
+    made.extend(children)
+    return made
+
+
+def comment(text: str) -> Any:
     """A text as an XML comment."""
-    return f"<!-- {text.replace('--', '- -')} -->"
+    return ElementTree.Comment(f" {text.replace('--', '- -')} ")

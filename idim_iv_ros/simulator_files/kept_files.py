@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +18,15 @@ from idim_iv_ros.model.mjcf import compiled_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
 from idim_iv_ros.simulator_files.file_text import (
-    comment_text,
+    comment,
+    element,
     elements,
     insert,
     number_text,
     numbers_text,
     read_xml,
+    set_child,
     set_values,
-    tag_text,
     written_xml,
 )
 from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
@@ -34,7 +36,7 @@ from idim_iv_ros.types import FloatArray
 
 # What puts other elements in its place, so that a body that moves is not one of this file's own.
 _MADE_ELSEWHERE = ("include", "attach", "replicate", "composite", "flexcomp")
-_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+_TURNS = ("axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
 _NEAR = 0.1  # of it: known no better from a recording
@@ -45,16 +47,14 @@ _ROUNDING = 1e-14
 def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     """Return the user's MJCF with other values and bodies for payloads, and what to say of it.
 
-    Raises
-    ------
-    UsageError
-        The file takes bodies from an asset or makes them by itself, or has settings that change
-        inertials; a joint or body whose values have no place of their own.
+    Raises UsageError: the file takes bodies from an asset or makes them by itself, or has settings
+    that change inertials; a joint or body whose values have no place of their own.
     """
     content, path = exported.content, exported.source
     document = read_xml(content, str(path))
     notes: tuple[str, ...] = ()
-    files = [element.getAttribute("file") for element in _all(document)]
+    nodes = list(document.getElementsByTagName("*"))
+    files = [node.getAttribute("file") for node in nodes]
     refers = next(filter(None, files), "")
     if refers:
         notes += (
@@ -62,10 +62,10 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
             "folder: put it beside the file that it was made from, under another name, or copy "
             "these files to it",
         )
-    for element in _all(document):
-        if element.tagName in _MADE_ELSEWHERE:
+    for node in nodes:
+        if node.tagName in _MADE_ELSEWHERE:
             raise UsageError(
-                f"{path}: <{element.tagName}> makes bodies or takes them from elsewhere: write "
+                f"{path}: <{node.tagName}> makes bodies or takes them from elsewhere: write "
                 "them out (`mj_saveLastXML` does)"
             )
     mujoco, spec, model = compiled_mjcf(path)
@@ -86,17 +86,13 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     return written_xml(document, content), notes
 
 
-def _all(document: Any) -> list[Any]:
-    return list(document.getElementsByTagName("*"))
-
-
 def _of_body(body: Any, *tags: str) -> Iterator[Any]:
     """Elements of a body, also those in a <frame>, which carries on for the body around it."""
-    for element in elements(body, "frame", *tags):
-        if element.tagName == "frame":
-            yield from _of_body(element, *tags)
+    for node in elements(body, "frame", *tags):
+        if node.tagName == "frame":
+            yield from _of_body(node, *tags)
         else:
-            yield element
+            yield node
 
 
 def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
@@ -181,34 +177,29 @@ class _Mjcf:
     def set_inertial(self, link: str, new: pin.Inertia) -> bool:
         """Write the inertial of a link; False where the body had none."""
         values = inertial_of(new, self._anchor(link))
-        element = next(_of_body(self._body(link), "inertial"), None)
-        if element is None:
-            insert(self._body(link), [tag_text("inertial", values)], first=True)
+        inertial = next(_of_body(self._body(link), "inertial"), None)
+        if inertial is None:
+            insert(self._body(link), Element("inertial", values), first=True)
             return False
         full = values.pop("fullinertia")
-        set_values(element, values, zeros=True)
-        if not element.hasAttribute("diaginertia"):
-            set_values(element, {"fullinertia": full})
+        set_values(inertial, values, zeros=True)
+        if not inertial.hasAttribute("diaginertia"):
+            set_values(inertial, {"fullinertia": full})
             return True
         w, x, y, z = (float(component) for component in self.model.body(link).iquat)
         moments, quaternion = _principal(new.inertia, pin.Quaternion(w, x, y, z).matrix())
-        set_values(element, {"diaginertia": numbers_text(moments)})
-        for turn in _TURNS[1:]:
-            if element.hasAttribute(turn):
-                element.removeAttribute(turn)
-        set_values(element, {"quat": numbers_text(quaternion)})
+        set_values(inertial, {"diaginertia": numbers_text(moments)})
+        for turn in _TURNS:
+            if inertial.hasAttribute(turn):
+                inertial.removeAttribute(turn)
+        set_values(inertial, {"quat": numbers_text(quaternion)})
         return True
 
     def add_payload(self, name: str, link: str, load: Load) -> None:
         """A body of its own within the one that carries it."""
-        body = tag_text("body", {"name": name, "pos": numbers_text(self._anchor(link))})
-        lines = [
-            comment_text(load.words),
-            body.replace("/>", ">"),
-            f"  {tag_text('inertial', inertial_of(load.body))}",
-            "</body>",
-        ]
-        insert(self._body(link), lines, first=True)
+        place = {"name": name, "pos": numbers_text(self._anchor(link))}
+        body = element("body", place, Element("inertial", inertial_of(load.body)))
+        insert(self._body(link), comment(load.words), body, first=True)
 
     def _anchor(self, link: str) -> FloatArray:
         """From the frame of a body to that of its link, m, as `mjcf_as_urdf` places it."""
@@ -255,10 +246,7 @@ def with_values(
     ``damping`` and ``friction`` of joints by name; `mounted` are payloads by the name of their
     link, each with the link that carries it.
 
-    Raises
-    ------
-    UsageError
-        As `read_xml`, with `source` as the name of the URDF.
+    Raises UsageError: as `read_xml`, with `source` as the name of the URDF.
     """
     document = read_xml(content, source)
     robot = document.documentElement
@@ -269,20 +257,13 @@ def with_values(
     for name, body in links.items():
         _set_inertial(places["link", name], body)
     for name, values in dynamics.items():
-        _set_dynamics(places["joint", name], values)
+        texts = {key: number_text(value) for key, value in values.items()}
+        set_child(places["joint", name], "dynamics", texts, first=False)
     for name, (carrier, load) in mounted.items():
-        fixed = tag_text("joint", {"name": f"{name}_fixed", "type": "fixed"})
-        lines = [
-            comment_text(load.words),
-            tag_text("link", {"name": name}).replace("/>", ">"),
-            *(f"  {line}" for line in _inertial(load.body)),
-            "</link>",
-            fixed.replace("/>", ">"),
-            f"  {tag_text('parent', {'link': carrier})}",
-            f"  {tag_text('child', {'link': name})}",
-            "</joint>",
-        ]
-        insert(robot, lines, first=False)
+        ends = Element("parent", link=carrier), Element("child", link=name)
+        joint = element("joint", {"name": f"{name}_fixed", "type": "fixed"}, *ends)
+        link = element("link", {"name": name}, _inertial(load.body))
+        insert(robot, comment(load.words), link, joint, first=False)
     return written_xml(document, content)
 
 
@@ -291,14 +272,14 @@ def _moments(body: pin.Inertia) -> dict[str, str]:
     return dict(zip(_MOMENTS, values.split(), strict=True))
 
 
-def _inertial(body: pin.Inertia) -> list[str]:
-    return [
-        "<inertial>",
-        f"  {tag_text('origin', {'xyz': numbers_text(body.lever), 'rpy': '0 0 0'})}",
-        f"  {tag_text('mass', {'value': number_text(body.mass)})}",
-        f"  {tag_text('inertia', _moments(body))}",
-        "</inertial>",
-    ]
+def _inertial(body: pin.Inertia) -> Element:
+    return element(
+        "inertial",
+        {},
+        Element("origin", xyz=numbers_text(body.lever), rpy="0 0 0"),
+        Element("mass", value=number_text(body.mass)),
+        Element("inertia", _moments(body)),
+    )
 
 
 def _set_inertial(link: Any, body: pin.Inertia) -> None:
@@ -310,22 +291,9 @@ def _set_inertial(link: Any, body: pin.Inertia) -> None:
     mass, inertia = (next(elements(inertial, tag)) for tag in ("mass", "inertia"))
     set_values(mass, {"value": number_text(body.mass)})
     set_values(inertia, _moments(body))
-    centre = {"xyz": numbers_text(body.lever)}
-    origin = next(elements(inertial, "origin"), None)
-    if origin is None:
-        insert(inertial, [tag_text("origin", {**centre, "rpy": "0 0 0"})], first=True)
-        return
     # The moments are written in the axes of the link: whoever turns them by an angle of few digits
     # gets the same.
-    turned = any(float(angle) for angle in origin.getAttribute("rpy").split())
-    set_values(origin, centre | ({"rpy": "0 0 0"} if turned else {}))
-
-
-def _set_dynamics(joint: Any, values: Mapping[str, float]) -> None:
-    """Damping and friction of a joint."""
-    texts = {key: number_text(value) for key, value in values.items()}
-    element = next(elements(joint, "dynamics"), None)
-    if element is None:
-        insert(joint, [tag_text("dynamics", texts)], first=False)
-    else:
-        set_values(element, texts)
+    origin = next(elements(inertial, "origin"), None)
+    turned = origin is None or any(float(angle) for angle in origin.getAttribute("rpy").split())
+    centre = {"xyz": numbers_text(body.lever)} | ({"rpy": "0 0 0"} if turned else {})
+    set_child(inertial, "origin", centre, first=True)

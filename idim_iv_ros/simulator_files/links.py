@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import joint_motion
-from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
+from idim_iv_ros.model.parameters import body_of, parameters_of
 from idim_iv_ros.model.urdf import MOVABLE, Urdf
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.types import FloatArray
@@ -41,10 +41,7 @@ def link_bodies(
     `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
     in messages.
 
-    Raises
-    ------
-    UsageError
-        A link for which nothing possible is left.
+    Raises UsageError: a link for which nothing possible is left.
     """
     carried = _carried(urdf, set(joints))
     changed, notes = {}, []
@@ -127,8 +124,3 @@ def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | 
         matrix = root @ pseudo_inertia(part.parameters) @ root.T
         mapped[part.link] = part.place.actInv(body_of(inertial_parameters(matrix)))
     return mapped
-
-
-def body_of_joint(values: Mapping[str, float], joint: int) -> FloatArray:
-    """XX … M (10,) of the body that a joint carries."""
-    return np.array([values[f"{kind}{joint + 1}"] for kind in INERTIAL])

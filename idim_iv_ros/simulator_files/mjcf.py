@@ -11,7 +11,6 @@ the catalogue. All these stay with `Effects`.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -23,7 +22,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.file_text import number_text, numbers_text
+from idim_iv_ros.simulator_files.file_text import comment, number_text, numbers_text
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
@@ -115,17 +114,15 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     Locked joints and fixed links are part of the body that carries them. Actuators are proportional
     and derivative where these are the whole law; else motors, whose commands are torques.
 
-    Raises
-    ------
-    UsageError
-        A coupled transmission whose drives have less inertia or damping than it takes from them.
+    Raises UsageError: a coupled transmission whose drives have less inertia or damping than it
+    takes from them.
     """
     robot, law = exported.robot, exported.law
     values = _behind_transmission(exported.drives, robot)
     model = _Model(robot, exported.urdf, values, law, native)
     root = Element("mujoco", model=robot.name)
     for line in comments:
-        root.append(_comment(line))
+        root.append(comment(line))
     SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     SubElement(
         root,
@@ -138,17 +135,13 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     bodies = model.add_bodies(SubElement(root, "worldbody"))
     for name, (_, load) in exported.mounted.items():
         carrier = bodies[load.joint]
-        carrier.append(_comment(load.words))
+        carrier.append(comment(load.words))
         SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))
     if couplings := [*values.couplings, *native.couplings]:
         model.add_tendons(SubElement(root, "tendon"), couplings)
     model.add_actuators(SubElement(root, "actuator"))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _comment(text: str) -> Any:
-    return ElementTree.Comment(f" {text.replace('--', '- -')} ")
 
 
 def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:

@@ -82,10 +82,7 @@ def kept_causes(
 ) -> tuple[list[Cause], list[Cause]]:
     """Return the causes that are kept, and those that are left out.
 
-    Raises
-    ------
-    UsageError
-        A name that is none of them.
+    Raises UsageError: a name that is none of them.
     """
     for name in without:
         if not any(name in (cause.effect, cause_name(cause)) for cause in causes):
@@ -123,10 +120,7 @@ def corrected_model(
     the refit, for friction beside structural effects of friction; `source` names the result in
     messages.
 
-    Raises
-    ------
-    UsageError
-        A body cannot be found.
+    Raises UsageError: a body cannot be found.
     """
     robot, layout = model.robot, model.regressor.layout
     given = dict(zip(layout.names, map(float, layout.vector(robot.given)), strict=True))

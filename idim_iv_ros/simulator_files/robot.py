@@ -13,11 +13,11 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.parameters import body_of
+from idim_iv_ros.model.parameters import INERTIAL, body_of
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.simulation import SimulatedEffect, control_law
-from idim_iv_ros.simulator_files.links import body_of_joint, link_bodies
+from idim_iv_ros.simulator_files.links import link_bodies
 from idim_iv_ros.simulator_files.named import CorrectedModel, Load
 from idim_iv_ros.types import FloatArray
 
@@ -171,8 +171,11 @@ class ExportedRobot:
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
         """XX … M (10,) of what each joint carries, without payloads."""
-        joints, values = self.robot.joints, self.model.values
-        return {name: body_of_joint(values, joint) for joint, name in enumerate(joints)}
+        values = self.model.values
+        return {
+            name: np.array([values[f"{kind}{joint}"] for kind in INERTIAL])
+            for joint, name in enumerate(self.robot.joints, 1)
+        }
 
     @cached_property
     def links(self) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:

@@ -36,10 +36,7 @@ class EffectsFile(Document):
     def changed(self, nominal: Mapping[str, float]) -> dict[str, float]:
         """Return base parameters by name with these in their place.
 
-        Raises
-        ------
-        UsageError
-            The robot does not have one of them.
+        Raises UsageError: the robot does not have one of them.
         """
         for name in self.base_parameters:
             if name not in nominal:
@@ -59,10 +56,7 @@ def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
 def read_effects(path: Path) -> EffectsFile:
     """Read a file of effects, or a gap.json as one.
 
-    Raises
-    ------
-    UsageError
-        The file cannot be read, or is neither.
+    Raises UsageError: the file cannot be read, or is neither.
     """
     text = read_text(path, "the diagnosis", megabytes=_LARGEST)
     if text.lstrip("\ufeff \t\r\n").startswith("<"):

@@ -67,10 +67,7 @@ def run_in_mujoco(
     - `effects`: what the model does not have. Of a changed control law, too.
     - `longest_step`: s; a shaft may need shorter ones
 
-    Raises
-    ------
-    UsageError
-        See `Effects`.
+    Raises UsageError: see `Effects`.
     """
     period = law.period or 1.0 / references.rate
     delayed = [*effects]

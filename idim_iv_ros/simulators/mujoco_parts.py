@@ -58,10 +58,7 @@ def nearest_parameters(model: InverseModel, values: FloatArray) -> DynamicParame
 def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) -> Any:
     """Return the kinematic tree with drives and friction; inertias are still to be set.
 
-    Raises
-    ------
-    UsageError
-        Couplings of joints, which have no counterpart here.
+    Raises UsageError: couplings of joints, which have no counterpart here.
     """
     if len(parameters.coupling_joints):
         raise UsageError("robot.couplings: a transmission that couples joints cannot be replayed")
@@ -210,10 +207,7 @@ class MujocoShafts:
 
     Flanks only push: beyond the play such a joint has its stiffness and damping, within it neither.
 
-    Raises
-    ------
-    UsageError
-        The model has no such joint, or its time step is too long for the shaft.
+    Raises UsageError: the model has no such joint, or its time step is too long for the shaft.
     """
 
     def __init__(

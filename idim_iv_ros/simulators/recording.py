@@ -50,12 +50,8 @@ class SimulatedRobot:
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
         """Run a trajectory and record it; `seed` is that of all noise.
 
-        Raises
-        ------
-        UsageError
-            The trajectory is for other joints or too long, or the rates do not fit each other.
-        DataError
-            The closed loop diverged.
+        Raises UsageError: the trajectory is for other joints or too long, or the rates do not fit
+        each other. DataError: the closed loop diverged.
         """
         trajectory = trajectory.in_order(self.robot.joints)
         settings = self.settings

@@ -125,11 +125,8 @@ def require_same_native(
 ) -> None:
     """Refuse effects that would be simulated twice, or not at all.
 
-    Raises
-    ------
-    UsageError
-        The MJCF has an effect as an element which `effects` do not mark as native, or the other way
-        round.
+    Raises UsageError: the MJCF has an effect as an element which `effects` do not mark as native,
+    or the other way round.
     """
     model = mujoco.MjModel.from_xml_path(str(path))
     both = f"the {path.name} and effects.json of one export belong together"
