@@ -75,8 +75,9 @@ def butterworth_samples(rate: float, cutoff: float, order: int, tolerance: float
 
 def shifted(values: FloatArray, seconds: float, rate: float) -> FloatArray:
     """Channels (s, …) of `rate`, Hz, that are `seconds` later; their ends are repeated."""
-    by = (seconds * rate, *(0.0,) * (values.ndim - 1))
-    return np.asarray(scipy.ndimage.shift(values, by, order=_SHIFT_SPLINE, mode="nearest"))
+    by, channels = seconds * rate, values.reshape(len(values), -1).T
+    moved = [scipy.ndimage.shift(c, by, order=_SHIFT_SPLINE, mode="nearest") for c in channels]
+    return np.column_stack(moved).reshape(values.shape)
 
 
 def central_differences(

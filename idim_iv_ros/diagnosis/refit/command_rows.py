@@ -25,6 +25,7 @@ _LIMITED = 0.98  # of the torque limit, from which on a command is limited
 _EDGE = 0.5  # of the peak of an event, where it begins and ends
 _LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
 _LAG_STEPS = 4  # at most, of the search for a lag
+_LEAST_STEP = 0.999  # of what is left, which a step must come below
 _ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
 
 
@@ -194,7 +195,7 @@ def rows_of_late_command(
         if later is None:
             break
         step, left = _lag_alone(later)
-        if left >= rest:
+        if left >= _LEAST_STEP * rest:
             break
         rows, rest = later, left
     return rows

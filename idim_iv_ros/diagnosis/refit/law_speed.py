@@ -34,6 +34,7 @@ from idim_iv_ros.types import FloatArray
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
 FACTORS = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.05)
+_SAME_FACTOR = 0.02  # difference of two filters that makes none for the lag of commands
 _CHOICES = 3  # of a speed, at most, as late as the commands are with the one before
 
 
@@ -50,7 +51,7 @@ def law_speed(motions: Sequence[Motion], law: ControlLaw, *, computed: bool = Fa
     chosen = LawSpeed()
     for _ in range(_CHOICES):
         before, chosen = chosen, _chosen(motions, law, chosen, recorded=recorded)
-        if chosen == before:
+        if chosen.kind == before.kind and abs(chosen.factor - before.factor) < _SAME_FACTOR:
             break
     return chosen
 
