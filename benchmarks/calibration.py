@@ -61,6 +61,7 @@ def collect(folder: Path) -> list[dict[str, Any]]:
             "features": candidate.features.tolist(),
         }
         for candidate in (*comparison.effects, *comparison.numbers, *comparison.doubtful)
+        if len(candidate.features) > 0
     ]
 
 

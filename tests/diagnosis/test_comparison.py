@@ -10,7 +10,7 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
-from idim_iv_ros.diagnosis.answer.causes import signal_notes, structural_causes
+from idim_iv_ros.diagnosis.answer.causes import hints_of, signal_notes, structural_causes
 from idim_iv_ros.diagnosis.answer.explained import explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
@@ -109,11 +109,15 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
         stiffens = 0.15 * np.sinh((m.position[:, 1] - 0.5 * (low + high)) / (0.2 * span))
         return np.asarray(meets if one_sided else stiffens)
 
-    selection = selected(data, world(data, 21, 1, torque))
+    rows = world(data, 21, 1, torque)
+    selection = selected(data, rows)
     assert names_of(selection) == ([] if one_sided else [("spring", 1)])
     assert [curve.effect.name for curve in selection.curves] == (
         ["contact beyond a position"] if one_sided else []
     )
+    explanation = explained(replace(data, regression=rows), selection)
+    hints = [hint for hint in hints_of(data, explanation) if hint.effect == "spring"]
+    assert ["sets in beyond one position" in hint.reason for hint in hints] == [True] * one_sided
 
 
 def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:

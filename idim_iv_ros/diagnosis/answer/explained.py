@@ -226,14 +226,21 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
 
 
 def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
-    """Terms of the catalogue with their probability, those that take most of the gap first."""
+    """Terms of the catalogue with their probability, those that take most of the gap first.
+
+    Last those in whose place a free curve is likelier.
+    """
     terms = [
         (number, term)
         for number, term in enumerate(selection.terms)
         if term.candidate.kind is not Kind.SIGNAL
     ]
+    displaced = []
+    for term, curve in selection.displaced:
+        reason = f"{sentences.nonparametric(data, curve)}, is likelier"
+        displaced.append(JudgedTerm(term, np.zeros(0), 0.0, "", reason))
     if not terms:
-        return []
+        return displaced
     chosen = chosen_without(selection)
     remaining = _beyond_noise(data, selection)
     made = []
@@ -248,7 +255,8 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
             reason = sentences.too_unsure(unsure, times)
         odds = probability(values, term.key[0])
         made.append(JudgedTerm(term, values, odds, times, reason, outside, unsure))
-    return sorted(made, key=lambda judgements: -float(judgements.term.visible.max()))
+    made.sort(key=lambda judgements: -float(judgements.term.visible.max()))
+    return made + displaced
 
 
 def _beyond_noise(data: Baseline, selection: Selection) -> FloatArray:

@@ -39,11 +39,15 @@ _ROWS_PER_COLUMN = 4
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Terms that explain the gap, free curves of what they leave, and what compared them."""
+    """Terms that explain the gap, free curves of what they leave, and what compared them.
+
+    `displaced`: effects that were chosen, and the curve that is likelier in the place of one.
+    """
 
     terms: Terms
     curves: Terms
     comparison: Comparison
+    displaced: tuple[tuple[Term, Term], ...] = ()
 
     @property
     def signals(self) -> tuple[Term, ...]:
@@ -77,40 +81,41 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             noise = noise_of(ledger, model.residuals)
             del white, comparison, model  # products of all options would be there twice
     curves: list[Term] = []
-    while (better := _curve_in_place(comparison, terms, curves)) is not None:
-        terms = better[0]
-        curves.append(better[1])
-    if curves:
+    displaced: list[tuple[Term, Term]] = []
+    while (swap := _curve_in_place(comparison, terms, curves)) is not None:
+        terms = tuple(term for term in terms if term is not swap[0])
+        curves.append(swap[1])
+        displaced.append(swap)
+    if displaced:
         terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:
         curve = comparison.curve([*terms, *curves])
         if curve is None or curve.presence < 0.5:
             break
         curves.append(curve)
-    return Selection(tuple(terms), tuple(curves), comparison)
+    return Selection(tuple(terms), tuple(curves), comparison, tuple(displaced))
 
 
 def _curve_in_place(
-    comparison: Comparison, terms: tuple[Term, ...], curves: Sequence[Term]
-) -> tuple[tuple[Term, ...], Term] | None:
-    """Terms without the effect in whose place a free curve gains most, and that curve.
+    comparison: Comparison, terms: Terms, curves: Sequence[Term]
+) -> tuple[Term, Term] | None:
+    """The effect in whose place a free curve gains most, and that curve.
 
     A shape that comes near what no effect describes is chosen first, having fewer numbers. None
     where no curve of an effect's joint is clearly likelier than the effect.
     """
-    best = None
-    most = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
+    best, most = None, float(settings.LEAST_SUPPORT)
     usual = comparison.objective((*terms, *curves))
     for term in terms:
         if term.candidate.kind is not Kind.EFFECT:
             continue
-        others = tuple(other for other in terms if other is not term)
-        curve = comparison.curve((*others, *curves))
+        others = [*(other for other in terms if other is not term), *curves]
+        curve = comparison.curve(others)
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
-        gain = comparison.objective((*others, *curves, curve)) - usual
+        gain = comparison.objective([*others, curve]) - usual
         if gain > most and curve.place.joint == term.place.joint:
-            best, most = (others, curve), gain
+            best, most = (term, curve), gain
     return best
 
 
