@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm
-from idim_iv_ros.diagnosis.controller import check_law
+from idim_iv_ros.diagnosis.controller import check_law, law_change
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, rows_of_late_command
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.signals import JointSignals
@@ -148,6 +149,18 @@ def test_a_filtered_speed_is_no_mismatch(arm, data, factor: float, late: float) 
     assert chosen.kind == "filtered"
     assert chosen.factor == pytest.approx(factor, rel=0.05)
     assert check_law(changed).causes == ()
+
+
+@pytest.mark.parametrize(("factor", "names"), [(0.1, []), (1.0, ["kd"])])
+def test_a_speed_that_is_late_by_many_periods_is_no_other_gain(arm, data, factor, names) -> None:
+    """Where the speed is not chosen well, gains stand for it: errors of time tell."""
+    motions = data.prepared.motions
+    effort, _ = commands(arm, motions[0].signals, factor, scale=1.0 if factor < 1.0 else 1.4)
+    motions = commanded(data, effort).prepared.motions
+    rows = rows_of_late_command(motions, arm.law, 0, LawSpeed(), 1.0 / motions[0].signals.rate)
+    assert rows is not None
+    change = law_change(rows)
+    assert list(change.changes) == names
 
 
 def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> None:
