@@ -127,7 +127,9 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
         likeliest = result.unexplained.likeliest(result.hints)
         if likeliest is not None:
             return f"No cause is certain: the residual {what}; perhaps {hint_words(likeliest)}."
-        return f"Nothing in the catalogue explains it: the residual {what}."
+        if result.unexplained.family == "event":
+            return f"Nothing in the catalogue explains it: the residual {what}."
+        return f"Not in the catalogue: {result.unexplained.where}."
     if result.verdict == "none":
         return "No cause was found: the rest is noise, or too small here."
     if result.verdict == "parametric":
