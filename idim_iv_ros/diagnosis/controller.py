@@ -38,6 +38,7 @@ from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw, control_law, control_period
 from idim_iv_ros.types import FloatArray
 
+_ON_TIME = EffectParameter(0.0, 0.0, "s")
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
 
@@ -182,7 +183,7 @@ class LawCheck:
 
 
 def check_law(
-    data: Baseline, without: Collection[str] = (), *, shift: float = 0.0, std: float = 0.0
+    data: Baseline, without: Collection[str] = (), *, shift: EffectParameter = _ON_TIME
 ) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
@@ -193,15 +194,15 @@ def check_law(
     efforts are stamped on the way makes no difference. Empty where nothing can be compared or
     nothing differs; `why_not_checked` says why.
 
-    `shift`, `std`: from the recorded effort to the torque on the joints, s (`signal_chain`);
+    `shift`: from the recorded effort to the torque on the joints, s (`EffortShift.common`);
     negative where the effort is measured after it acts.
     """
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
     shown = shown_law(data)
-    configured = data.prepared.configuration.controller.delay
-    usual = settings.LONGEST_LAG * shown.period + configured - shift  # until efforts are recorded
-    longest, shared = _shared_lag(shown, max(usual, settings.LONGEST_LAG * shown.period))
+    longest_lag = settings.LONGEST_LAG * shown.period
+    usual = longest_lag + data.prepared.configuration.controller.delay - shift.value
+    longest, shared = _shared_lag(shown, max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
     for joint, change in shown.joints.items():
         changes, cause = _cause(data, shown.law, joint, change, longest)
@@ -214,17 +215,28 @@ def check_law(
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
-    late = []
-    if shared is not None and shared.std is not None:
-        std = float(np.hypot(shared.std, std))
-        unsure = settings.SHIFT_AGREEMENT * shown.period + settings.CLEAR_DEVIATIONS * std
-        if shared.value - unsure > usual:  # longer than a control of this period makes it
-            before = [change.left_of_lag(max(usual, 0.0)) for change in shown.joints.values()]
-            after = [change.before for change in shown.joints.values()]
-            delay = EffectParameter(shared.value + shift - configured, std, "s")
-            said = sentences.commands_late(delay, shared.value, shown.period)
-            late.append(delay_of_all(delay, before, after, said))
-    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), tuple(late))
+    delay = () if shared is None else _common_delay(data, shown, shared, shift, usual)
+    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), delay)
+
+
+def _common_delay(
+    data: Baseline, shown: "ShownLaw", lag: EffectParameter, shift: EffectParameter, usual: float
+) -> tuple[Cause, ...]:
+    """One cause where torque acts later after the law than a control of this period makes it.
+
+    `lag`, `shift`: from the law to the recorded effort, and from there to the torque, s; `usual`:
+    lag up to which their sum is that of the control, s.
+    """
+    std = float(np.hypot(lag.std or 0.0, shift.std or 0.0))
+    unsure = settings.SHIFT_AGREEMENT * shown.period + settings.CLEAR_DEVIATIONS * std
+    if lag.value - unsure <= usual:
+        return ()
+    configured = data.prepared.configuration.controller.delay
+    delay = EffectParameter(lag.value + shift.value - configured, std, "s")
+    before = [change.left_of_lag(max(usual, 0.0)) for change in shown.joints.values()]
+    after = [change.before for change in shown.joints.values()]
+    said = sentences.commands_late(delay, lag.value, shown.period)
+    return (delay_of_all(delay, before, after, said),)
 
 
 @dataclass(frozen=True)

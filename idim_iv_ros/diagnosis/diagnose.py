@@ -142,7 +142,7 @@ def concluded(
     effects = [effect.term for effect in explanation.effects]
     recordings = agreement(data, effects, without)
     numbers, errors = parametric_causes(data, explanation)
-    law = check_law(data, without, shift=refit.shift.shift, std=refit.shift.std or 0.0)
+    law = check_law(data, without, shift=refit.shift.common)
     law = law.not_shown_by_torque(data, numbers, effects)
     causes = [
         *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),

@@ -116,8 +116,8 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
         ["contact beyond a position"] if one_sided else []
     )
     explanation = explained(replace(data, regression=rows), selection)
-    hints = [hint for hint in hints_of(data, explanation) if hint.effect == "spring"]
-    assert ["sets in beyond one position" in hint.reason for hint in hints] == [True] * one_sided
+    hints = [hint.effect for hint in hints_of(data, explanation)]
+    assert hints.count("spring") == one_sided
 
 
 def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:

@@ -198,10 +198,10 @@ def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured
     effort, _ = commands(arm, signals, 0.3)
     period = 1.0 / signals.rate
     late = commanded(data, delayed(effort, [3.0, 3.0]))
-    assert check_law(late, shift=-1.5 * period).causes == ()
-    assert check_law(late, shift=-1.5 * period).delay == ()
+    assert check_law(late, shift=EffectParameter(-1.5 * period, 0.0, "s")).causes == ()
+    assert check_law(late, shift=EffectParameter(-1.5 * period, 0.0, "s")).delay == ()
     # Half a period more until they act makes it longer than the loop of the configuration.
-    check = check_law(late, shift=0.5 * period)
+    check = check_law(late, shift=EffectParameter(0.5 * period, 0.0, "s"))
     assert check.causes == ()
     (cause,) = check.delay
     assert (cause.effect, cause.joint) == ("time_delay", None)
@@ -215,7 +215,7 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data) -> None:
     signals = data.prepared.motions[0].signals
     effort, _ = commands(arm, signals, 0.3)
     late = commanded(data, delayed(effort, [0.5, 3.5]))
-    (finding,) = check_law(late, shift=-3.0 / signals.rate).causes
+    (finding,) = check_law(late, shift=EffectParameter(-3.0 / signals.rate, 0.0, "s")).causes
     assert finding.joint == data.joints[1]
     assert finding.parameters["lag"].value == pytest.approx(3.5 / signals.rate, rel=0.1)
 

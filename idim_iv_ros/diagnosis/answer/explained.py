@@ -237,7 +237,7 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
     ]
     displaced = []
     for term, curve in selection.displaced:
-        reason = f"{sentences.nonparametric(data, curve)}, is likelier"
+        reason = sentences.likelier_curve(data, curve)
         displaced.append(JudgedTerm(term, np.zeros(0), 0.0, "", reason))
     if not terms:
         return displaced

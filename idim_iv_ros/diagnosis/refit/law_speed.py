@@ -62,10 +62,10 @@ def _chosen(
     """Speed that explains the commands best where they are as late as with the one `before`."""
     usable = []
     for joint in np.flatnonzero(np.asarray(law.torque_gains[1]) > 0.0).tolist():
-        with_it = rows_of_late_command(motions, law, joint, before, 0.0)
-        if with_it is None:
+        delayed = rows_of_late_command(motions, law, joint, before, 0.0)
+        if delayed is None:
             continue
-        rows = command_rows(motions, law, joint, LawSpeed(), 0.0, with_it.lag)
+        rows = command_rows(motions, law, joint, LawSpeed(), 0.0, delayed.lag)
         if rows is not None:
             usable.append((joint, rows))
     if not usable:
