@@ -103,6 +103,14 @@ class Inertials:
     inertia: FloatArray
 
 
+def first_axis(given: GivenRobot) -> FloatArray:
+    """Axis (3,) of the first joint in the base frame."""
+    model = mujoco.MjModel.from_xml_path(str(given.urdf))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return np.asarray(data.xaxis[model.joint(given.joints[0]).id])
+
+
 def given_inertials(given: GivenRobot) -> Inertials:
     """The URDF's, in the order of the joints."""
     model = mujoco.MjModel.from_xml_path(str(given.urdf))

@@ -34,7 +34,6 @@ from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
 from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
-from idim_iv_ros.diagnosis.refit.soft_friction import LEAST_LEAD
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, GapSeries
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
@@ -196,7 +195,7 @@ def concluded(
     notes = [
         refit.shift.sentence(data.joints),
         *signal_notes(data.joints, explanation.selection.terms),
-        refit.softened and refit.softened.sentence(data.joints),
+        refit.turning and refit.turning.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
         *(sentences.transmission(measured.result) for measured in transmissions),
         *excluded,
@@ -226,7 +225,6 @@ def concluded(
     base, values = prepared.model.base, explanation.fit.values.tolist()
     deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0)).tolist()
     fitted = zip(base.names, values, deviations[: len(values)], base.units, strict=True)
-    leads = () if refit.softened is None else zip(data.joints, refit.softened.leads, strict=True)
     if refit.gravity is not None:
         with_gravity = replace(stages[0], name=f"+{name_of('gravity')}")
         stages = (refit.gravity.weightless, with_gravity, *stages[1:])
@@ -261,7 +259,7 @@ def concluded(
         kinematics=kinematics_digest(prepared.model.robot),
         parameter_errors=errors,
         signal_chain=refit.shift.part_of_result(data.joints, speed),
-        friction_leads={joint: float(lead) for joint, lead in leads if lead > LEAST_LEAD},
+        friction_leads={} if refit.turning is None else refit.turning.soft_leads(data.joints),
         recordings=recordings,
         transmissions=tuple(measured.result for measured in transmissions),
         twists=tuple(m.series for m in transmissions if m.series is not None),

@@ -11,7 +11,11 @@ from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, _crossing, soft_friction
+from idim_iv_ros.diagnosis.refit.turning_friction import (
+    TurningFriction,
+    _crossing,
+    turning_friction,
+)
 from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import smooth_motion, synthetic
@@ -124,21 +128,21 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
 
 
 def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Baseline) -> None:
-    assert soft_friction(data) is None
-    assert refitted([recorded(arm, 1)], arm.configuration, ()).softened is None
+    assert turning_friction(data) is None
+    assert refitted([recorded(arm, 1)], arm.configuration, ()).turning is None
 
 
 @pytest.mark.parametrize("softer", [(0, 1), (1,)])
 def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...]) -> None:
     """Of one joint in two it may be the joint's own: friction that the model lacks."""
     leads = np.array([LEAD if joint in softer else np.nan for joint in (0, 1)])
-    changed = SoftFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
+    changed = TurningFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
     (new,), (old,), rows = changed.motions, data.motions, []
     for joint, row in enumerate(data.rows):
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
         rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
     robot = replace(data, rows=tuple(rows)).on(data.motions)
-    friction = soft_friction(robot)
+    friction = turning_friction(robot)
     if len(softer) == 1:
         assert friction is None
         return

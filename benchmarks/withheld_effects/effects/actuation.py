@@ -18,8 +18,11 @@ def time_delay(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effec
 
 
 def common_delay(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
-    """One delay of all joints, 1 to 6 ms whatever the ratio that is asked for."""
-    seconds = rng.uniform(1e-3, 6e-3)
+    """One delay of all joints, 1.2 to 3 control periods whatever the ratio that is asked for.
+
+    Up to one period a command is only sampled and held.
+    """
+    seconds = rng.uniform(1.2, 3.0) * given.controller.period
 
     def apply(world: World, strength: float) -> World:
         delay = world.drive.delay + strength * seconds

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.withheld_effects.drive import altered
 from benchmarks.withheld_effects.effects.effect import Effect, on_drive
-from benchmarks.withheld_effects.robot import GivenRobot, Inertials, with_body
+from benchmarks.withheld_effects.robot import GivenRobot, Inertials, first_axis, with_body
 from benchmarks.withheld_effects.world import World, with_drive
 
 
@@ -45,7 +45,7 @@ def gravity_direction(rng: np.random.Generator, given: GivenRobot, joint: int) -
     heading = rng.uniform(0.0, 2.0 * np.pi)
     axis = np.array([np.cos(heading), np.sin(heading), 0.0])
     if len(given.joints) == 2:
-        axis = np.array([0.0, rng.choice([-1.0, 1.0]), 0.0])
+        axis = rng.choice([-1.0, 1.0]) * first_axis(given)
 
     def apply(world: World, strength: float) -> World:
         angle = np.deg2rad(strength)

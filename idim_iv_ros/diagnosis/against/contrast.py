@@ -95,9 +95,9 @@ def contrast_of(
     notes = [
         "" if delay else _shift(shifts),
         *(
-            f"{name}: {refit.softened.sentence(data.joints)}"
+            f"{name}: {refit.turning.sentence(data.joints)}"
             for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
-            if refit.softened is not None
+            if refit.turning is not None and refit.turning.soft
         ),
         "the recordings of the second set do not agree and were compared apart: "
         f"{'; '.join(', '.join(group) for group in groups)}"

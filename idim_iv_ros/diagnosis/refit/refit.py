@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.refit.baseline import (
 from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
-from idim_iv_ros.diagnosis.refit.soft_friction import SoftFriction, soft_friction
+from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turning_friction
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable, Stage
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.model import RobotModel
@@ -75,25 +75,23 @@ class MissingGravity:
 class Refit:
     """The model that every candidate is added to, on the smooth motion.
 
-    `shift`: taken out of the effort; `softened`: friction of a simulator's solver, in the place of
-    dry friction that sticks; `gravity`: which the nominal model lacks; `data` has it; `delays`: one
+    `shift`: taken out of the effort; `turning`: when dry friction turns, where the simulated loop
+    does not tell it best; `gravity`: which the nominal model lacks; `data` has it; `delays`: one
     cause where the shift is longer than the control makes it.
     """
 
     data: Baseline
     shift: EffortShift
-    softened: SoftFriction | None = None
+    turning: TurningFriction | None = None
     gravity: MissingGravity | None = None
     delays: tuple[Cause, ...] = ()
 
     @property
     def hidden(self) -> tuple[tuple[str, int], ...]:
         """Effects that act where joints turn, at joints whose dry friction a solver softens."""
-        if self.softened is None:
-            return ()
-        soft = np.flatnonzero(np.isfinite(self.softened.leads))
+        soft = () if self.turning is None else self.turning.soft
         lost = [effect.name for effect in STRUCTURAL if effect.lost_where_softened]
-        return tuple((name, int(joint)) for name in lost for joint in soft)
+        return tuple((name, joint) for name in lost for joint in soft)
 
     @property
     def not_testable(self) -> tuple[NotTestable, ...]:
@@ -174,12 +172,12 @@ def _likelihood(refit: Refit) -> float:
 
 
 def _with_friction(data: Baseline) -> Refit:
-    """Align the effort; once more where dry friction turns early, as simulators solve it."""
+    """Align the effort; once more where dry friction turns otherwise than in the simulated loop."""
     shifted, shift = aligned(data)
-    softened = soft_friction(shifted)
-    if softened is not None:
-        shifted, shift = aligned(softened.put_into(data))
-    return Refit(shifted, shift, softened)
+    turning = turning_friction(shifted)
+    if turning is not None:
+        shifted, shift = aligned(turning.put_into(data))
+    return Refit(shifted, shift, turning)
 
 
 def missing_gravity(data: Baseline) -> MissingGravity | None:

@@ -1,4 +1,4 @@
-"""Dry friction that a simulator's solver softens: a property of the recording, no cause.
+"""When dry friction changes its direction: as simulated, as measured, or as a solver softens it.
 
 Solvers make dry friction a soft constraint. MuJoCo's asks for the acceleration −b v of a joint in
 reach of its friction loss, b = 2 / (d T_ref), and grants a share d of it: the torque is
@@ -8,7 +8,9 @@ of constraints). With d near one the direction of the friction is that of v + (d
 twice the friction, which passes for another friction at low speed, or a soft shaft.
 
 A robot's own friction turns with the joint or after it. A lead at most joints is therefore taken
-for the solver's, and its friction put in the place of the one that sticks.
+for the solver's, and its friction put in the place of the one that sticks: a property of the
+recording, no cause. Without a lead the measured motion may still tell better than the simulated one
+when joints turn, where samples are few or the simulated loop is another than the robot's.
 """
 
 from collections.abc import Sequence
@@ -26,7 +28,7 @@ from idim_iv_ros.types import FloatArray
 
 # 1/b, s: half to twice that of MuJoCo's default (a time constant of 20 ms, d of 0.95).
 _LEADS = (0.005, 0.0065, 0.008, 0.0095, 0.011, 0.014, 0.019)
-LEAST_LEAD = _LEADS[0]  # what turns with it is stiffer than all that is tried
+LEAST_LEAD = _LEADS[0]  # no solver's: the likeliest lead is one that is shorter than all tried
 # (1 − d) / d: MuJoCo's default is 1/9. What the motion leaves of its noise widens the crossing.
 _SOFTNESS = (1.0 / 9.0, 0.25, 0.5, 1.0)
 _FINER = (1.1, 1.05, 1.025)  # factors of a lead; of the softness their third power
@@ -35,10 +37,11 @@ _STATES = 50  # from which the inertia of a joint is taken
 _STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
 
 Crossing = tuple[float, float]  # lead, s, and softness of the dry friction of a joint
+_AS_MEASURED: Crossing = 0.0, 0.0
 
 
 @dataclass(frozen=True)
-class SoftFriction:
+class TurningFriction:
     """How early dry friction turns: `leads` (n_joints,), s before the joint; NaN where it sticks.
 
     `widths`: (n_joints,) rad/s (m/s) of v + lead · dv/dt, within which the friction crosses from
@@ -47,6 +50,15 @@ class SoftFriction:
 
     leads: FloatArray
     widths: FloatArray
+
+    @property
+    def soft(self) -> list[int]:
+        """Joints whose dry friction a solver softens."""
+        return [int(joint) for joint in np.flatnonzero(self.leads > LEAST_LEAD)]
+
+    def soft_leads(self, joints: Sequence[str]) -> dict[str, float]:
+        """Lead, s, of joints whose dry friction a solver softens."""
+        return {joints[joint]: float(self.leads[joint]) for joint in self.soft}
 
     def put_into(self, data: Baseline) -> Baseline:
         """Return the same motions with this friction."""
@@ -60,11 +72,13 @@ class SoftFriction:
         return data.on(tuple(motions))
 
     def sentence(self, joints: Sequence[str]) -> str:
-        """Say it for the notes."""
-        soft = np.isfinite(self.leads)
-        low, high = (f"{1e3 * lead:.2g}" for lead in (min(self.leads[soft]), max(self.leads[soft])))
+        """Say for the notes what a solver softens; empty where none does."""
+        if not self.soft:
+            return ""
+        leads = self.leads[self.soft]
+        low, high = (f"{1e3 * lead:.2g}" for lead in (min(leads), max(leads)))
         times = f"{low} ms" if low == high else f"{low} to {high} ms"
-        names = ", ".join(name for name, is_soft in zip(joints, soft, strict=True) if is_soft)
+        names = ", ".join(joints[joint] for joint in self.soft)
         return (
             f"dry friction of {names} turns {times} before the joint: a soft constraint, as "
             "simulators solve friction (MuJoCo's frictionloss with its default solreffriction: "
@@ -72,8 +86,8 @@ class SoftFriction:
         )
 
 
-def soft_friction(data: Baseline) -> SoftFriction | None:
-    """Look for dry friction that turns early at most joints; None where it sticks.
+def turning_friction(data: Baseline) -> TurningFriction | None:
+    """Find when dry friction turns; None where it sticks and slips as simulated.
 
     `data`: with the effort aligned: one that is recorded before it acts would turn early, too.
     """
@@ -92,27 +106,34 @@ def soft_friction(data: Baseline) -> SoftFriction | None:
     def same_everywhere(crossing: Crossing) -> float:
         return float(tried.gains(dict.fromkeys(every, crossing)).sum())
 
+    def turning(crossings: dict[int, Crossing]) -> TurningFriction:
+        leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
+        for joint, (lead, soft) in crossings.items():
+            leads[joint], widths[joint] = lead, max(lead * soft * width[joint], _STILL)
+        return TurningFriction(leads, widths)
+
     best = max(((lead, _SOFTNESS[1]) for lead in _LEADS), key=same_everywhere)
     best = max(((best[0], soft) for soft in _SOFTNESS), key=same_everywhere)
-    if same_everywhere(best) < settings.SOFT_FRICTION_SUPPORT:
-        return None
-    chosen: dict[int, Crossing] = dict.fromkeys(every, best)
-    for step in _FINER:
-        for joint in every:
-            lead, soft = chosen[joint]
-            near = [(lead * step, soft), (lead / step, soft)]
-            near += [(lead, soft * step**3), (lead, soft / step**3), (lead, soft)]
-            options = [{**chosen, joint: crossing} for crossing in near]
-            chosen = max(options, key=lambda option: float(tried.gains(option).sum()))
-    gains = tried.gains(chosen)
-    turning = [joint for joint in every if gains[joint] > 0.0]
-    if 2 * len(turning) <= len(every):
-        return None
-    leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
-    for joint in turning:
-        leads[joint], soft = chosen[joint]
-        widths[joint] = max(leads[joint] * soft * width[joint], _STILL)
-    return SoftFriction(leads, widths)
+    if same_everywhere(best) >= settings.SOFT_FRICTION_SUPPORT:
+        chosen: dict[int, Crossing] = dict.fromkeys(every, best)
+        for step in _FINER:
+            for joint in every:
+                lead, soft = chosen[joint]
+                near = [(lead * step, soft), (lead / step, soft)]
+                near += [(lead, soft * step**3), (lead, soft / step**3), (lead, soft)]
+                options = [{**chosen, joint: crossing} for crossing in near]
+                chosen = max(options, key=lambda option: float(tried.gains(option).sum()))
+        gains = tried.gains(chosen)
+        early = {
+            joint: crossing
+            for joint, crossing in chosen.items()
+            if gains[joint] > 0.0 and crossing[0] > LEAST_LEAD
+        }
+        if 2 * len(early) > len(every):
+            return turning(early)
+    if same_everywhere(_AS_MEASURED) >= settings.SOFT_FRICTION_SUPPORT:
+        return turning(dict.fromkeys(every, _AS_MEASURED))
+    return None
 
 
 class _Tried:
