@@ -48,7 +48,9 @@ def covers(cause: Cause, name: str, true: float, deviations: float = 3.0) -> boo
 def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
     """Change (b,) of the base parameters: errors of all links, drives and frictions."""
     model = data.prepared.model
-    standard = np.hstack([errors_of_links(model), errors_of_drives(model)])
+    standard = np.hstack(
+        [errors_of_links(model), errors_of_drives(model, np.array(data.torque_sizes))]
+    )
     change = standard @ (size * np.random.default_rng(seed).standard_normal(standard.shape[1]))
     return np.asarray(model.base.grouping @ change)
 

@@ -48,21 +48,27 @@ def errors_of_links(model: InverseModel) -> FloatArray:
     return np.column_stack(made)
 
 
-def errors_of_drives(model: InverseModel, refit: DynamicParameters | None = None) -> FloatArray:
+def errors_of_drives(
+    model: InverseModel, torque: FloatArray, refit: DynamicParameters | None = None
+) -> FloatArray:
     """Changes (n_standard, k) that are errors of size one of drive inertia, friction and offsets.
 
-    By their own value, at least by the median of their kind; a joint's offset by its dry friction,
-    and friction of a coupling by what is usual of the joints. `refit` says how large friction is
-    where the nominal model has none at all.
+    By the value itself, at least by what is usual of its kind, which for a weak joint is less; a
+    joint's offset by its dry friction, and friction of a coupling by the median of the joints.
+    `torque` (n_joints,): rms of each joint, N m; `refit` says how large friction is where the
+    nominal model has none at all.
     """
     given = model.robot.given
     friction = refit if refit is not None and not np.any(given.coulomb) else given
     slow = refit if refit is not None and not np.any(given.viscous) else given
-    coulomb, viscous = _at_least_median(friction.coulomb), _at_least_median(slow.viscous)
+    coulomb, viscous = (
+        _at_least_usual(friction.coulomb, torque),
+        _at_least_usual(slow.viscous, torque),
+    )
     coupled = np.ones_like(given.coupling_viscous)
     sizes = replace(
         _nothing(given),
-        drive_inertia=_at_least_median(given.drive_inertia),
+        drive_inertia=_at_least_usual(given.drive_inertia, torque),
         viscous=viscous,
         coulomb=coulomb,
         offset=coulomb,
@@ -105,7 +111,11 @@ def _shifted(link: pin.Inertia, shift: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], mass * shift, inertia[_ROWS, _COLUMNS]])
 
 
-def _at_least_median(values: FloatArray) -> FloatArray:
+def _at_least_usual(values: FloatArray, torque: FloatArray) -> FloatArray:
+    """Sizes of values (n_joints,), at least the median, or the torque by its median if smaller."""
     sizes = np.abs(values)
-    present = sizes[sizes > 0.0]
-    return np.maximum(sizes, np.median(present)) if len(present) else sizes
+    present = (sizes > 0.0) & (torque > 0.0)
+    if not present.any():
+        return sizes
+    of_torque = torque * np.median(sizes[present] / torque[present])
+    return np.maximum(sizes, np.minimum(np.median(sizes[present]), of_torque))
