@@ -118,4 +118,4 @@ def _at_least_usual(values: FloatArray, torque: FloatArray) -> FloatArray:
     if not present.any():
         return sizes
     of_torque = torque * np.median(sizes[present] / torque[present])
-    return np.maximum(sizes, np.minimum(np.median(sizes[present]), of_torque))
+    return np.asarray(np.maximum(sizes, np.minimum(np.median(sizes[present]), of_torque)))
