@@ -55,6 +55,18 @@ def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
     return np.asarray(model.base.grouping @ change)
 
 
+def test_errors_of_a_weak_drive_are_as_small_as_the_drive(data: Baseline) -> None:
+    model = data.prepared.model
+    layout, given = model.regressor.layout, model.robot.given
+    strong = replace(given, coulomb=np.array([5.0, 0.1]))
+    robot = replace(model.robot, given=strong)
+    changes = errors_of_drives(replace(model, robot=robot), np.array([100.0, 2.0]))
+    places = [layout.parameters.index(n) for n in layout.parameters if n.kind == "Fc"]
+    np.testing.assert_allclose(np.diag(changes)[places], [5.0, 0.1])
+    even = errors_of_drives(replace(model, robot=robot), np.array([100.0, 100.0]))
+    np.testing.assert_allclose(np.diag(even)[places], [5.0, 2.55])
+
+
 def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
     for seed in range(3):
         regression = world(data, seed)

@@ -132,6 +132,16 @@ def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Bas
     assert refitted([recorded(arm, 1)], arm.configuration, ()).turning is None
 
 
+def test_friction_that_turns_when_it_was_measured_to_is_no_solvers(data: Baseline) -> None:
+    """A simulated loop that turns its joints at other times than the robot did."""
+    late = tuple(replace(m, slip=np.roll(m.slip, 4, axis=0)) for m in data.motions)
+    friction = turning_friction(data.on(late))
+    assert friction is not None
+    np.testing.assert_array_equal(friction.leads, 0.0)
+    assert friction.soft_leads(data.joints) == {}
+    assert friction.sentence(data.joints) == ""
+
+
 @pytest.mark.parametrize("softer", [(0, 1), (1,)])
 def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...]) -> None:
     """Of one joint in two it may be the joint's own: friction that the model lacks."""
