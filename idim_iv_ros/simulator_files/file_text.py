@@ -125,9 +125,9 @@ def numbers_text(values: FloatArray) -> str:
     return " ".join(number_text(round(float(value), digits)) for value in values)
 
 
-def element(tag: str, attributes: Mapping[str, str], *children: Element) -> Element:
+def element(tag: str, /, *children: Element, **attributes: str) -> Element:
     """Return a new element of XML with its content."""
-    made = Element(tag, dict(attributes))
+    made = Element(tag, attributes)
     made.extend(children)
     return made
 

@@ -197,8 +197,8 @@ class _Mjcf:
 
     def add_payload(self, name: str, link: str, load: Load) -> None:
         """A body of its own within the one that carries it."""
-        place = {"name": name, "pos": numbers_text(self._anchor(link))}
-        body = element("body", place, Element("inertial", inertial_of(load.body)))
+        inertial = element("inertial", **inertial_of(load.body))
+        body = element("body", inertial, name=name, pos=numbers_text(self._anchor(link)))
         insert(self._body(link), comment(load.words), body, first=True)
 
     def _anchor(self, link: str) -> FloatArray:
@@ -260,9 +260,9 @@ def with_values(
         texts = {key: number_text(value) for key, value in values.items()}
         set_child(places["joint", name], "dynamics", texts, first=False)
     for name, (carrier, load) in mounted.items():
-        ends = Element("parent", link=carrier), Element("child", link=name)
-        joint = element("joint", {"name": f"{name}_fixed", "type": "fixed"}, *ends)
-        link = element("link", {"name": name}, _inertial(load.body))
+        ends = element("parent", link=carrier), element("child", link=name)
+        joint = element("joint", *ends, name=f"{name}_fixed", type="fixed")
+        link = element("link", _inertial(load.body), name=name)
         insert(robot, comment(load.words), link, joint, first=False)
     return written_xml(document, content)
 
@@ -275,10 +275,9 @@ def _moments(body: pin.Inertia) -> dict[str, str]:
 def _inertial(body: pin.Inertia) -> Element:
     return element(
         "inertial",
-        {},
-        Element("origin", xyz=numbers_text(body.lever), rpy="0 0 0"),
-        Element("mass", value=number_text(body.mass)),
-        Element("inertia", _moments(body)),
+        element("origin", xyz=numbers_text(body.lever), rpy="0 0 0"),
+        element("mass", value=number_text(body.mass)),
+        element("inertia", **_moments(body)),
     )
 
 
