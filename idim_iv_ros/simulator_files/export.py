@@ -1,6 +1,6 @@
 """From a result to the files of a simulator: the whole of `idim-iv export`."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,18 +12,26 @@ from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
+from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
-from idim_iv_ros.simulator_files.changes import changes_text
+from idim_iv_ros.simulator_files.file_text import file_text, number_text
 from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
-from idim_iv_ros.simulator_files.randomization import RANDOMIZE, randomization
+from idim_iv_ros.simulator_files.named import kind_of
+from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Ranges, randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulators.effects_file import EffectsFile
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
 _READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
+_SOURCES = {
+    "recording": "recording",
+    "recording and nominal model": "recording; split by the {file}",
+    "nominal model": "{file}, as near as the rest lets it be: no motion shows it",
+}
+_ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "constant torque"}
 
 
 @dataclass(frozen=True)
@@ -132,18 +140,21 @@ def export(
     _require_other_files(made, source, path, configuration, force)
     texts, effects, more = (_of_mjcf if of_mjcf else _of_urdf)(robot, made)
     notes = (*robot.notes, *more)
-    document = EffectsFile(
-        base_parameters={} if of_mjcf else robot.coupled_friction,
-        effects=effects,
-        recordings=robot.bags,
-    )
-    names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
     ranges = None
     if made.ranges is not None:
         texts[made.ranges], ranges = randomization(robot, made.mjcf.name)
-    texts[made.effects] = document.to_json()
-    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=ranges, file=kind)
-    _write(texts, out)
+    texts[made.effects] = EffectsFile(
+        base_parameters={} if of_mjcf else robot.coupled_friction,
+        effects=effects,
+        recordings=robot.bags,
+    ).to_json()
+    texts[made.changes] = _changes(robot, effects, made, notes, ranges)
+    try:
+        with made_folder(out):
+            write_together(texts)
+    except OSError as error:
+        reason = error.strerror or error
+        raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error
     return replace(
         made,
         not_native=tuple(
@@ -256,11 +267,49 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
     return lines
 
 
-def _write(contents: Mapping[Path, bytes | str], out: Path) -> None:
-    """Write all files, or none, and no folder either."""
-    try:
-        with made_folder(out):
-            write_together(contents)
-    except OSError as error:
-        reason = error.strerror or error
-        raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error
+def _changes(
+    robot: ExportedRobot,
+    effects: Sequence[SimulatedEffect],
+    made: Exported,
+    notes: Sequence[str],
+    ranges: Ranges | None,
+) -> str:
+    """What is new in the files, how sure it is, and where it comes from."""
+    joints, remainder = robot.robot.joints, robot.model.remainder
+    file = "MJCF" if made.urdf is None else "URDF"
+    moved = () if remainder is None else zip(joints, remainder.links, remainder.drives, strict=True)
+    beside = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
+    if any(robot.values("off")):
+        beside.append(("torque_offset", robot.values("off"), "N m"))
+    return file_text(
+        "changes.md",
+        robot=robot,
+        errors=() if robot.gap is None else robot.gap.parameter_errors,
+        files=[path.name for path in made.files],
+        file=file,
+        rows=[
+            _row(parameter, joints, file)
+            for parameter in robot.model.parameters
+            if robot.refit or parameter.source != "nominal model"
+        ],
+        moved=[
+            f"{joint} (link {100.0 * link:.1f} %, drive and friction {100.0 * drive:.1f} %)"
+            for joint, link, drive in moved
+            if link or drive
+        ],
+        ranges=ranges,
+        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in beside],
+        effects=effects,
+        notes=[*robot.remarks, *notes],
+    )
+
+
+def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[str, ...]:
+    name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
+    kind = kind_of(name)
+    where = ""
+    if kind in _ELEMENTS:
+        where = f" ({_ELEMENTS[kind]} of {joints[int(name.removeprefix(kind)) - 1]})"
+    spread, score = (f"{1.96 * std:.2g}", f"{(value - given) / std:+.1f}") if std else ("–", "–")
+    source = _SOURCES[parameter.source].format(file=file)
+    return f"{name}{where}", f"{given:.6g}", f"{value:.6g}", spread, score, parameter.unit, source
