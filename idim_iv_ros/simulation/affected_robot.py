@@ -91,17 +91,37 @@ def affected_robot(
     shafts = joined_shafts(added.of(ShaftPart))
     parameters = split_drives(robot, parameters, [shaft.joint for shaft in shafts])
     shafts, pulsation = fastest_shaft(robot, parameters, shafts, position)
-    place = np.argsort(robot.order)
-    base = plant(robot, parameters)
-    n, extra = len(robot.joints), len(shafts)
+    base, place = plant(robot, parameters), np.argsort(robot.order)
+    friction = parameters.coulomb, parameters.viscous
+    changing, effects = affected_plant(base, friction, added, place, shafts, start_time)
+    longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
+    return AffectedRobot(changing, effects, shafts, float(longest))
+
+
+def affected_plant(
+    base: Plant,
+    friction: tuple[FloatArray, FloatArray],
+    added: JointContributions,
+    place: IntArray,
+    shafts: Sequence[Shaft],
+    start_time: float,
+) -> tuple[Plant, Effects]:
+    """Return the plant whose friction is that of the instant, and the effects that change it.
+
+    `friction`: dry and viscous friction of the joints (n_joints,), also negative, in whose place
+    those of the plant are only where no effect is friction. `place` (n_joints,): of the joints in
+    the plant.
+    """
+    coulomb, viscous = friction
+    n, extra = len(base.offset), len(shafts)
     dry, dissipative = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     level, damping = base.level.copy(), base.damping.copy()
     for joint, term in added.of(TorqueTerm):
         if term.friction:
             i = place[joint]
             dissipative[i] = True
-            level[i] = parameters.coulomb[joint]
-            damping[i, i] = parameters.viscous[joint]
+            level[i] = coulomb[joint]
+            damping[i, i] = viscous[joint]
             dry[i] |= term.dry
     model = _grown(base, level.copy(), damping, extra)
     for joint, term in added.of(TorqueTerm):
@@ -120,7 +140,7 @@ def affected_robot(
     link = np.arange(n)
     for k, shaft in enumerate(shafts):
         link[place[shaft.joint]] = n + k
-    arrays = Effects(
+    return changing, Effects(
         rows=effect_rows(added, place, first_coupling=len(unchanged) - couplings),
         level=unchanged,
         damping=grown.damping,
@@ -145,8 +165,6 @@ def affected_robot(
         rigid_mass=np.zeros((n, n)),
         measured=np.zeros((2, n)),
     )
-    longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
-    return AffectedRobot(changing, arrays, shafts, float(longest))
 
 
 _Row = tuple[int, int, Load, tuple[float, ...]]

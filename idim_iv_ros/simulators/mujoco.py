@@ -10,38 +10,52 @@
         effects.apply(model, data)
         mujoco.mj_step(model, data)
 
+The laws, and when they are asked, are those of `simulation.effect_kernel`: what opposes motion
+becomes dry friction and damping of the step, which MuJoCo solves together with contacts and limits,
+and what does not becomes an applied force.
+
 `apply` writes of the joints that have effects: `dof_frictionloss` and `dof_damping` of the model,
 and `qfrc_applied` of the data. But for constant torques it takes their dry friction as stiff as
 MuJoCo allows (`dof_solref`, `dof_solimp`), since with the defaults a joint at rest creeps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.compilation import entry, source_digest
+from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.contribution import (
+    LEAST_SPEED,
     CommandDelay,
     DriveCurve,
     EncoderError,
     LawChange,
-    TorqueTerm,
 )
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.simulation import effect_kernel
 from idim_iv_ros.simulation.affected_robot import (
-    STICKS,
     JointContributions,
+    affected_plant,
     contributions_of,
-    effect_rows,
+)
+from idim_iv_ros.simulation.effect_kernel import (
+    LEAST_LEVEL,
+    acting_torque,
+    advance_states,
+    effect_torques,
+    measure,
+    states_turn,
 )
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.simulators.effects_file import read_effects
-from idim_iv_ros.simulators.mujoco_kernel import Friction, Motion, drives, encoders, torques
 from idim_iv_ros.simulators.mujoco_parts import (
     SHAFT,
     MujocoShafts,
@@ -49,7 +63,7 @@ from idim_iv_ros.simulators.mujoco_parts import (
     first_column,
     model_with_effects,
 )
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 __all__ = ["Effects", "model_with_effects"]
 
@@ -86,7 +100,6 @@ class Effects:
         self, model: Any, effects: FilePath | Sequence[SimulatedEffect], *, start_time: float = 0.0
     ) -> None:
         self._mujoco = load_mujoco("Effects")
-        self._start_time = start_time
         if isinstance(effects, str | PathLike):
             effects = read_effects(Path(effects)).effects
         given = [effect for effect in effects if not effect.native]
@@ -113,9 +126,13 @@ class Effects:
             for joint, _ in added.of(LawChange)
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
-        self._compile(model, added)
-        rubbing = self._friction.dissipative | self._friction.dry[: len(joints)]
-        rubbing |= self._friction.model_level > 0.0
+        self._plant, self._effects = self._compiled(model, added, start_time)
+        self._tendons = [
+            _tendon(model, self.joints[first], self.joints[second])
+            for first, second, _ in added.couplings
+        ]
+        rubbing = self._effects.dissipative | self._effects.dry[: len(joints)]
+        rubbing |= self._effects.model_level[: len(joints)] > 0.0
         rubbing &= [name in affected for name in self.joints]
         reference = (2.0 * model.opt.timestep, 1.0)
         for dof in self._dof[rubbing]:
@@ -132,42 +149,35 @@ class Effects:
             self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
 
-    def _compile(self, model: Any, added: JointContributions) -> None:
-        """Shape friction and contributions for compiled code; find the tendons of couplings."""
-        n, couplings = len(self.joints), added.couplings
-        model_level = np.array(model.dof_frictionloss[self._dof])
-        level, dry = np.pad(model_level, (0, len(couplings))), np.zeros(n + len(couplings), bool)
-        dissipative = np.zeros(n, dtype=bool)
-        for joint, term in added.of(TorqueTerm):
-            level[joint] -= term.replaced
-            dissipative[joint] |= term.friction
-            dry[joint] |= term.dry
-        dry[:n] |= level[:n] > STICKS * np.maximum(model_level, 1e-300)
-        level[:n] = np.where(dry[:n], level[:n], 0.0)
-        dry[n:] = [term.dry for _, _, term in couplings]
-        self._tendons = [
-            _tendon(model, self.joints[first], self.joints[second])
-            for first, second, _ in couplings
-        ]
-        self._rows = effect_rows(added, np.arange(n), first_coupling=n)
-        self._friction = Friction(
-            level=level,
-            damping=np.array(first_column(model.dof_damping)[self._dof]),
-            model_level=model_level,
-            inertia=np.array(model.dof_armature[self._dof]),
-            dry=dry,
-            dissipative=dissipative,
-            first=np.array([*range(n), *(first for first, _, _ in couplings)], dtype=np.int64),
-            second=np.array([-1] * n + [second for _, second, _ in couplings], dtype=np.int64),
-            direction=np.array([1.0] * n + [term.direction for _, _, term in couplings]),
+    def _compiled(
+        self, model: Any, added: JointContributions, start_time: float
+    ) -> tuple[Plant, effect_kernel.Effects]:
+        """Friction of the joints, and what effects make of it; MuJoCo has the rigid bodies."""
+        n = len(self.joints)
+        friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
+        joints, bodies = np.arange(n), np.zeros(0, dtype=np.int64)
+        base = Plant(
+            parent=bodies,
+            revolute=bodies > 0,
+            rotation=np.zeros((0, 3, 3)),
+            translation=np.zeros((0, 3)),
+            inertial=np.zeros((0, 10)),
+            gravity=np.zeros(3),
+            drive_inertia=np.diag(model.dof_armature[self._dof]),
+            damping=np.diag(friction[1]),
+            offset=np.zeros(n),
+            level=friction[0],
+            first=joints,
+            second=np.full(n, -1),
+            direction=np.ones(n),
         )
-        self._now = (np.zeros_like(level), np.zeros_like(level), np.zeros(n))
+        return affected_plant(base, friction, added, joints, (), start_time)
 
     def reset(self) -> None:
         """Forget what states and delays hold; called by itself where the data's time goes back."""
         self._time = np.inf
         self._before = np.zeros(len(self.joints))
-        self._rows.state[:] = 0.0
+        self._effects.rows.state[:] = 0.0
         if self._drive is not None:
             self._drive.sent = []
 
@@ -178,7 +188,7 @@ class Effects:
     def measured(self, data: Any) -> FloatArray:
         """Positions and velocities (2, n) of `joints` as the encoders show them."""
         shown = np.empty((2, len(self.joints)))
-        encoders(self._rows, data.qpos[self._qpos], data.qvel[self._dof], shown)
+        encoders(self._effects.rows, data.qpos[self._qpos], data.qvel[self._dof], shown)
         return shown
 
     def place_links(self, model: Any, data: Any) -> None:
@@ -200,7 +210,7 @@ class Effects:
             self._mujoco.mj_forward(model, data)
             self._before = q
         force = -self._offset
-        if self._rows.state.shape[0]:
+        if self._effects.rows.state.shape[0]:
             force -= self._frictions(model, data, q, dq)
         if self._drive is not None:
             # What acts on the joints beyond the torque that MuJoCo computes from the controls.
@@ -208,7 +218,7 @@ class Effects:
             if self._wrong:
                 seen = self._drive.commanded(model, data, *self.measured(data))
             acting = np.empty_like(sent)
-            drives(self._rows, self._drive.delayed(seen, float(model.opt.timestep)), acting)
+            drives(self._effects.rows, self._drive.delayed(seen, float(model.opt.timestep)), acting)
             force += acting - sent
         self._shafts.apply(model, data)
         if applied is not None:
@@ -218,23 +228,86 @@ class Effects:
 
     def _frictions(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Set friction and damping of this step; return what else opposes the motors, (n,) N m."""
-        load, static = np.empty((2, model.nv))
-        self._mujoco.mj_rne(model, data, 1, load)
-        self._mujoco.mj_rne(model, data, 0, static)
-        push = -np.sign(data.qfrc_constraint[self._dof])
-        acceleration, rest = data.qacc[self._dof], np.zeros_like(q)
-        loads = (load[self._dof], static[self._dof])
-        motion = Motion(q, dq, acceleration, *loads, push, q - self._before, rest)
-        time, step = float(data.time), float(model.opt.timestep)
-        torques(self._rows, self._friction, motion, self._start_time, time, step, *self._now)
-        level, damping, opposing = self._now
-        n = len(self.joints)
+        n, step, ddq = len(self.joints), float(model.opt.timestep), data.qacc[self._dof]
+        plant, effects, torque = self._plant, self._effects, np.empty(model.nv)
+        for acceleration, load in ((1, effects.load), (0, effects.static)):
+            self._mujoco.mj_rne(model, data, acceleration, torque)
+            load[:] = torque[self._dof]
+        effects.inertial[:] = np.diag(plant.drive_inertia) * ddq
+        ahead, second = dq + 0.5 * step * ddq, plant.second[n:]
+        slips = ahead[plant.first[n:]] + plant.direction[n:] * ahead[second]
+        mode = np.sign(np.concatenate([ahead, slips])).astype(np.int64)
+        push = np.pad(-np.sign(data.qfrc_constraint[self._dof]), (0, len(second)))
+        middle = float(data.time) + 0.5 * step
+        motion = (q + 0.5 * step * dq, ahead, dq, ddq, q - self._before, effects.rest)
+        torques(plant, effects, middle, *motion, mode, push, step)
+        # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
+        stiff = 0.5 * step * np.diag(effects.stiffness)
+        damping = np.append(np.diag(plant.damping) + stiff, np.zeros(len(second)))
+        for contact in range(n, len(mode)):  # off the diagonal is that of couplings alone
+            a, b = plant.first[contact], plant.second[contact]
+            damping[contact] = plant.direction[contact] * plant.damping[a, b]
+            damping[[a, b]] -= damping[contact]
+        # Less friction at higher speed: a lower level, which cannot drive.
+        falling = (damping < 0.0) & np.append(effects.dissipative, second >= 0)
+        speed = np.abs(np.append(dq, dq[plant.first[n:]] + plant.direction[n:] * dq[second]))
+        level = plant.level + np.where(falling, damping * np.maximum(speed, LEAST_SPEED), 0.0)
+        level = np.maximum(level, np.where(effects.dry, LEAST_LEVEL, 0.0))
+        damping[falling] = 0.0
         model.dof_frictionloss[self._dof] = level[:n]
         first_column(model.dof_damping)[self._dof] = damping[:n]
         for k, tendon in enumerate(self._tendons, n):
             model.tendon_frictionloss[tendon] = level[k]
             first_column(model.tendon_damping)[tendon] = damping[k]
-        return opposing
+        return np.asarray(effects.force - stiff * dq)
+
+
+def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+    """Compile what Python calls; `digest` is part of its key in numba's cache."""
+
+    @entry
+    def torques(
+        plant: Plant,
+        effects: effect_kernel.Effects,
+        time: float,
+        q: FloatArray,
+        speed: FloatArray,
+        dq: FloatArray,
+        ddq: FloatArray,
+        moved: FloatArray,
+        rest: FloatArray,
+        mode: IntArray,
+        push: FloatArray,
+        step: float,
+    ) -> None:
+        """Move the states by what was travelled since the last step; set the torques of this one.
+
+        `ddq` is that of the last step, `rest` is zero; the others are as for `effect_torques`.
+        """
+        _ = digest
+        advance_states(effects.rows, moved, rest, 1.0)
+        states_turn(effects.rows, dq, ddq, step)
+        effect_torques(plant, effects, time, q, speed, dq, mode, push, step)
+
+    @entry
+    def drives(rows: effect_kernel.Rows, commanded: FloatArray, acting: FloatArray) -> None:
+        """Write the torque that acts for a commanded one, (n,)."""
+        _ = digest
+        for i in range(commanded.shape[0]):
+            acting[i] = acting_torque(rows, i, commanded[i])
+
+    @entry
+    def encoders(
+        rows: effect_kernel.Rows, q: FloatArray, dq: FloatArray, measured: FloatArray
+    ) -> None:
+        """Write what encoders show, (2, n)."""
+        _ = digest
+        measure(rows, q, dq, measured)
+
+    return torques, drives, encoders
+
+
+torques, drives, encoders = _entries(source_digest(effect_kernel, *registry.MODULES))
 
 
 class _DelayLine:
