@@ -47,6 +47,11 @@ class JointContributions:
         return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
 
     @property
+    def curves(self) -> list[tuple[int, DriveCurve]]:
+        """Changes of commands in the order in which they act, each after its joint."""
+        return sorted(self.of(DriveCurve), key=lambda item: item[1].rank)
+
+    @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
         """Those between two joints."""
         return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
@@ -183,7 +188,7 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
             contact += 1
     curves: list[_Row] = [
         (DRIVE_LAWS.index(curve.law), int(place[joint]), Load.LINKS, curve.values)
-        for joint, curve in sorted(added.of(DriveCurve), key=lambda item: item[1].rank)
+        for joint, curve in added.curves
     ]
     errors: list[_Row] = [
         (ENCODER_LAWS.index(error.law), int(place[joint]), Load.LINKS, error.values)

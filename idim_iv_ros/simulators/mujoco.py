@@ -44,13 +44,12 @@ from idim_iv_ros.simulation.affected_robot import (
     JointContributions,
     affected_plant,
     contributions_of,
+    encoder_error,
 )
 from idim_iv_ros.simulation.effect_kernel import (
     LEAST_LEVEL,
-    acting_torque,
     advance_states,
     effect_torques,
-    measure,
     states_turn,
 )
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
@@ -114,7 +113,7 @@ class Effects:
         self._qpos = np.array([int(joint.qposadr[0]) for joint in joints], dtype=np.int64)
         # Numbered as the joints with effects, not as all of the model.
         numbered = joint_effects(given, self.joints)
-        added = contributions_of(numbered, model.dof_frictionloss[self._dof])
+        added = self._added = contributions_of(numbered, model.dof_frictionloss[self._dof])
         self._offset = np.zeros(len(joints))
         for effect in constant:
             if effect.joint in self.joints:
@@ -187,9 +186,9 @@ class Effects:
 
     def measured(self, data: Any) -> FloatArray:
         """Positions and velocities (2, n) of `joints` as the encoders show them."""
-        shown = np.empty((2, len(self.joints)))
-        encoders(self._effects.rows, data.qpos[self._qpos], data.qvel[self._dof], shown)
-        return shown
+        q, dq = data.qpos[self._qpos], data.qvel[self._dof]
+        error, slope = encoder_error(self._added, q)
+        return np.stack([q + error, dq * (1.0 + slope)])
 
     def place_links(self, model: Any, data: Any) -> None:
         """Put links behind shafts where gravity holds them; positions of their motors are kept."""
@@ -217,8 +216,10 @@ class Effects:
             sent = seen = self._drive.commanded(model, data, q, dq)
             if self._wrong:
                 seen = self._drive.commanded(model, data, *self.measured(data))
-            acting = np.empty_like(sent)
-            drives(self._effects.rows, self._drive.delayed(seen, float(model.opt.timestep)), acting)
+            acting = self._drive.delayed(seen, float(model.opt.timestep))
+            for joint, curve in self._added.curves:
+                whole = curve.law.curve.py_func  # type: ignore[attr-defined]
+                acting[joint] = whole(curve.values, acting[joint])
             force += acting - sent
         self._shafts.apply(model, data)
         if applied is not None:
@@ -239,8 +240,8 @@ class Effects:
         mode = np.sign(np.concatenate([ahead, slips])).astype(np.int64)
         push = np.pad(-np.sign(data.qfrc_constraint[self._dof]), (0, len(second)))
         middle = float(data.time) + 0.5 * step
-        motion = (q + 0.5 * step * dq, ahead, dq, ddq, q - self._before, effects.rest)
-        torques(plant, effects, middle, *motion, mode, push, step)
+        motion = (q + 0.5 * step * dq, ahead, dq, ddq, q - self._before)
+        _torques(plant, effects, middle, *motion, mode, push, step)
         # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
         stiff = 0.5 * step * np.diag(effects.stiffness)
         damping = np.append(np.diag(plant.damping) + stiff, np.zeros(len(second)))
@@ -262,7 +263,7 @@ class Effects:
         return np.asarray(effects.force - stiff * dq)
 
 
-def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+def _entry(digest: str) -> Callable[..., Any]:
     """Compile what Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
@@ -275,39 +276,24 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any], Calla
         dq: FloatArray,
         ddq: FloatArray,
         moved: FloatArray,
-        rest: FloatArray,
         mode: IntArray,
         push: FloatArray,
         step: float,
     ) -> None:
         """Move the states by what was travelled since the last step; set the torques of this one.
 
-        `ddq` is that of the last step, `rest` is zero; the others are as for `effect_torques`.
+        `ddq` is that of the last step; the others are as for `effect_torques`.
         """
         _ = digest
-        advance_states(effects.rows, moved, rest, 1.0)
+        advance_states(effects.rows, moved, effects.rest, 1.0)
         states_turn(effects.rows, dq, ddq, step)
         effect_torques(plant, effects, time, q, speed, dq, mode, push, step)
 
-    @entry
-    def drives(rows: effect_kernel.Rows, commanded: FloatArray, acting: FloatArray) -> None:
-        """Write the torque that acts for a commanded one, (n,)."""
-        _ = digest
-        for i in range(commanded.shape[0]):
-            acting[i] = acting_torque(rows, i, commanded[i])
-
-    @entry
-    def encoders(
-        rows: effect_kernel.Rows, q: FloatArray, dq: FloatArray, measured: FloatArray
-    ) -> None:
-        """Write what encoders show, (2, n)."""
-        _ = digest
-        measure(rows, q, dq, measured)
-
-    return torques, drives, encoders
+    compiled: Callable[..., Any] = torques
+    return compiled
 
 
-torques, drives, encoders = _entries(source_digest(effect_kernel, *registry.MODULES))
+_torques = _entry(source_digest(effect_kernel, *registry.MODULES))
 
 
 class _DelayLine:
@@ -347,13 +333,13 @@ class _DelayLine:
 
 def _tendon(model: Any, first: str, second: str) -> int:
     name = coupling_name(first, second)
-    for index in range(model.ntendon):
-        if model.tendon(index).name == name:
-            return index
-    raise UsageError(
-        f"friction between {first} and {second}: the model has no tendon {name}; build it with "
-        "model_with_effects(xml, effects)"
-    )
+    try:
+        return int(model.tendon(name).id)
+    except KeyError as error:
+        raise UsageError(
+            f"friction between {first} and {second}: the model has no tendon {name}; build it with "
+            "model_with_effects(xml, effects)"
+        ) from error
 
 
 def _joint_names(mujoco: Any, model: Any) -> list[str]:

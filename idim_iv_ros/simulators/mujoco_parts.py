@@ -111,12 +111,9 @@ def set_inertias(mujoco: Any, model: Any, robot: RobotModel, parameters: Dynamic
     for joint, name in enumerate(robot.joints):
         body = int(model.jnt_bodyid[model.joint(name).id])
         mass, *_ = values = parameters.inertial[joint]
-        if abs(mass) < _LEAST_MASS:
-            if np.any(np.abs(values[1:4]) > _LEAST_MASS):
-                raise UsageError(f"{robot.name}: the link of {name} has a moment and no mass")
-            centre = np.zeros(3)
-        else:
-            centre = values[1:4] / mass
+        if abs(mass) < _LEAST_MASS and np.any(np.abs(values[1:4]) > _LEAST_MASS):
+            raise UsageError(f"{robot.name}: the link of {name} has a moment and no mass")
+        centre = values[1:4] / mass if abs(mass) >= _LEAST_MASS else np.zeros(3)
         xx, xy, yy, xz, yz, zz = values[4:]
         origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
