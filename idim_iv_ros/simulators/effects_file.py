@@ -31,7 +31,7 @@ class EffectsFile(Document):
     base_parameters: dict[str, float] = field(default_factory=dict)
     effects: tuple[SimulatedEffect, ...] = ()
     recordings: tuple[str, ...] = ()
-    place: Unsaved[str] = ""  # of the base parameters, for messages: file and key
+    place: Unsaved[str] = ""  # of the base parameters, for messages: what stands before their names
 
     def changed(self, nominal: Mapping[str, float]) -> dict[str, float]:
         """Return base parameters by name with these in their place.
@@ -41,7 +41,7 @@ class EffectsFile(Document):
         for name in self.base_parameters:
             if name not in nominal:
                 raise UsageError(
-                    f"{self.place}.{name} is not a base parameter of this robot; they are "
+                    f"{self.place}{name} is not a base parameter of this robot; they are "
                     f"{', '.join(nominal)}"
                 )
         return {**nominal, **self.base_parameters}
@@ -69,13 +69,13 @@ def read_effects(path: Path) -> EffectsFile:
         effects = tuple(
             replace(effect, source=f"{path}: effects.{k}") for k, effect in enumerate(file.effects)
         )
-        return replace(file, effects=effects, place=f"{path}: base_parameters")
+        return replace(file, effects=effects, place=f"{path}: base_parameters.")
     gap = GapResult.from_json(text, str(path))
     effects = tuple(
         effect_of_cause(cause, f"{path}: causes.{k}") for k, cause in enumerate(gap.causes)
     )
     parameters = {name: parameter.value for name, parameter in gap.extended_parameters.items()}
-    place = f"{path}: extended_parameters"
+    place = f"{path}: extended_parameters."
     return EffectsFile(
         base_parameters=parameters, effects=effects, recordings=gap.bags, place=place
     )

@@ -32,8 +32,14 @@ from idim_iv_ros.simulation import (
     record_simulated_robot,
 )
 from idim_iv_ros.simulation.effects import joint_effects
-from idim_iv_ros.simulators.effects_file import read_effects
+from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.types import FloatArray
+
+# Of the section `simulated_robot`: what the recorder adds.
+_NOISE = {
+    *("position_noise", "torque_noise", "encoder_resolution"),
+    *("disturbance", "disturbance_bandwidth", "stamp_jitter"),
+}
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,7 @@ class SimulatedRobot:
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
         position, velocity = _resampled(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
-        n = len(trajectory.joints)
+        noise = settings.model_dump(include=_NOISE, exclude_none=True)
         try:
             recording = record_simulated_robot(
                 self.robot,
@@ -70,12 +76,7 @@ class SimulatedRobot:
                 velocity,
                 rate=rate,
                 seed=seed,
-                position_noise=_levels(settings.position_noise, n),
-                torque_noise=_levels(settings.torque_noise, n),
-                encoder_resolution=_levels(settings.encoder_resolution, n),
-                disturbance=_levels(settings.disturbance, n),
-                disturbance_bandwidth=settings.disturbance_bandwidth,
-                stamp_jitter=settings.stamp_jitter,
+                **{name: np.asarray(levels) for name, levels in noise.items()},
                 plant_oversampling=max(oversampling, 1),
                 effects=self.effects,
             )
@@ -114,13 +115,8 @@ def simulated_robot(
     model = build_inverse_model(whole, urdf, source)
     settings = configuration.simulated_robot
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
-    for name, value in settings.parameters.items():
-        if name not in truth:
-            raise UsageError(
-                f"{configuration.source or 'configuration'}: simulated_robot.parameters: {name} "
-                f"is not a base parameter of this robot; they are {', '.join(truth)}"
-            )
-        truth[name] = value
+    place = f"{configuration.source or 'configuration'}: simulated_robot.parameters: "
+    truth = EffectsFile(base_parameters=settings.parameters, place=place).changed(truth)
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
         beyond = read_effects(extended)
@@ -137,10 +133,6 @@ def simulated_robot(
         settings=settings,
         effects=effects,
     )
-
-
-def _levels(values: list[float] | None, joints: int) -> FloatArray:
-    return np.zeros(joints) if values is None else np.asarray(values, dtype=float)
 
 
 def _resampled(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
@@ -246,7 +238,20 @@ def simulate(
             topics = recorded_topics(configuration, robot, record)
             with temporary[path].open("wb") as stream:
                 write_messages(stream, topics, text)
-            bags.append(_summary(path, seed, record, robot.robot.joint_types))
+            reference = record.position_reference
+            true = record.truth.position[:: record.control_ratio][: len(reference)]
+            bags.append(
+                SimulatedBag(
+                    path=path,
+                    seed=seed,
+                    samples=len(record.time),
+                    rate=record.rate,
+                    duration=(len(record.time) - 1) / record.rate,
+                    joint_types=robot.robot.joint_types,
+                    peak_torque=np.abs(record.effort).max(axis=0),
+                    peak_error=np.abs(true - reference).max(axis=0),
+                )
+            )
         temporary[truth].write_text(json_text(content), encoding="utf-8")
     return bags, truth
 
@@ -296,20 +301,3 @@ def recorded_topics(
     if efforts not in ("", states):
         topics.append(JointTopic(efforts, joints, record.time, effort=effort))
     return topics
-
-
-def _summary(
-    path: Path, seed: int, record: SimulatedRecording, joint_types: tuple[str, ...]
-) -> SimulatedBag:
-    """Say what of a recording a user is told."""
-    truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
-    return SimulatedBag(
-        path=path,
-        seed=seed,
-        samples=len(record.time),
-        rate=record.rate,
-        duration=(len(record.time) - 1) / record.rate,
-        joint_types=joint_types,
-        peak_torque=np.abs(record.effort).max(axis=0),
-        peak_error=np.abs(truth - record.position_reference).max(axis=0),
-    )
