@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -66,7 +67,8 @@ class SimulatedRobot:
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
         position, velocity = _resampled(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
-        noise = settings.model_dump(include=_NOISE, exclude_none=True)
+        levels = settings.model_dump(include=_NOISE, exclude_none=True)
+        noise: dict[str, Any] = {name: np.asarray(level) for name, level in levels.items()}
         try:
             recording = record_simulated_robot(
                 self.robot,
@@ -76,7 +78,7 @@ class SimulatedRobot:
                 velocity,
                 rate=rate,
                 seed=seed,
-                **{name: np.asarray(levels) for name, levels in noise.items()},
+                **noise,
                 plant_oversampling=max(oversampling, 1),
                 effects=self.effects,
             )
