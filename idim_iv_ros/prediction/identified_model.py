@@ -11,7 +11,6 @@ from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, require_same_robot
-from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import JointTransform, joint_transform
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
@@ -41,26 +40,9 @@ class IdentifiedModel:
         return self.result.joints
 
     @cached_property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each joint's effort."""
-        types, unit = self.result.joint_types, self.result.effort_unit
-        return tuple(unit_at("N m", kind, unit) for kind in types)
-
-    @cached_property
     def noise_floor(self) -> FloatArray:
         """RMS of the residual that the identification left, (n_joints,) N m (N)."""
         return np.array([residual.rms for residual in self.result.residuals])
-
-    @cached_property
-    def minimum_speed(self) -> FloatArray:
-        """Speed below which a sample is left out, (n_joints,) rad/s (m/s)."""
-        return np.array(self.result.processing.minimum_speed)
-
-    @property
-    def turning(self) -> tuple[bool, ...]:
-        """Which recorded positions may wrap after one turn: those of joints that turn."""
-        plain = np.array_equal(self.transform.to_joint, np.eye(len(self.joints)))
-        return tuple(plain and joint_kind == "revolute" for joint_kind in self.result.joint_types)
 
 
 def identified_model(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.prediction.identified_model import IdentifiedModel
 from idim_iv_ros.statistics.residuals import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
@@ -33,15 +34,11 @@ class ResidualRows:
         self.counts: BoolArray = np.zeros((0, joints), dtype=bool)
         self.variance: FloatArray = np.zeros((0, joints))
 
-    def add(
-        self, places: IntArray, residual: FloatArray, counts: BoolArray, variance: FloatArray
-    ) -> None:
+    def add(self, **new: IntArray | FloatArray | BoolArray) -> None:
         """Append rows, and give up those that nothing asks for any more."""
-        kept = slice(-round(_KEPT * self.rate), None)
-        self.places = np.concatenate([self.places, places])[kept]
-        self.residual = np.concatenate([self.residual, residual])[kept]
-        self.counts = np.concatenate([self.counts, counts])[kept]
-        self.variance = np.concatenate([self.variance, variance])[kept]
+        for name, rows in new.items():
+            both = np.concatenate([getattr(self, name), rows])
+            setattr(self, name, both[-round(_KEPT * self.rate) :])
 
     def share(self, seconds: float, least: int) -> FloatArray:
         """RMS (n_joints,) N m (N) over the rows of the last seconds that count.
@@ -127,12 +124,12 @@ def joint_levels(
     - `false_warnings`: how many of them a day of motion are accepted while the model fits, all
       joints together
     """
-    joints = len(identified.joints)
+    result, joints = identified.result, len(identified.joints)
     probability = min(0.5, false_warnings * LEVEL_SECONDS / _DAY / joints)
     other_rate = _other_rate(identified, rate)
     levels = []
     for place, (joint, residual) in enumerate(
-        zip(identified.joints, identified.result.residuals, strict=True)
+        zip(identified.joints, result.residuals, strict=True)
     ):
         rms, count, variance = rows.level(place)
         freedom, limit, why = residual.mean_square_freedom, None, ""
@@ -149,7 +146,7 @@ def joint_levels(
         levels.append(
             JointLevel(
                 joint=joint,
-                unit=identified.units[place],
+                unit=unit_at("N m", result.joint_types[place], result.effort_unit),
                 rms=rms,
                 noise_floor=residual.rms,
                 rows=count,
