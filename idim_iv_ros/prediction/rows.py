@@ -1,5 +1,6 @@
 """The residual at decimated rows, as the identification has it, and its size over some time."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,22 +52,6 @@ class ResidualRows:
         number = counts.sum(axis=0)
         mean = square.sum(axis=0) / np.maximum(number, 1)
         return np.where(number >= max(least, 1), np.sqrt(mean), np.nan)
-
-    def level(self, joint: int) -> tuple[float, int, float]:
-        """Size of a joint's residual over the newest ten seconds of rows that count.
-
-        Returns
-        -------
-        rms : float
-        rows : int
-        variance : float
-            Mean of that of the predictions.
-        """
-        newest = np.flatnonzero(self.counts[:, joint])[-round(LEVEL_SECONDS * self.rate) :]
-        if len(newest) == 0:
-            return float("nan"), 0, 0.0
-        mean_square = np.mean(self.residual[newest, joint] ** 2)
-        return float(np.sqrt(mean_square)), len(newest), float(self.variance[newest, joint].mean())
 
 
 @dataclass(frozen=True)
@@ -131,7 +116,9 @@ def joint_levels(
     for place, (joint, residual) in enumerate(
         zip(identified.joints, result.residuals, strict=True)
     ):
-        rms, count, variance = rows.level(place)
+        newest = np.flatnonzero(rows.counts[:, place])[-round(LEVEL_SECONDS * rows.rate) :]
+        count, variance = len(newest), float(rows.variance[newest, place].sum())
+        energy = float(np.sum(rows.residual[newest, place] ** 2))
         freedom, limit, why = residual.mean_square_freedom, None, ""
         if other_rate:
             why = f"no limit: {other_rate}"
@@ -141,13 +128,14 @@ def joint_levels(
                 "seconds of motion are needed"
             )
         else:
-            errors = variance / residual.rms**2 if residual.rms > 0.0 else 0.0
+            floor = max(count, 1) * residual.rms**2
+            errors = variance / floor if floor > 0.0 else 0.0
             limit = largest_share(freedom, residual.rows, count, probability, errors)
         levels.append(
             JointLevel(
                 joint=joint,
                 unit=unit_at("N m", result.joint_types[place], result.effort_unit),
-                rms=rms,
+                rms=math.sqrt(energy / count) if count else math.nan,
                 noise_floor=residual.rms,
                 rows=count,
                 seconds=count / rows.rate,
