@@ -10,9 +10,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.bag_file import MessageBatch
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE, PLAIN, ROS2_CONTROL
 from idim_iv_ros.recording.bags.joint_message_type import (
+    JOINT_STATE,
+    PLAIN,
     QUANTITIES,
+    ROS2_CONTROL,
     JointMessageType,
     JointValues,
 )
