@@ -39,13 +39,14 @@ from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco
-from idim_iv_ros.simulation import effect_kernel
+from idim_iv_ros.simulation import dry_friction, effect_kernel
 from idim_iv_ros.simulation.affected_robot import (
     JointContributions,
     affected_plant,
     contributions_of,
     encoder_error,
 )
+from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.effect_kernel import (
     LEAST_LEVEL,
     advance_states,
@@ -119,6 +120,7 @@ class Effects:
             if effect.joint in self.joints:
                 place = self.joints.index(effect.joint)
                 self._offset[place] += effect.parameters.get("offset", 0.0)
+        self._curves = added.curves
         self.notes = tuple(
             f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
             "there"
@@ -126,6 +128,8 @@ class Effects:
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
         self._plant, self._effects = self._compiled(model, added, start_time)
+        self._friction = np.zeros((2, len(self._plant.level)))
+        self._mode, self._push = self._friction[0].astype(np.int64), self._friction[0].copy()
         self._tendons = [
             _tendon(model, self.joints[first], self.joints[second])
             for first, second, _ in added.couplings
@@ -217,7 +221,7 @@ class Effects:
             if self._wrong:
                 seen = self._drive.commanded(model, data, *self.measured(data))
             acting = self._drive.delayed(seen, float(model.opt.timestep))
-            for joint, curve in self._added.curves:
+            for joint, curve in self._curves:
                 whole = curve.law.curve.py_func  # type: ignore[attr-defined]
                 acting[joint] = whole(curve.values, acting[joint])
             force += acting - sent
@@ -229,38 +233,21 @@ class Effects:
 
     def _frictions(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Set friction and damping of this step; return what else opposes the motors, (n,) N m."""
-        n, step, ddq = len(self.joints), float(model.opt.timestep), data.qacc[self._dof]
-        plant, effects, torque = self._plant, self._effects, np.empty(model.nv)
-        for acceleration, load in ((1, effects.load), (0, effects.static)):
+        n, step, torque = len(self.joints), float(model.opt.timestep), np.empty(model.nv)
+        for acceleration, load in ((1, self._effects.load), (0, self._effects.static)):
             self._mujoco.mj_rne(model, data, acceleration, torque)
             load[:] = torque[self._dof]
-        effects.inertial[:] = np.diag(plant.drive_inertia) * ddq
-        ahead, second = dq + 0.5 * step * ddq, plant.second[n:]
-        slips = ahead[plant.first[n:]] + plant.direction[n:] * ahead[second]
-        mode = np.sign(np.concatenate([ahead, slips])).astype(np.int64)
-        push = np.pad(-np.sign(data.qfrc_constraint[self._dof]), (0, len(second)))
-        middle = float(data.time) + 0.5 * step
-        motion = (q + 0.5 * step * dq, ahead, dq, ddq, q - self._before)
-        _torques(plant, effects, middle, *motion, mode, push, step)
-        # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
-        stiff = 0.5 * step * np.diag(effects.stiffness)
-        damping = np.append(np.diag(plant.damping) + stiff, np.zeros(len(second)))
-        for contact in range(n, len(mode)):  # off the diagonal is that of couplings alone
-            a, b = plant.first[contact], plant.second[contact]
-            damping[contact] = plant.direction[contact] * plant.damping[a, b]
-            damping[[a, b]] -= damping[contact]
-        # Less friction at higher speed: a lower level, which cannot drive.
-        falling = (damping < 0.0) & np.append(effects.dissipative, second >= 0)
-        speed = np.abs(np.append(dq, dq[plant.first[n:]] + plant.direction[n:] * dq[second]))
-        level = plant.level + np.where(falling, damping * np.maximum(speed, LEAST_SPEED), 0.0)
-        level = np.maximum(level, np.where(effects.dry, LEAST_LEVEL, 0.0))
-        damping[falling] = 0.0
+        self._push[:n] = -np.sign(data.qfrc_constraint[self._dof])
+        motion = (q, dq, data.qacc[self._dof], q - self._before)
+        friction = self._plant, self._effects, self._mode, self._push, self._friction
+        _torques(*friction, float(data.time) + 0.5 * step, *motion, step)
+        level, damping = self._friction
         model.dof_frictionloss[self._dof] = level[:n]
         first_column(model.dof_damping)[self._dof] = damping[:n]
         for k, tendon in enumerate(self._tendons, n):
             model.tendon_frictionloss[tendon] = level[k]
             first_column(model.tendon_damping)[tendon] = damping[k]
-        return np.asarray(effects.force - stiff * dq)
+        return self._effects.force
 
 
 def _entry(digest: str) -> Callable[..., Any]:
@@ -270,30 +257,55 @@ def _entry(digest: str) -> Callable[..., Any]:
     def torques(
         plant: Plant,
         effects: effect_kernel.Effects,
+        mode: IntArray,
+        push: FloatArray,
+        friction: FloatArray,
         time: float,
         q: FloatArray,
-        speed: FloatArray,
         dq: FloatArray,
         ddq: FloatArray,
         moved: FloatArray,
-        mode: IntArray,
-        push: FloatArray,
         step: float,
     ) -> None:
-        """Move the states by what was travelled since the last step; set the torques of this one.
+        """Write dry and viscous friction (2, contacts) of one step, and the force of the effects.
 
-        `ddq` is that of the last step; the others are as for `effect_torques`.
+        `ddq` is that of the last step, `moved` the way since then; `push` the direction in which a
+        contact at rest would be moved. `mode` is written over.
         """
         _ = digest
+        n, contact = dq.shape[0], (plant.first, plant.second, plant.direction)
         advance_states(effects.rows, moved, effects.rest, 1.0)
         states_turn(effects.rows, dq, ddq, step)
-        effect_torques(plant, effects, time, q, speed, dq, mode, push, step)
+        position, speed = effects.link_q, effects.link_speed
+        for i in range(n):
+            position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
+            effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]
+        for c in range(mode.shape[0]):
+            mode[c] = np.sign(slip(*contact, c, speed))
+        effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
+        for c in range(n, mode.shape[0]):  # off the diagonal is that of couplings alone
+            first, second = plant.first[c], plant.second[c]
+            friction[1, c] = plant.direction[c] * plant.damping[first, second]
+            plant.damping[first, first] -= friction[1, c]
+            plant.damping[second, second] -= friction[1, c]
+        for i in range(n):
+            # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
+            stiff = 0.5 * step * effects.stiffness[i, i]
+            friction[1, i] = plant.damping[i, i] + stiff
+            effects.force[i] -= stiff * dq[i]
+        for c in range(mode.shape[0]):
+            friction[0, c] = plant.level[c]
+            if friction[1, c] < 0.0 and (c >= n or effects.dissipative[c]):
+                # Less friction at higher speed: a lower level, which cannot drive.
+                friction[0, c] += friction[1, c] * max(abs(slip(*contact, c, dq)), LEAST_SPEED)
+                friction[1, c] = 0.0
+            friction[0, c] = max(friction[0, c], LEAST_LEVEL if effects.dry[c] else 0.0)
 
     compiled: Callable[..., Any] = torques
     return compiled
 
 
-_torques = _entry(source_digest(effect_kernel, *registry.MODULES))
+_torques = _entry(source_digest(dry_friction, effect_kernel, *registry.MODULES))
 
 
 class _DelayLine:
