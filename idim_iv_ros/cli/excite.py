@@ -168,11 +168,11 @@ def _print_limits(
 ) -> None:
     """Print the largest share of each limit joint by joint, and the lowest moving frame."""
     console.print(f"Largest share of each limit (allowed: {100 * limits.margin:g} %)")
-    rows = []
-    for index, joint in enumerate(model.robot.joints):
-        shares = (use.position, use.velocity, use.acceleration, use.torque)
-        cells = ("?" if share is None else f"{100 * share[index]:.0f} %" for share in shares)
-        rows.append((joint, *cells))
+    shares = (use.position, use.velocity, use.acceleration, use.torque)
+    rows = [
+        (joint, *("?" if share is None else f"{100 * share[k]:.0f} %" for share in shares))
+        for k, joint in enumerate(model.robot.joints)
+    ]
     columns = ("joint", ">position", ">velocity", ">acceleration", ">torque")
     print_table(console, "", columns, rows)
     if use.torque is None:

@@ -96,15 +96,13 @@ def kept_causes(
 
 def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
     """Values with the half-widths of their 95 % intervals."""
-    return ", ".join(
-        (
-            f"{name.replace('_', ' ')} {_rounded(parameter):.6g} ± {1.96 * parameter.std:.2g} "
-            f"{parameter.unit}"
-        ).strip()
-        if parameter.std
-        else f"{name.replace('_', ' ')} {parameter.value:.4g} {parameter.unit}".strip()
-        for name, parameter in parameters.items()
-    )
+    words = []
+    for name, number in parameters.items():
+        value = f"{number.value:.4g}"
+        if number.std:
+            value = f"{_rounded(number):.6g} ± {1.96 * number.std:.2g}"
+        words.append(f"{name.replace('_', ' ')} {value} {number.unit}".strip())
+    return ", ".join(words)
 
 
 def corrected_model(

@@ -213,23 +213,21 @@ class JointMessageReader:
         key = (values.names, *sizes.items())
         if key in self._layouts:
             return self._layouts[key]
-        places: list[int | None]
         if self.kind.numbered and not values.names:
             count = max(sizes.values(), default=0)
             if count not in (0, len(self.joints)):
                 raise DataError(
                     f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
                 )
-            places = list(range(count))
+            columns = places = list(range(count))
         else:
-            names = list(values.names)
-            places = [names.index(joint) if joint in names else None for joint in self.joints]
-        columns = [column for column, place in enumerate(places) if place is not None]
+            columns = [k for k, joint in enumerate(self.joints) if joint in values.names]
+            places = [values.names.index(self.joints[column]) for column in columns]
         layout = _Layout(
             len(self._layouts),
             values.names,
             np.array(columns, dtype=np.int64),
-            np.array([place for place in places if place is not None], dtype=np.int64),
+            np.array(places, dtype=np.int64),
             {} if self.kind.name in PLAIN else values.origins,
         )
         self._layouts[key] = layout
