@@ -11,7 +11,6 @@ from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
 from idim_iv_ros.cli.fleet import fleet
 from idim_iv_ros.cli.main import complain
-from idim_iv_ros.cli.servo import servo_command
 
 application = typer.Typer(
     name="idim-iv",
@@ -26,7 +25,7 @@ application.command("check")(identify.check_command)
 application.command("identify")(identify.identify_command)
 application.command("compare")(identify.compare_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
-application.command("servo")(servo_command)
+application.command("servo")(identify.servo_command)
 application.command("export")(simulators.export_command)
 application.command("import")(init.import_command)
 application.command("record", context_settings=nodes.ROS_ARGUMENTS)(nodes.record_command)

@@ -15,8 +15,7 @@ from itertools import compress
 
 import numpy as np
 
-from idim_iv_ros.prediction.identified_model import IdentifiedModel
-from idim_iv_ros.prediction.rows import ResidualRows
+from idim_iv_ros.prediction.identified_model import IdentifiedModel, ResidualRows
 from idim_iv_ros.prediction.stream import JointSamples, SampleStream
 from idim_iv_ros.recording.grid import Grid, on_grid
 from idim_iv_ros.signals import (

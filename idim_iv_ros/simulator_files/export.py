@@ -1,4 +1,9 @@
-"""From a result to the files of a simulator: the whole of `idim-iv export`."""
+"""From a result to the files of a simulator: the whole of `idim-iv export`.
+
+Fields of Isaac Lab are those that are documented for 2.3 and 3.0 (`ActuatorBaseCfg`,
+`DelayedPDActuatorCfg`): since Isaac Sim 5 `friction` and `dynamic_friction` are efforts,
+`viscous_friction` a coefficient.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -7,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
@@ -16,13 +22,13 @@ from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
 from idim_iv_ros.simulator_files.file_text import file_text, number_text
-from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Ranges, randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulators.effects_file import EffectsFile
+from idim_iv_ros.types import BoolArray
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
 _READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
@@ -184,7 +190,7 @@ def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
     texts: dict[Path, bytes | str] = {
         made.urdf: written,
         made.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
-        made.isaac_lab: isaac_lab_text(robot, made.urdf.name, effects),
+        made.isaac_lab: _isaac_lab(robot, made.urdf.name, effects),
     }
     names = ", ".join(robot.coupled_friction)
     notes = (f"{names}: in {EFFECTS} and the MJCF; a URDF has no place",) if names else ()
@@ -313,3 +319,57 @@ def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[st
     spread, score = (f"{1.96 * std:.2g}", f"{(value - given) / std:+.1f}") if std else ("–", "–")
     source = _SOURCES[parameter.source].format(file=file)
     return f"{name}{where}", f"{given:.6g}", f"{value:.6g}", spread, score, parameter.unit, source
+
+
+def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[SimulatedEffect]) -> str:
+    """Return the file, for the exported URDF of that name beside it.
+
+    Effects that no field expresses are listed in a comment.
+    """
+    law = exported.law
+    delayed = bool(law.configured and any(law.delay))
+    # A delay is that of a group: one for each length.
+    steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
+    parts = [(effect, part_of(effect.effect)) for effect in effects]
+    return file_text(
+        "isaac_lab.py",
+        robot=exported.robot,
+        couplings=exported.drives.couplings,
+        law=law,
+        offsets=dict(zip(exported.robot.joints, exported.drives.offset, strict=True)),
+        origin=exported.origin,
+        urdf=urdf_name,
+        delayed=delayed,
+        groups={delay: _fields(exported, np.equal(steps, delay)) for delay in sorted(set(steps))},
+        effects=[
+            effect
+            for effect, part in parts
+            if part not in ("delay", "offset") and (part != "gains" or law.beyond)
+        ],
+    )
+
+
+def _fields(
+    exported: ExportedRobot, chosen: BoolArray
+) -> tuple[list[str], list[tuple[str, str, dict[str, float]]]]:
+    """Names of the chosen joints (n,), and the fields of their group that have finite numbers.
+
+    A field is its name, its unit, and the numbers by joint.
+    """
+    names, values, law = np.array(exported.robot.joints), exported.drives, exported.law
+    gains = [("stiffness", law.kp, "N m/rad"), ("damping", law.kd, "N m s/rad")]
+    fields = [
+        *(gains if law.configured else []),
+        ("armature", values.armature, "kg m2"),
+        ("friction", values.friction, "N m: static, an effort"),
+        ("dynamic_friction", values.friction, "N m: Coulomb; static friction beyond it is unknown"),
+        ("viscous_friction", values.damping, "N m s/rad"),
+        ("effort_limit", law.limit, "N m"),
+    ]
+    listed = []
+    for field, numbers, unit in fields:
+        there = np.isfinite(numbers) & chosen
+        if there.any():
+            by_joint = zip(names[there].tolist(), numbers[there].tolist(), strict=True)
+            listed.append((field, unit, dict(by_joint)))
+    return names[chosen].tolist(), listed
