@@ -113,9 +113,9 @@ def affected_plant(
 ) -> tuple[Plant, Effects]:
     """Return the plant whose friction is that of the instant, and the effects that change it.
 
-    `friction`: dry and viscous friction of the joints (n_joints,), also negative, in whose place
-    those of the plant are only where no effect is friction. `place` (n_joints,): of the joints in
-    the plant.
+    `friction`: dry and viscous friction (n_joints,) of the model, possibly negative: joints with
+    effects of friction have it in the place of the plant's, which is not. `place` (n_joints,): of
+    the joints in the plant.
     """
     coulomb, viscous = friction
     n, extra = len(base.offset), len(shafts)
