@@ -20,6 +20,7 @@ import pinocchio as pin
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.parameters import body_of
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.file_text import comment, element, number_text, numbers_text
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
@@ -169,7 +170,8 @@ def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) 
     robot, tree = exported.robot, exported.robot.pinocchio
     bodies, carriers = [element("worldbody")], {}
     for index, joint in enumerate(robot.order, start=1):
-        name, carried = robot.joints[joint], values.bodies[joint]
+        name = robot.joints[joint]
+        carried = body_of(exported.bodies[name])
         body = element(
             "body",
             element("inertial", **inertial_of(carried)),

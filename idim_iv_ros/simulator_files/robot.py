@@ -13,7 +13,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.parameters import INERTIAL, body_of
+from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.simulation import SimulatedEffect, control_law
@@ -118,7 +118,6 @@ class JointValues:
     damping: FloatArray
     friction: FloatArray
     offset: FloatArray
-    bodies: tuple[pin.Inertia, ...]  # What each joint carries, in its frame
     # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
     # MuJoCo's with the defaults of its solver
     lead: FloatArray
@@ -205,7 +204,6 @@ class ExportedRobot:
             damping=np.maximum(numbers["Fv"], 0.0),
             friction=np.maximum(numbers["Fc"], 0.0),
             offset=numbers["off"],
-            bodies=tuple(body_of(body) for body in self.bodies.values()),
             lead=np.array([leads.get(name, 0.0) for name in robot.joints]),
             couplings=tuple(
                 Coupled(

@@ -12,7 +12,6 @@ from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
 
 EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
-_LARGEST = 50.0  # MB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +57,7 @@ def read_effects(path: Path) -> EffectsFile:
 
     Raises UsageError: the file cannot be read, or is neither.
     """
-    text = read_text(path, "the diagnosis", megabytes=_LARGEST)
+    text = read_text(path, "the diagnosis")
     if text.lstrip("\ufeff \t\r\n").startswith("<"):
         raise UsageError(
             f"{path}: is XML, not effects: --effects takes effects.json or gap.json, "

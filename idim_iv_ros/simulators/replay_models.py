@@ -26,8 +26,6 @@ from idim_iv_ros.simulators.mujoco_parts import (
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS
 from idim_iv_ros.types import FloatArray
 
-_LARGEST = 50.0  # MB
-
 
 @dataclass(frozen=True)
 class StageModel:
@@ -158,7 +156,7 @@ def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedE
 
 def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
     """Read a file of the same joints, and take its actuators out: the replay has its own."""
-    if not is_mjcf(read_text(path, "the MJCF", megabytes=_LARGEST)):
+    if not is_mjcf(read_text(path, "the MJCF")):
         raise UsageError(
             f"{path}: is no MJCF: its first element is not <mujoco>; --model takes the .xml of "
             "`idim-iv export`, or `urdf` for the nominal model of the configuration"
