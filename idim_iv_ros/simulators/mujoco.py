@@ -130,10 +130,8 @@ class Effects:
         self._plant, self._effects = self._compiled(model, added, start_time)
         self._friction = np.zeros((2, len(self._plant.level)))
         self._mode, self._push = self._friction[0].astype(np.int64), self._friction[0].copy()
-        self._tendons = [
-            _tendon(model, self.joints[first], self.joints[second])
-            for first, second, _ in added.couplings
-        ]
+        tendons = [_tendon(model, *(self.joints[k] for k in pair)) for *pair, _ in added.couplings]
+        self._tendons = np.array(tendons, dtype=np.int64)
         rubbing = self._effects.dissipative | self._effects.dry[: len(joints)]
         rubbing |= self._effects.model_level[: len(joints)] > 0.0
         rubbing &= [name in affected for name in self.joints]
@@ -244,9 +242,12 @@ class Effects:
         level, damping = self._friction
         model.dof_frictionloss[self._dof] = level[:n]
         first_column(model.dof_damping)[self._dof] = damping[:n]
-        for k, tendon in enumerate(self._tendons, n):
-            model.tendon_frictionloss[tendon] = level[k]
-            first_column(model.tendon_damping)[tendon] = damping[k]
+        for values, now in (
+            (model.tendon_frictionloss, level),
+            (first_column(model.tendon_damping), damping),
+        ):
+            values[self._tendons] = 0.0
+            np.add.at(values, self._tendons, now[n:])
         return self._effects.force
 
 
@@ -288,6 +289,7 @@ def _entry(digest: str) -> Callable[..., Any]:
             friction[1, c] = plant.direction[c] * plant.damping[first, second]
             plant.damping[first, first] -= friction[1, c]
             plant.damping[second, second] -= friction[1, c]
+            plant.damping[first, second] = 0.0  # another one of the same joints has it no more
         for i in range(n):
             # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
             stiff = 0.5 * step * effects.stiffness[i, i]
