@@ -3,7 +3,6 @@
 import math
 from typing import Any
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -34,13 +33,6 @@ def numbers_text(values: FloatArray) -> str:
     largest = float(np.abs(values).max())
     digits = 7 - math.floor(math.log10(largest)) if largest > 0.0 else 0
     return " ".join(number_text(round(float(value), digits)) for value in values)
-
-
-def element(tag: str, /, *children: Element, **attributes: str) -> Element:
-    """Return a new element of XML with its content."""
-    made = Element(tag, attributes)
-    made.extend(children)
-    return made
 
 
 def comment(text: str) -> Any:

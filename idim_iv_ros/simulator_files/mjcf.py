@@ -20,9 +20,10 @@ import pinocchio as pin
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model.mjcf import element
 from idim_iv_ros.model.parameters import body_of
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.file_text import comment, element, number_text, numbers_text
+from idim_iv_ros.simulator_files.file_text import comment, number_text, numbers_text
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
