@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.effects.registry import part_of
@@ -21,9 +22,8 @@ from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
-from idim_iv_ros.simulator_files.file_text import file_text, number_text
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
-from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
+from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects, number_text
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Ranges, randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
@@ -31,6 +31,13 @@ from idim_iv_ros.simulators.effects_file import EffectsFile
 from idim_iv_ros.types import BoolArray
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
+_TEMPLATES = Environment(
+    loader=PackageLoader("idim_iv_ros.simulator_files"),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 _READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
 _SOURCES = {
     "recording": "recording",
@@ -148,7 +155,8 @@ def export(
     notes = (*robot.notes, *more)
     ranges = None
     if made.ranges is not None:
-        texts[made.ranges], ranges = randomization(robot, made.mjcf.name)
+        shown, ranges = randomization(robot, made.mjcf.name)
+        texts[made.ranges] = _file_text(RANDOMIZE, **shown)
     texts[made.effects] = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
@@ -220,6 +228,11 @@ def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
     return {made.mjcf: written}, robot.effects, notes
 
 
+def _file_text(template: str, **shown: object) -> str:
+    """Return the text of a file from its template under ``templates/``."""
+    return _TEMPLATES.get_template(f"{template}.j2").render(shown)
+
+
 def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = False) -> None:
     """Read the new file as this program reads any, and find the parameters that were meant."""
     bodies, drives = exported.bodies, exported.drives
@@ -287,7 +300,7 @@ def _changes(
     beside = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
     if any(robot.values("off")):
         beside.append(("torque_offset", robot.values("off"), "N m"))
-    return file_text(
+    return _file_text(
         "changes.md",
         robot=robot,
         errors=() if robot.gap is None else robot.gap.parameter_errors,
@@ -331,7 +344,7 @@ def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[Simula
     # A delay is that of a group: one for each length.
     steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
     parts = [(effect, part_of(effect.effect)) for effect in effects]
-    return file_text(
+    return _file_text(
         "isaac_lab.py",
         robot=exported.robot,
         couplings=exported.drives.couplings,

@@ -22,8 +22,13 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import compiled_mjcf, element
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
-from idim_iv_ros.simulator_files.file_text import comment, number_text, numbers_text
-from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
+from idim_iv_ros.simulator_files.mjcf import (
+    comment,
+    friction_solver,
+    inertial_of,
+    number_text,
+    numbers_text,
+)
 from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray

@@ -11,6 +11,7 @@ the catalogue. All these stay with `Effects`.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -23,7 +24,6 @@ from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.mjcf import element
 from idim_iv_ros.model.parameters import body_of
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.file_text import comment, number_text, numbers_text
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
@@ -269,3 +269,20 @@ def _placement(place: pin.SE3) -> dict[str, str]:
 def _exact(*values: float) -> str:
     """Numbers with all their digits."""
     return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def number_text(value: float) -> str:
+    """With more digits than any interval has a use for, and no rounding of sums."""
+    return f"{float(value) + 0.0:.8g}"
+
+
+def numbers_text(values: FloatArray) -> str:
+    """Several of one kind, with the digits that the largest has."""
+    largest = float(np.abs(values).max())
+    digits = 7 - math.floor(math.log10(largest)) if largest > 0.0 else 0
+    return " ".join(number_text(round(float(value), digits)) for value in values)
+
+
+def comment(text: str) -> Any:
+    """A text as an XML comment."""
+    return ElementTree.Comment(f" {text.replace('--', '- -')} ")
