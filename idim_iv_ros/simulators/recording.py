@@ -52,6 +52,7 @@ class SimulatedRobot:
     parameters: DynamicParameters  # Dynamics that are equivalent to `truth`
     law: ControlLaw
     settings: SimulatedRobotSection  # Noise, rates and delay
+    description: str  # URDF of the nominal model
     effects: tuple[SimulatedEffect, ...] = ()  # What it has beyond `parameters`
 
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
@@ -93,7 +94,7 @@ class SimulatedRobot:
 
 
 def simulated_robot(
-    configuration: Configuration, urdf: str, source: str, extended: Path | None = None
+    configuration: Configuration, extended: FilePath | None = None
 ) -> SimulatedRobot:
     """Build the robot that a configuration describes under `simulated_robot`.
 
@@ -104,8 +105,11 @@ def simulated_robot(
     Raises
     ------
     UsageError
-        An unknown parameter, a control law that is not known, or a URDF that cannot be used.
+        An unknown parameter, a control law that is not known, no URDF, or one that cannot be used.
     """
+    urdf = configuration.robot.description
+    if urdf is None:
+        raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if configuration.signals.effort_unit != "N m":
         raise UsageError("signals.effort_unit: only a robot in N m can be simulated")
     whole = configuration.changed(
@@ -114,14 +118,15 @@ def simulated_robot(
         drive_inertia=True,
         exclude=[],
     )
-    model = build_inverse_model(whole, urdf, source)
+    text = read_urdf_file(urdf)
+    model = build_inverse_model(whole, text, urdf.name)
     settings = configuration.simulated_robot
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
     place = f"{configuration.source or 'configuration'}: simulated_robot.parameters: "
     truth = EffectsFile(base_parameters=settings.parameters, place=place).changed(truth)
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
-        beyond = read_effects(extended)
+        beyond = read_effects(Path(extended))
         truth, effects = beyond.changed(truth), beyond.effects
         joint_effects(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
@@ -133,6 +138,7 @@ def simulated_robot(
         parameters=model.dynamic_parameters(np.array(list(truth.values()))),
         law=law,
         settings=settings,
+        description=text,
         effects=effects,
     )
 
@@ -209,16 +215,11 @@ def simulate(
     DataError
         The closed loop diverged.
     """
-    urdf = configuration.robot.description
-    if urdf is None:
-        raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
     bag_paths, truth = _paths(as_file(out), seeds)
     require_file_place([*bag_paths.values(), truth], force=force)
-    text = read_urdf_file(urdf)
-    extended = None if effects is None else Path(effects)
-    robot = simulated_robot(configuration, text, urdf.name, extended)
+    robot = simulated_robot(configuration, effects)
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
     if effects is not None:
         keys = ("effect", "joint", "other_joint", "parameters")
@@ -239,7 +240,7 @@ def simulate(
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
             topics = recorded_topics(configuration, robot, record)
             with temporary[path].open("wb") as stream:
-                write_messages(stream, topics, text)
+                write_messages(stream, topics, robot.description)
             reference = record.position_reference
             true = record.truth.position[:: record.control_ratio][: len(reference)]
             bags.append(
