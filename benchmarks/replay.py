@@ -28,7 +28,6 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.excitation import Trajectory, random_motion
 from idim_iv_ros.excitation.excite import load_model
-from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.effects_file import read_effects
@@ -111,9 +110,7 @@ def recorded(
     configuration: Configuration, planted: Planted, trajectories: list[Trajectory], out: Path
 ) -> tuple[list[Path], Path]:
     """Run the robot; returns its bags, and what is true of it as a file of effects."""
-    urdf = configuration.robot.urdf
-    assert urdf is not None
-    plain = simulated_robot(configuration, read_urdf_file(urdf), urdf.name)
+    plain = simulated_robot(configuration)
     joints = configuration.robot.joints
     other = None if planted.other is None else joints[planted.other]
     effect = SimulatedEffect(planted.effect, joints[planted.joint], planted.numbers, other)

@@ -25,7 +25,7 @@ def simulate():
 
     configuration = load_configuration(Path(__file__).parent.parent / "config" / "tx40.yaml")
     urdf = configuration.robot.urdf
-    tx40 = simulated_robot(configuration, urdf.read_text(), urdf.name)
+    tx40 = simulated_robot(configuration)
     motion = random_motion(configuration, duration=SECONDS, rate=RATE, seed=1)
 
     def run():

@@ -25,7 +25,6 @@ from idim_iv_ros.files import FilePath, read_text, refused_if_unwritable, write_
 from idim_iv_ros.types import FloatArray
 from idim_iv_ros.validation import first_problem
 
-_LARGEST_FILE = 50.0  # MB
 _NUMBER_OR_NULL = {"anyOf": [{"type": "number"}, {"type": "null"}]}
 
 T = TypeVar("T")
@@ -98,7 +97,7 @@ class Document:
 
         Raises UsageError: the file cannot be read, or as `from_json`.
         """
-        text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}", megabytes=_LARGEST_FILE)
+        text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}")
         return cls.from_json(text, str(path))
 
     @classmethod

@@ -109,7 +109,7 @@ def read_text(
     path: Path,
     what: str,
     *,
-    megabytes: float,
+    megabytes: float = 50.0,
     decode: Callable[[bytes], str] = lambda content: content.decode("utf-8-sig"),
 ) -> str:
     """Read a text file.

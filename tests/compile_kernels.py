@@ -23,8 +23,7 @@ CONFIGURATION = Path(__file__).resolve().parent.parent / "config" / "arm2.yaml"
 
 def main() -> None:
     configuration = load_configuration(CONFIGURATION)
-    urdf = configuration.robot.urdf
-    arm = simulated_robot(configuration, urdf.read_text(), urdf.name)
+    arm = simulated_robot(configuration)
     rest = np.zeros((2, len(configuration.robot.joints)))
     for effects in ((), (SimulatedEffect("torque_gain", None, {"factor": 1.1}),)):
         simulate_closed_loop(

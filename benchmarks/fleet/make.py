@@ -105,16 +105,15 @@ def write_one(
         changes[arm.drifting.parameter] = arm.drifting.at(bag, bags)
     parameters = in_bag(arm.parameters, random, changes)
     whole = configuration.changed("simulated_robot", parameters=parameters)
-    urdf = configuration.robot.urdf
-    assert urdf is not None
-    text = urdf.read_text(encoding="utf-8")
     beyond = arm.planted.effects if arm.planted else ()
     robot = replace(
-        simulated_robot(whole, text, urdf.name),
+        simulated_robot(whole),
         effects=tuple(SimulatedEffect(name, joint, dict(v)) for name, joint, v in beyond),
     )
     record = robot.record(motion, int(random.integers(2**31)))
-    write_bag(path, recorded_topics(whole, robot, record), robot_description=text, force=True)
+    write_bag(
+        path, recorded_topics(whole, robot, record), robot_description=robot.description, force=True
+    )
 
 
 def damage(path: Path, number: int) -> None:

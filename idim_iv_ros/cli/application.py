@@ -6,20 +6,11 @@ from typing import Any
 import typer
 from typer import rich_utils
 
-from idim_iv_ros.cli import nodes
-from idim_iv_ros.cli.check import check_command
-from idim_iv_ros.cli.compare import compare_command
+from idim_iv_ros.cli import identify, init, nodes, simulators
 from idim_iv_ros.cli.diagnose import WithSets, diagnose_command
 from idim_iv_ros.cli.excite import excite_command
-from idim_iv_ros.cli.export import export_command
 from idim_iv_ros.cli.fleet import fleet
-from idim_iv_ros.cli.identify import identify_command
-from idim_iv_ros.cli.import_table import import_command
-from idim_iv_ros.cli.init import init_command
 from idim_iv_ros.cli.main import complain
-from idim_iv_ros.cli.replay import replay_command
-from idim_iv_ros.cli.servo import servo_command
-from idim_iv_ros.cli.simulate import simulate_command
 
 application = typer.Typer(
     name="idim-iv",
@@ -29,21 +20,21 @@ application = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-application.command("init")(init_command)
-application.command("check")(check_command)
-application.command("identify")(identify_command)
-application.command("compare")(compare_command)
+application.command("init")(init.init_command)
+application.command("check")(identify.check_command)
+application.command("identify")(identify.identify_command)
+application.command("compare")(identify.compare_command)
 application.command("diagnose", cls=WithSets)(diagnose_command)
-application.command("servo")(servo_command)
-application.command("export")(export_command)
-application.command("import")(import_command)
+application.command("servo")(identify.servo_command)
+application.command("export")(simulators.export_command)
+application.command("import")(init.import_command)
 application.command("record", context_settings=nodes.ROS_ARGUMENTS)(nodes.record_command)
 application.command("serve", context_settings=nodes.ROS_ARGUMENTS)(nodes.serve_command)
 application.command("predict", context_settings=nodes.ROS_ARGUMENTS)(nodes.predict_command)
 application.command("watch", context_settings=nodes.ROS_ARGUMENTS)(nodes.watch_command)
 application.command("excite")(excite_command)
-application.command("simulate")(simulate_command)
-application.command("replay")(replay_command)
+application.command("simulate")(simulators.simulate_command)
+application.command("replay")(simulators.replay_command)
 application.add_typer(fleet, name="fleet")
 
 _show = rich_utils.rich_format_error

@@ -131,6 +131,8 @@ def _print_excitation(
     console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
     """Print condition numbers, limits used, and the parameters that stay badly excited."""
+    from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
+
     design = excitation.design
     console.print(
         f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
@@ -142,7 +144,14 @@ def _print_excitation(
     ]
     print_table(console, "", ("", ">random (median)", ">designed"), rows)
     _print_limits(console, model, limits, design.use)
-    _print_parameters(console, excitation)
+    poorly = [parameter.name for parameter in excitation.parameters if parameter.bad]
+    console.print(
+        f"Seen poorly, or small: {', '.join(poorly) or 'none'} (of "
+        f"{len(excitation.parameters)} base parameters; under torque noise of "
+        f"{100 * excitation.torque_noise:g} % of each limit "
+        f"σ above {100 * BAD_DEVIATION:g} % of the nominal value, or less than "
+        f"{100 * BAD_SHARE:g} % of the column unexplained by the others; the JSON file has every σ)"
+    )
     console.print(
         f"{design.trajectory.duration:g} s at {design.trajectory.rate:g} per second, searched "
         f"{design.seconds:.0f} s"
@@ -159,11 +168,11 @@ def _print_limits(
 ) -> None:
     """Print the largest share of each limit joint by joint, and the lowest moving frame."""
     console.print(f"Largest share of each limit (allowed: {100 * limits.margin:g} %)")
-    rows = []
-    for index, joint in enumerate(model.robot.joints):
-        shares = (use.position, use.velocity, use.acceleration, use.torque)
-        cells = ("?" if share is None else f"{100 * share[index]:.0f} %" for share in shares)
-        rows.append((joint, *cells))
+    shares = (use.position, use.velocity, use.acceleration, use.torque)
+    rows = [
+        (joint, *("?" if share is None else f"{100 * share[k]:.0f} %" for share in shares))
+        for k, joint in enumerate(model.robot.joints)
+    ]
     columns = ("joint", ">position", ">velocity", ">acceleration", ">torque")
     print_table(console, "", columns, rows)
     if use.torque is None:
@@ -174,20 +183,6 @@ def _print_limits(
     console.print(
         f"Lowest moving frame: {use.lowest_frame} at {use.lowest_height:.3f} m{floor}; only frame "
         "origins are looked at, not shapes, and no collisions"
-    )
-
-
-def _print_parameters(console: Console, excitation: Excitation) -> None:
-    """Name the parameters that the motion shows poorly."""
-    from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
-
-    poorly = [parameter.name for parameter in excitation.parameters if parameter.bad]
-    console.print(
-        f"Seen poorly, or small: {', '.join(poorly) or 'none'} (of "
-        f"{len(excitation.parameters)} base parameters; under torque noise of "
-        f"{100 * excitation.torque_noise:g} % of each limit "
-        f"σ above {100 * BAD_DEVIATION:g} % of the nominal value, or less than "
-        f"{100 * BAD_SHARE:g} % of the column unexplained by the others; the JSON file has every σ)"
     )
 
 

@@ -1,21 +1,94 @@
-"""`idim-iv identify`."""
+"""`idim-iv check`, `idim-iv identify`, `idim-iv servo` and `idim-iv compare`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.text import Text
-from typer import Option
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_marked, print_table
-from idim_iv_ros.files import RESULT
+from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.files import RESULT, SERVO, signed, write_together
 
 if TYPE_CHECKING:
     from idim_iv_ros.diagnosis.result import GapResult
+    from idim_iv_ros.identification.check import CheckReport
     from idim_iv_ros.identification.result import IdentificationResult
+
+_STYLES = {"good": "green", "limited": "yellow", "unusable": "red"}
+_FILE, _CONFIGURATION = "compare.html", "robot.yaml"
+_SHOWN = 8  # rows at least, without --verbose
+
+
+def check_command(
+    bags: shared.Bags,
+    config: shared.Config,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
+) -> None:
+    """Say whether recordings can support an identification, per joint and per parameter.
+
+    Exit status 1 if they cannot.
+
+    Example: idim-iv check run1.mcap --config ur5.yaml
+    """
+    from idim_iv_ros.configuration import load_configuration
+
+    output = Output(quiet=quiet, as_json=as_json)
+    configuration = load_configuration(config)
+    with output.progress() as progress:
+        from idim_iv_ros.identification.check import check
+
+        report = check(bags, configuration, progress)
+    output.document(report.to_document())
+    _print_findings(output.console, report, verbose)
+    if not report.usable:
+        first, *others = [f for f in report.findings if f.level == "unusable"]
+        more = f" (and {len(others)} more)" if others else ""
+        raise DataError(f"not usable for an identification: {first.where}: {first.sentence}{more}")
+    limits = sum(finding.level == "limited" for finding in report.findings)
+    plural = "s" if limits > 1 else ""
+    output.line(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
+    output.line(f"Next: {next_command('identify', bags, config, '--out', 'results')}")
+
+
+def _print_findings(console: Console, report: CheckReport, whole: bool) -> None:
+    """Print the findings on every recording and joint, and what the excitation shows."""
+
+    def print_indented(*parts: str | tuple[str, str]) -> None:
+        console.print(Padding(Text.assemble(*parts), (0, 0, 0, 2), expand=False))
+
+    for where in dict.fromkeys(finding.where for finding in report.findings):
+        console.print(Text(where, style="bold"), soft_wrap=True)
+        for finding in report.findings:
+            if finding.where == where:
+                level = "" if finding.level == "good" else f"{finding.level}: "
+                print_indented((level, _STYLES[finding.level]), finding.sentence)
+    if report.condition_number is None:
+        return
+    console.print(
+        f"\nWhat the excitation shows (condition number {report.condition_number:.3g}; the "
+        "residual of least squares is taken as white, so that these are lower bounds):"
+    )
+    for seen, words in (("well", "well, σ ≤ 10 %"), ("yes", "σ ≤ 30 %")):
+        names = [parameter.name for parameter in report.parameters if parameter.seen == seen]
+        if names:
+            print_indented(f"{words}: {' '.join(names)}")
+    poorly = [
+        (p.name, "" if p.smallest is None else f"{p.smallest:.2g}", p.unit)
+        for p in report.parameters
+        if p.seen == "poorly"
+    ]
+    if poorly:
+        columns = ("parameter", ">visible from (2σ)", "unit")
+        most = None if whole else LONGEST
+        print_table(console, "Seen poorly, or small", columns, poorly, most=most)
 
 
 def identify_command(
@@ -126,3 +199,139 @@ def data_warnings(result: IdentificationResult) -> list[str]:
         sentences += [channel.sentence for channel in bag.frozen]
         warnings += [f"{Path(bag.path).name}: {sentence}" for sentence in sentences]
     return warnings
+
+
+def servo_command(
+    bags: shared.Bags,
+    config: shared.Config,
+    gains: str | None = Option(
+        None,
+        metavar="G1,G2,…",
+        help="The servos' gain setting in each recording, in any unit, where it differs.",
+    ),
+    model_error: float = Option(
+        0.05,
+        min=0.0,
+        max=1.0,
+        help="How wrong the nominal model's torques may be, as a standard deviation.",
+    ),
+    out: shared.OutOrJson = None,
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+) -> None:
+    """Identify servos from commands and positions, for robots that record no torque.
+
+    Writes servo.json, report.html and, where stiffness is known in N m/rad, servo.xml (MuJoCo),
+    servo_isaac_lab.py and servo.yaml, a configuration for `identify` and `diagnose`.
+
+    Example: idim-iv servo run1.mcap --config so101.yaml --out servos
+    """
+    from idim_iv_ros.configuration import load_configuration
+
+    output = Output(quiet=quiet, as_json=as_json)
+    settings = None if gains is None else shared.numbers("--gains", gains)
+    if settings is not None and not all(setting > 0.0 for setting in settings):
+        raise UsageError(f"--gains {gains}: gains are above zero")
+    from idim_iv_ros.report.servo import (
+        SUMMARY_COLUMNS,
+        error_rows,
+        gain_rows,
+        headline,
+        number_rows,
+        summary_rows,
+    )
+    from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
+    from idim_iv_ros.servo.identify import identify_servos
+
+    if out is not None:
+        require_servo_files(out, force=force)
+    options = {"gains": settings, "model_error": model_error}
+    result, numbers, page = output.produce(
+        identify_servos, bags, config, SERVO, out, force=force, **options
+    )
+    columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
+    title = "Servos (± half of the 95 % interval)"
+    print_table(output.console, title, columns, summary_rows(result))
+    if not any(joint.absolute for joint in result.joints):
+        for joint in result.joints:
+            rows = number_rows((*joint.numbers, *joint.ratios))
+            print_table(output.console, joint.joint, ("", ">value", ">95 % interval"), rows)
+    for joint in result.joints:
+        if joint.reason:
+            output.console.print(f"{joint.joint}: {joint.reason}")
+    print_table(
+        output.console,
+        "Position, rms in mrad",
+        ("joint", ">perfect tracking", ">simulated servo", ">half not fitted", ">encoder step"),
+        error_rows(result),
+    )
+    if result.gains:
+        heads = ("recording", "joint", ">given", ">estimated", ">95 % interval", "")
+        print_table(output.console, "Gains", heads, gain_rows(result))
+    output.console.print(headline(result))
+    output.warn(result.warnings)
+    if out is not None and any(joint.absolute for joint in result.joints):
+        for path in write_servo_files(result, load_configuration(config), bags, out):
+            output.line(f"Wrote {path}")
+    output.name_files(numbers, page)
+
+
+def compare_command(
+    first: Annotated[Path, Argument(help="A result.json of `idim-iv identify`.")],
+    second: Annotated[Path, Argument(help="Another one of the same robot.")],
+    out: Path | None = Option(None, "--out", help=f"Folder for {_FILE}, both side by side."),
+    config: Path | None = Option(
+        None,
+        help="The robot's YAML file, for the next command; left out, that of the second "
+        f"result is written beside {_FILE}.",
+    ),
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+    verbose: shared.Verbose = False,
+) -> None:
+    """Say in which parameters two identifications of one robot differ.
+
+    Example: idim-iv compare monday/result.json friday/result.json --out compared
+    """
+    from idim_iv_ros.identification.compare import compare_results
+    from idim_iv_ros.report import require_writable
+    from idim_iv_ros.report.compare import compare_html, compare_step
+    from idim_iv_ros.report.numerals import measured, number
+    from idim_iv_ros.report.section import Files
+    from idim_iv_ros.report.sections.provenance import configuration_text
+
+    output = Output(quiet=quiet, as_json=as_json)
+    comparison = compare_results(first, second)
+    files = Files() if config is None else Files(str(config))
+    if out is not None:
+        written = {}
+        if config is None:
+            files = Files(str(out / _CONFIGURATION))
+            written = {Path(files.config): signed(configuration_text(comparison.configuration))}
+        written[out / _FILE] = compare_html(comparison, files)
+        with require_writable(out, [path.name for path in written], force=force):
+            write_together(written)
+    output.document(comparison.to_document())
+    print_table(
+        output.console,
+        f"{comparison.robot}: base parameters, those that differ most first",
+        ("base parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference"),
+        [
+            (
+                pair.words,
+                " ".join(measured(pair.first, pair.first_std)),
+                " ".join(measured(pair.second, pair.second_std)),
+                pair.unit,
+                f"{number(pair.deviations, 2)} σ",
+            )
+            for pair in comparison.pairs
+        ],
+        most=None if verbose else max(_SHOWN, sum(pair.differs for pair in comparison.pairs)),
+    )
+    output.console.print(comparison.sentence)
+    if out is not None or config is not None:
+        output.line(f"Next: {compare_step(comparison, files).code}")
+    if out is not None:
+        output.line(f"Report: {out / _FILE}")

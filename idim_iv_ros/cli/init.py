@@ -1,15 +1,17 @@
-"""`idim-iv init`."""
+"""`idim-iv init` and `idim-iv import`."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated
 
-from typer import Option
+from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
 from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
 from idim_iv_ros.encoding import shell_command
-from idim_iv_ros.files import INIT_FORMAT, require_file_place, write_together
+from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, write_together
 
 
 def init_command(
@@ -92,3 +94,41 @@ def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None
     output.line(f"Written: {out}: correct it where it is wrong")
     bag = shell_command(f"{table.stem}.mcap")
     output.line(f"Next: idim-iv import {bag} --columns {shell_command(str(out))}")
+
+
+def import_command(
+    out: Annotated[Path, Argument(metavar="OUT.mcap", help="The bag to write.")],
+    columns: Annotated[
+        Path,
+        Option(
+            metavar="MAP.yaml", help="A table and its columns; `idim-iv init TABLE` proposes it."
+        ),
+    ],
+    urdf: Path | None = Option(None, help="URDF to put on /robot_description."),
+    force: shared.Force = False,
+    quiet: shared.Quiet = False,
+    as_json: shared.AsJson = False,
+) -> None:
+    """Turn a table (.csv .npy .npz .mat .parquet .h5) into a bag.
+
+    A few rows of NaN or impossible values are imported as missing, with a warning; more than 1 %
+    are refused.
+
+    Example: idim-iv init log.csv --out map.yaml; idim-iv import run.mcap --columns map.yaml
+    """
+    from idim_iv_ros.model import read_urdf_file
+    from idim_iv_ros.recording import import_table
+
+    output = Output(quiet=quiet, as_json=as_json)
+    described = None if urdf is None else read_urdf_file(urdf)
+    summary = import_table(out, columns, robot_description=described, force=force)
+    signals = list(summary.signals)
+    output.warn(summary.warnings)
+    about = asdict(summary) | {"path": str(out), "signals": signals}
+    output.document({"format": IMPORT_FORMAT, **about})
+    output.line(
+        f"{out}: {summary.samples} samples, {summary.duration:.4g} s at "
+        f"{summary.rate:.5g} per second: {', '.join(signals)}"
+    )
+    option = " --urdf FILE" if described is None else ""
+    output.line(f"Next: idim-iv init {shell_command(str(out))}{option} --out my_arm.yaml")

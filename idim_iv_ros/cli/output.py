@@ -5,7 +5,8 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import Any, TypeVar
@@ -30,15 +31,15 @@ AnyResult = TypeVar("AnyResult", bound=Any)
 
 
 class Output:
-    """Stdout and stderr of one command; `console` takes nothing with `quiet` or `as_json`."""
+    """Stdout and stderr of one command.
+
+    `console` takes nothing with `quiet` or `as_json`; `progress()` is `shown_progress`.
+    """
 
     def __init__(self, *, quiet: bool = False, as_json: bool = False):
-        self.quiet, self.as_json = quiet, as_json
+        self.as_json = as_json
         self.console = Console(quiet=quiet or as_json, highlight=False)
-
-    def progress(self) -> AbstractContextManager[Progress]:
-        """Show progress on stderr; it is gone, or stays as lines, when the work ends."""
-        return shown_progress(self.quiet)
+        self.progress = partial(shown_progress, quiet)
 
     def produce(
         self,
@@ -107,7 +108,7 @@ class Output:
 
 @contextmanager
 def shown_progress(quiet: bool = False) -> Iterator[Progress]:
-    """Show stage, share and time: a bar on a terminal, else a line every few seconds."""
+    """Show stage, share and time on stderr: a bar that goes, or a line every few seconds."""
     if quiet or not sys.stderr.isatty():
         yield (lambda stage, share: None) if quiet else _lines()
         return

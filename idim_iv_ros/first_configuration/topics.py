@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.definitions import (
+from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.joint_message_type import (
     CONTROLLER_STATE,
     FLOAT_ARRAY,
     JOINT_STATE,
     MANY_STATES,
+    JointMessageType,
+    may_hold_joints,
 )
-from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.recording.request import (
     ROBOT_DESCRIPTION,

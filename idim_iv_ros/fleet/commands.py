@@ -15,13 +15,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.regression import bag_fields
-from idim_iv_ros.fleet.result import (
-    BagResult,
-    CauseSummary,
-    FleetResult,
-    GapSummary,
-    Status,
-)
+from idim_iv_ros.fleet.result import BagResult, CauseSummary, FleetResult, GapSummary, Status
 from idim_iv_ros.fleet.robots import Robot, code_version, content_of, key_of, robots_of
 from idim_iv_ros.fleet.run import FleetRun
 from idim_iv_ros.fleet.source import (

@@ -92,7 +92,10 @@ class FleetRun:
             place = waiting[number]
             answers[place] = answer or why
             if isinstance(answer, Document):
-                _write(answer, paths[place])
+                path = paths[place]
+                with refused_if_unwritable(path):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    write_together({path: json_text(answer.to_document(), indent=None)})
             count += 1
             report()
 
@@ -112,12 +115,6 @@ def _read(kind: type[D], path: Path) -> D | None:
         return kind.from_json(path.read_text(encoding="utf-8"), str(path))
     except (FileNotFoundError, UsageError, ValueError):
         return None
-
-
-def _write(answer: Document, path: Path) -> None:
-    with refused_if_unwritable(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_together({path: json_text(answer.to_document(), indent=None)})
 
 
 def _words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:

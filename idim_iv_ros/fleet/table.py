@@ -71,8 +71,10 @@ def _rows(result: BagResult) -> list[dict[str, Any]]:
         columns = zip(result.names, result.units, result.values, result.std, given, strict=True)
         names = ("parameter", "unit", "value", "std", "given")
         rows = [common | dict(zip(names, column, strict=True)) for column in columns]
-    return [{name: _or_null(value) for name, value in row.items()} for row in rows]
-
-
-def _or_null(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return [
+        {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in row.items()
+        }
+        for row in rows
+    ]

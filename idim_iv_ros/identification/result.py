@@ -221,7 +221,7 @@ class ProcessingSummary:
 class JointSeries:
     """Torque of one joint over time, for plots.
 
-    `time` (n,) s: of the session (`recording.session`): it increases. `measured`, `predicted` (n,)
+    `time` (n,) s: of the session (`recording.Session`): it increases. `measured`, `predicted` (n,)
     N m: decimated torque and X β̂ of the rows that count; the others are gaps in time.
     """
 

@@ -11,10 +11,12 @@ the frame of the link behind it lies there, with the axes of the body; `ref` is 
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -109,21 +111,19 @@ class _Writer:
     model: Any
     name: str
     # From the frame of each body to that of its link, m.
-    anchors: dict[int, FloatArray] = field(default_factory=dict)
+    anchors: dict[int, FloatArray] = field(default_factory=lambda: {0: np.zeros(3)})
 
     def text(self) -> str:
-        root = ElementTree.Element("robot", name=self.name)
-        extension = ElementTree.SubElement(root, EXTENSION, source="mjcf")
+        extension = element(EXTENSION, source="mjcf")
         for note in notes(self.mujoco, self.model):
             ElementTree.SubElement(extension, "note").text = note
         self.names = _joint_names(self.model)
         self.tied = tied_joints(self.mujoco, self.model)
         self.extra = extra_forces(self.mujoco, self.model)
         self.home = self._home()
-        ElementTree.SubElement(root, "link", name=self._link(0))
-        self.anchors[0] = np.zeros(3)
+        root = element("robot", extension, element("link", name=self._link(0)), name=self.name)
         for body in range(1, self.model.nbody):
-            self._body(root, body)
+            root.extend(self._body(body))
         ElementTree.indent(root)
         return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -137,39 +137,32 @@ class _Writer:
                 return np.array(self.model.key_qpos[key])
         return np.array(self.model.qpos0)
 
-    def _body(self, root: ElementTree.Element, body: int) -> None:
-        model = self.model
+    def _body(self, body: int) -> Iterator[Element]:
+        """The link of a body, behind its joints and the links between them."""
+        model, link = self.model, self._link(body)
         parent = int(model.body_parentid[body])
-        carrier = self._link(parent)
+        carrier, anchor = self._link(parent), np.zeros(3)
         placement = pin.SE3(np.eye(3), -self.anchors[parent]) * _placement(
             model.body_pos[body], model.body_quat[body]
         )
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        anchor = np.zeros(3)
         if count == 0:
-            name = f"{self._link(body)}_fixed"
-            _origin(_joint(root, name, "fixed", carrier, self._link(body)), placement)
+            yield _joint(f"{link}_fixed", "fixed", carrier, link, _origin(placement))
         for index in range(first, first + count):
-            last = index == first + count - 1
-            child = self._link(body) if last else f"{self._link(body)}_{self.names[index]}"
-            if not last:
-                ElementTree.SubElement(root, "link", name=child)
-            placement, anchor = self._moving(root, index, carrier, child, placement, anchor)
-            carrier = child
+            child = link
+            if index < first + count - 1:
+                child = f"{link}_{self.names[index]}"
+                yield element("link", name=child)
+            joint, before = self._moving(index, carrier, child, placement, anchor)
+            yield joint
+            carrier, placement, anchor = child, pin.SE3.Identity(), before
         self.anchors[body] = anchor
-        link = ElementTree.SubElement(root, "link", name=self._link(body))
-        _inertial(link, model, body, anchor)
+        yield element("link", *_inertial(model, body, anchor), name=link)
 
     def _moving(
-        self,
-        root: ElementTree.Element,
-        index: int,
-        carrier: str,
-        child: str,
-        placement: pin.SE3,
-        before: FloatArray,
-    ) -> tuple[pin.SE3, FloatArray]:
-        """Write one joint; returns the placement of what follows and the joint's anchor."""
+        self, index: int, carrier: str, child: str, placement: pin.SE3, before: FloatArray
+    ) -> tuple[Element, FloatArray]:
+        """Return one joint behind an anchor, and its own anchor."""
         model, types = self.model, self.mujoco.mjtJoint
         kind, anchor = model.jnt_type[index], np.array(model.jnt_pos[index])
         axis, place = np.array(model.jnt_axis[index]), int(model.jnt_qposadr[index])
@@ -178,42 +171,34 @@ class _Writer:
         urdf_type = "prismatic" if slide else "revolute" if limited else "continuous"
         if not (hinge or slide):
             urdf_type, anchor = "floating", np.zeros(3)
-        joint = _joint(root, self.names[index], urdf_type, carrier, child)
         placement = placement * pin.SE3(np.eye(3), anchor - before)
+        parts, beyond = [], {}
         if hinge or slide:
-            reference = float(model.qpos0[place])
+            reference, dof = float(model.qpos0[place]), int(model.jnt_dofadr[index])
             placement = placement * joint_motion(urdf_type, axis, -reference)
-            ElementTree.SubElement(joint, "axis", xyz=_numbers(axis))
-            self._numbers_of(joint, index, limited)
-        _origin(joint, placement)
-        extension = ElementTree.SubElement(joint, EXTENSION)
-        if hinge or slide:
-            dof = int(model.jnt_dofadr[index])
-            extension.set("armature", _numbers([model.dof_armature[dof] + self._motor(index)[1]]))
-            extension.set("rest", _numbers([self.home[place]]))
+            parts = [element("axis", xyz=_numbers(*axis)), *self._numbers_of(index, limited)]
+            armature = model.dof_armature[dof] + self._motor(index)[1]
+            beyond = {"armature": _numbers(armature), "rest": _numbers(self.home[place])}
         for key, reasons in (("tied", self.tied), ("beyond", self.extra)):
             if index in reasons:
-                extension.set(key, reasons[index])
-        return pin.SE3.Identity(), anchor
+                beyond[key] = reasons[index]
+        parts += [_origin(placement), element(EXTENSION, **beyond)]
+        return _joint(self.names[index], urdf_type, carrier, child, *parts), anchor
 
-    def _numbers_of(self, joint: ElementTree.Element, index: int, limited: bool) -> None:
-        model = self.model
-        limits = {}
+    def _numbers_of(self, index: int, limited: bool) -> Iterator[Element]:
+        """Limits, where there are any, and friction of a joint."""
+        model, limits = self.model, {}
         if limited:
             lower, upper = model.jnt_range[index]
-            limits = {"lower": _numbers([lower]), "upper": _numbers([upper])}
+            limits = {"lower": _numbers(lower), "upper": _numbers(upper)}
         effort, _, damping = self._motor(index)
         if np.isfinite(effort):
-            limits["effort"] = _numbers([effort])
+            limits["effort"] = _numbers(effort)
         if limits:
-            ElementTree.SubElement(joint, "limit", limits)
+            yield element("limit", **limits)
         dof = int(model.jnt_dofadr[index])
-        ElementTree.SubElement(
-            joint,
-            "dynamics",
-            damping=_numbers([model.dof_damping[dof] + damping]),
-            friction=_numbers([model.dof_frictionloss[dof]]),
-        )
+        damping, friction = model.dof_damping[dof] + damping, model.dof_frictionloss[dof]
+        yield element("dynamics", damping=_numbers(damping), friction=_numbers(friction))
 
     def _motor(self, index: int) -> tuple[float, float, float]:
         """Largest torque of the joint's actuators, their armature and damping at the joint."""
@@ -235,13 +220,16 @@ class _Writer:
         return effort, armature, damping
 
 
-def _joint(
-    root: ElementTree.Element, name: str, urdf_type: str, parent: str, child: str
-) -> ElementTree.Element:
-    joint = ElementTree.SubElement(root, "joint", name=name, type=urdf_type)
-    ElementTree.SubElement(joint, "parent", link=parent)
-    ElementTree.SubElement(joint, "child", link=child)
-    return joint
+def element(tag: str, /, *children: Element, **attributes: str) -> Element:
+    """Return a new element of XML with its content."""
+    made = Element(tag, attributes)
+    made.extend(children)
+    return made
+
+
+def _joint(name: str, urdf_type: str, parent: str, child: str, *parts: Element) -> Element:
+    ends = element("parent", link=parent), element("child", link=child)
+    return element("joint", *ends, *parts, name=name, type=urdf_type)
 
 
 def _first(values: Any, index: int) -> float:
@@ -273,27 +261,25 @@ def _placement(position: FloatArray, quaternion: FloatArray) -> pin.SE3:
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
 
 
-def _origin(joint: ElementTree.Element, placement: pin.SE3) -> None:
+def _origin(placement: pin.SE3) -> Element:
     angles = pin.rpy.matrixToRpy(placement.rotation)
-    ElementTree.SubElement(
-        joint, "origin", xyz=_numbers(placement.translation), rpy=_numbers(angles)
-    )
+    return element("origin", xyz=_numbers(*placement.translation), rpy=_numbers(*angles))
 
 
-def _inertial(link: ElementTree.Element, model: Any, body: int, anchor: FloatArray) -> None:
-    if model.body_mass[body] <= 0.0:
-        return
-    element = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(element, "origin", xyz=_numbers(model.body_ipos[body] - anchor))
-    ElementTree.SubElement(element, "mass", value=_numbers([model.body_mass[body]]))
-    turned = _placement(np.zeros(3), model.body_iquat[body]).rotation
-    inertia = turned @ np.diag(model.body_inertia[body]) @ turned.T
-    moments = {
-        f"i{'xyz'[i]}{'xyz'[j]}": _numbers([inertia[i, j]]) for i in range(3) for j in range(i, 3)
-    }
-    ElementTree.SubElement(element, "inertia", moments)
+def _inertial(model: Any, body: int, anchor: FloatArray) -> Iterator[Element]:
+    """The inertial of a body that has mass."""
+    if model.body_mass[body] > 0.0:
+        turned = _placement(np.zeros(3), model.body_iquat[body]).rotation
+        inertia = turned @ np.diag(model.body_inertia[body]) @ turned.T
+        names = {(i, j): f"i{'xyz'[i]}{'xyz'[j]}" for i in range(3) for j in range(i, 3)}
+        yield element(
+            "inertial",
+            element("origin", xyz=_numbers(*model.body_ipos[body] - anchor)),
+            element("mass", value=_numbers(model.body_mass[body])),
+            element("inertia", **{name: _numbers(inertia[ij]) for ij, name in names.items()}),
+        )
 
 
-def _numbers(values: Any) -> str:
+def _numbers(*values: Any) -> str:
     """All digits, and so many of them that no reader takes an angle for one that was rounded."""
     return " ".join(f"{float(value):.17e}" for value in values)

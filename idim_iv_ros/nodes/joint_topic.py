@@ -13,8 +13,7 @@ from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic, joint_types
 from idim_iv_ros.prediction import JointSamples
 from idim_iv_ros.recording.bags.bag_file import MessageBatch
-from idim_iv_ros.recording.bags.definitions import SchemaText
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType
+from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, SchemaText
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
 from idim_iv_ros.signal_source import field_of, topic_of
 from idim_iv_ros.types import FloatArray

@@ -15,8 +15,7 @@ from itertools import compress
 
 import numpy as np
 
-from idim_iv_ros.prediction.identified_model import IdentifiedModel
-from idim_iv_ros.prediction.rows import ResidualRows
+from idim_iv_ros.prediction.identified_model import IdentifiedModel, ResidualRows
 from idim_iv_ros.prediction.stream import JointSamples, SampleStream
 from idim_iv_ros.recording.grid import Grid, on_grid
 from idim_iv_ros.signals import (
@@ -67,6 +66,8 @@ class PredictionWindow:
         self._row_wait = ParallelDecimation(self._factor, 1, edge).settling(CURVE_TOLERANCE)
         margin = REVERSAL_MARGIN if given.reversal_margin is None else given.reversal_margin
         self._around = round(margin * self._factor)
+        self._minimum_speed = np.array(result.processing.minimum_speed)
+        self._coupling_joints = identified.model.regressor.layout.coupling_joints
         self._end = 0  # number behind the newest sample
         self._next_row = 0
 
@@ -140,7 +141,7 @@ class PredictionWindow:
             covariance = self._identified.result.covariance
             variance = np.einsum("sjb,sjb->sj", of_rows @ covariance, of_rows)
             residual = motion.decimation.at(motion.torque - predicted, places - first)
-            rows.add(places, residual, motion.kept[row], variance)
+            rows.add(places=places, residual=residual, counts=motion.kept[row], variance=variance)
             self._next_row = int(places[-1]) + self._factor
         return self._curve(motion, predicted, first)
 
@@ -177,8 +178,8 @@ class PredictionWindow:
             slice(first - begin, grid.samples),
             self._processing,
             (self._cutoff, self._factor),
-            self._identified.minimum_speed,
-            self._identified.model.regressor.layout.coupling_joints,
+            self._minimum_speed,
+            self._coupling_joints,
         )
 
     def _smooth(self, values: FloatArray, cutoff: float) -> FloatArray:
@@ -199,8 +200,8 @@ class PredictionWindow:
         fast = fast_samples(
             motion.position[motion.span],
             self.rate,
-            self._identified.minimum_speed,
-            self._identified.model.regressor.layout.coupling_joints,
+            self._minimum_speed,
+            self._coupling_joints,
         )
         moves = fast[around].all(axis=0)
         return (
@@ -212,9 +213,7 @@ class PredictionWindow:
 
 SHARE_SECONDS = 1.0  # of rows behind the share of the noise floor
 
-_LONGEST_PAUSE = 1.0  # s
 _SILENT, _SILENT_INTERVALS = 0.5, 5.0  # s, sampling intervals
-_MOST = 5_000_000_000  # ns of samples that are kept at most
 _LEAST_ROWS = 5  # that count, behind a share
 
 
@@ -243,16 +242,16 @@ class LivePrediction:
     """
 
     def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:
-        self.identified = identified
-        joints = len(identified.joints)
-        self._positions = SampleStream(identified.turning, _LONGEST_PAUSE)
-        self._efforts = SampleStream((False,) * joints, _LONGEST_PAUSE)
-        self._streams = {"position": self._positions, "effort": self._efforts}
+        self.identified, joints = identified, len(identified.joints)
+        # Recorded positions of a joint that turns may wrap after one turn.
+        plain = np.array_equal(identified.transform.to_joint, np.eye(joints))
+        turning = [plain and kind == "revolute" for kind in identified.result.joint_types]
+        self._positions = SampleStream("position", turning)
+        self._efforts = SampleStream("effort", [False] * joints)
+        self._streams = (self._positions, self._efforts)
         self._one_topic = one_topic
         self._window: PredictionWindow | None = None
         self._why = ""
-        self._rates: dict[str, float] = {}
-        self._arrived = dict.fromkeys(self._streams, 0)
         self.rows = ResidualRows(joints, 1.0)
 
     @property
@@ -276,20 +275,15 @@ class LivePrediction:
         - `positions`, `efforts`: as the topics hold them
         - `now`: when they arrived, ns
         """
-        for (name, stream), new in zip(self._streams.items(), (positions, efforts), strict=True):
-            before = stream.reached
-            stream.add(new)
-            if stream.reached != before:
-                self._arrived[name] = now
-            if len(new):
-                stream.forget(int(stream.samples.time[-1]) - _MOST)
+        for stream, new in zip(self._streams, (positions, efforts), strict=True):
+            stream.add(new, now)
         restarted = self._positions.restarted or self._efforts.restarted
         if restarted:
             self._begin_again(restarted)
 
     def _begin_again(self, why: str) -> None:
         self._window, self._why = None, f"{why}: filtering begins anew"
-        for stream in self._streams.values():
+        for stream in self._streams:
             if not stream.restarted:
                 stream.clear()
 
@@ -304,9 +298,9 @@ class LivePrediction:
         window = self._window
         if reason or window is None:
             return self._nothing(reason)
-        until = min(stream.reached for stream in self._streams.values())
+        until = min(stream.reached for stream in self._streams)
         curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
-        for stream in self._streams.values():
+        for stream in self._streams:
             stream.forget(window.needed)
         if curve is None:
             why = f"{self._why}; " if self._why else ""
@@ -319,38 +313,36 @@ class LivePrediction:
 
     def _not_usable(self, now: int) -> str:
         """Say why the samples cannot be used; empty where they can."""
-        for name, stream in self._streams.items():
+        for stream in self._streams:
+            name, joints = stream.name, self.identified.joints
             if len(stream.samples) == 0:
                 return f"no {name} has arrived"
-            silent = (now - self._arrived[name]) * 1e-9
+            silent = (now - stream.arrived) * 1e-9
             if silent > max(_SILENT, _SILENT_INTERVALS * (stream.interval or 0.0)):
                 return f"no {name} for {silent:.1f} s"
-            joints = self.identified.joints
-            missing = list(compress(joints, stream.missing()))
+            missing = list(compress(joints, stream.missing))
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
-            if self._window is not None and stream.has_other_rate(self._rates[name]):
-                new = 1.0 / (stream.interval or 1.0)
+            if self._window is not None and (new := stream.other_rate) is not None:
                 self._begin_again(
-                    f"the rate of the {name} changed from {self._rates[name]:.4g} to {new:.4g} Hz"
+                    f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
                 )
                 # Of the samples before the change there are none left to measure a rate from.
                 return self._why
         return ""
 
     def _measure_rate(self) -> str:
-        position, effort = self._positions.rate(), self._efforts.rate()
-        if position is None or effort is None:
+        rate, _ = rates = [stream.measure_rate() for stream in self._streams]
+        if rate is None or None in rates:
             return self._why or "measuring the rate of the samples"
         cutoff = self.identified.result.processing.position_cutoff
-        if cutoff >= position / 2.0:
+        if cutoff >= rate / 2.0:
             return (
-                f"positions come at {position:.4g} Hz, and the result was made with a cut-off of "
+                f"positions come at {rate:.4g} Hz, and the result was made with a cut-off of "
                 f"{cutoff:g} Hz: more than {2.0 * cutoff:g} Hz are needed"
             )
-        start = max(int(self._positions.samples.time[0]), int(self._efforts.samples.time[0]))
-        self._window = PredictionWindow(self.identified, position, start)
-        self._rates = {"position": position, "effort": effort}
+        start = max(int(stream.samples.time[0]) for stream in self._streams)
+        self._window = PredictionWindow(self.identified, rate, start)
         self.rows = ResidualRows(len(self.identified.joints), self._window.row_rate)
         return ""
 

@@ -1,5 +1,6 @@
 """Samples as they arrive: in the order of time, without wraps; faults of the clock are found."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _SECOND = 1e9
 NEVER = np.iinfo(np.int64).min
+_LONGEST_PAUSE = 1.0  # s
+_MOST = 5_000_000_000  # ns of samples that are kept at most
 # A stamp further back than so many intervals, s at least: the clock was set back.
 _SET_BACK, _SET_BACK_INTERVALS = 0.1, 20.0
 _WRAP = 0.75 * TURN  # a longer step between two positions is a wrap
@@ -70,46 +73,47 @@ class JointSamples:
 class SampleStream:
     """The newest samples of one topic.
 
+    - `name`: what they are: ``position`` or ``effort``
     - `turning`: (n_joints,), whose values are positions that may wrap after one turn
-    - `longest_pause`: s; after a longer one, or a clock that was set, everything begins anew
 
-    - `restarted`: why everything older was given up with the last samples that were added; else
-      empty
+    - `restarted`: why everything older was given up with the last samples that were added: a long
+      pause, or a clock that was set; else empty
     - `late`: samples that were left out since their stamp is not after the one before of their
       joints
+    - `arrived`: when `reached` was last another one, ns
+    - `rate`: of the samples, Hz; None until `measure_rate` knows it
     """
 
-    def __init__(self, turning: tuple[bool, ...], longest_pause: float) -> None:
-        self._turning = np.array(turning, dtype=bool)
-        self._longest_pause = longest_pause
+    def __init__(self, name: str, turning: Sequence[bool]) -> None:
+        self.name, self._turning = name, np.array(turning, dtype=bool)
         self._empty = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
         self.samples = self._empty
         self.restarted = ""
-        self.late = 0
+        self.late = self.arrived = 0
+        self.rate: float | None = None
 
-    def add(self, new: JointSamples) -> None:
-        """Append samples in the order of their arrival."""
+    def add(self, new: JointSamples, now: int) -> None:
+        """Append samples in the order of their arrival, at `now` (ns)."""
         self.restarted = ""
         if len(new) == 0:
             return
-        time, first = new.time, 0
+        time, first, before = new.time, 0, self.reached
         if len(self.samples):
             time = np.concatenate([self.samples.time[-1:], time])
         steps = np.diff(time) / _SECOND
-        interval = self.interval or 0.0
-        back = -max(_SET_BACK, _SET_BACK_INTERVALS * interval)
-        breaks = np.flatnonzero((steps < back) | (steps > self._longest_pause))
+        back = -max(_SET_BACK, _SET_BACK_INTERVALS * (self.interval or 0.0))
+        breaks = np.flatnonzero((steps < back) | (steps > _LONGEST_PAUSE))
         if len(breaks):
             # The last of them counts: what comes after it is one stretch.
             step = float(steps[breaks[-1]])
-            self.restarted = (
-                f"the stamps jump back by {-step:.3g} s"
-                if step < 0.0
-                else f"no sample for {step:.3g} s"
-            )
+            jump = f"the stamps jump back by {-step:.3g} s"
+            self.restarted = jump if step < 0.0 else f"no sample for {step:.3g} s"
             first = len(new) - (len(time) - 1 - int(breaks[-1]))
-            self.samples = self._empty
+            self.clear()
         self._append(new.part(slice(first, None)))
+        if self.reached != before:
+            self.arrived = now
+        self.forget(int(self.samples.time[-1]) - _MOST)
 
     def _append(self, new: JointSamples) -> None:
         """Append samples that are later than those of their joints, without wraps."""
@@ -117,10 +121,8 @@ class SampleStream:
         about = new.about & (new.time[:, None] > np.maximum.accumulate(stamps)[:-1])
         fresh = about.any(axis=1)
         self.late += int(np.count_nonzero(~fresh))
-        later = JointSamples(
-            new.time[fresh], np.where(about, new.values, np.nan)[fresh], about[fresh]
-        )
-        self.samples = self.samples.followed_by(later)
+        values = np.where(about, new.values, np.nan)[fresh]
+        self.samples = self.samples.followed_by(JointSamples(new.time[fresh], values, about[fresh]))
         positions = self.samples.values
         for joint in np.flatnonzero(self._turning):
             measured = np.isfinite(positions[:, joint])
@@ -147,21 +149,22 @@ class SampleStream:
         newest = self.samples.newest
         return int(np.min(newest, where=newest > NEVER, initial=np.max(newest, initial=NEVER)))
 
-    def rate(self) -> float | None:
+    def measure_rate(self) -> float | None:
         """Rate of all samples, Hz, as a recording's; None while they are too few."""
         time = self.samples.slowest
-        if len(time) < _LEAST_SAMPLES or time[-1] - time[0] < _LEAST * _SECOND:
+        enough = len(time) >= _LEAST_SAMPLES and time[-1] - time[0] >= _LEAST * _SECOND
+        self.rate = make_grid(time, int(time[0]), int(time[-1])).rate if enough else None
+        return self.rate
+
+    @property
+    def other_rate(self) -> float | None:
+        """Rate at which the recent samples came, Hz, where it is another one than before."""
+        if len(self.samples.slowest) < _RECENT or self.interval is None or self.rate is None:
             return None
-        return make_grid(time, int(time[0]), int(time[-1])).rate
+        same = 1.0 / _OTHER_RATE < self.interval * self.rate < _OTHER_RATE
+        return None if same else 1.0 / (self.interval or 1.0)
 
-    def has_other_rate(self, rate: float) -> bool:
-        """Whether the recent samples came at another rate, Hz."""
-        recent = self.samples.slowest[-_RECENT:]
-        if len(recent) < _RECENT or self.interval is None:
-            return False
-        ratio = self.interval * rate
-        return not 1.0 / _OTHER_RATE < ratio < _OTHER_RATE
-
+    @property
     def missing(self) -> BoolArray:
         """Joints (n_joints,) without any number in all samples that are kept."""
         return np.asarray(~np.isfinite(self.samples.values).any(axis=0))

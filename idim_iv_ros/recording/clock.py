@@ -137,8 +137,6 @@ def on_one_clock(
     # After a pause, too, a stretch begins: a stray time of arrival makes one.
     starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))
     stops = np.append(starts[1:], len(time))
-    if len(starts) == 1:
-        return np.arange(len(time)), []
     chain = _longest_chain(starts, stops, time, arrival, interval)
     chained = np.isin(np.arange(len(starts)), chain)
     kept = np.repeat(chained, stops - starts)

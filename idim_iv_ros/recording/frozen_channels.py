@@ -43,33 +43,29 @@ def without_frozen(
     the messages of each topic with NaN for frozen values, and what was taken out.
     """
     states, efforts = stamped[joint_states], stamped[effort]
-    positions, torques = states.messages.values["position"], efforts.messages.values["effort"]
-    frozen_stretches: list[FrozenStretches] = []
-    lost = np.zeros(positions.shape, dtype=bool), np.zeros(torques.shape, dtype=bool)
+    sources = {"position": joint_states, "effort": effort}
+    values = {name: stamped[source].messages.values[name] for name, source in sources.items()}
+    frozen = {name: np.zeros(channel.shape, dtype=bool) for name, channel in values.items()}
+    stretches: list[FrozenStretches] = []
     for column, joint in enumerate(joints):
-        position = positions[:, column]
-        lost[0][:, column] = frozen_positions(position, moving_speed(position))
-        there = position
+        there = position = values["position"][:, column]
+        frozen["position"][:, column] = frozen_positions(position, moving_speed(position))
         if not np.array_equal(efforts.time, states.time):
             finite, begin = np.isfinite(position), states.time[0]
             measured = states.time[finite] - begin, position[finite]
             there = np.interp(efforts.time - begin, *measured)
-        lost[1][:, column] = frozen_efforts(torques[:, column], there, moving_speed(there))
-        for name, topic, frozen in (
-            ("position", states, lost[0][:, column]),
-            ("effort", efforts, lost[1][:, column]),
-        ):
-            if frozen.any():
-                channel = f"{name} of {joint} on {topic.messages.topic}"
-                seconds: FloatArray = (topic.time - start).astype(np.float64) * 1e-9
-                frozen_stretches.append(_described(channel, frozen, seconds))
-    if not frozen_stretches:
-        return stamped, ()
+        torque = values["effort"][:, column]
+        frozen["effort"][:, column] = frozen_efforts(torque, there, moving_speed(there))
+        for name, source in sources.items():
+            if frozen[name][:, column].any():
+                channel = f"{name} of {joint} on {stamped[source].messages.topic}"
+                seconds: FloatArray = (stamped[source].time - start).astype(np.float64) * 1e-9
+                stretches.append(_described(channel, frozen[name][:, column], seconds))
     cleaned = dict(stamped)
-    for source, name, marked in ((joint_states, "position", lost[0]), (effort, "effort", lost[1])):
-        values = cleaned[source].messages.values[name]
-        cleaned[source] = cleaned[source].with_values(name, np.where(marked, np.nan, values))
-    return cleaned, tuple(frozen_stretches)
+    for name, source in sources.items() if stretches else ():
+        measured_values = np.where(frozen[name], np.nan, values[name])
+        cleaned[source] = cleaned[source].with_values(name, measured_values)
+    return cleaned, tuple(stretches)
 
 
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:

@@ -17,9 +17,13 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.bag_file import MessageBatch
-from idim_iv_ros.recording.bags.definitions import CONTROLLER_STATE, JOINT_STATE
 from idim_iv_ros.recording.bags.folder import Bag
-from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, may_hold_joints
+from idim_iv_ros.recording.bags.joint_message_type import (
+    CONTROLLER_STATE,
+    JOINT_STATE,
+    JointMessageType,
+    may_hold_joints,
+)
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.signal_source import field_of, topic_of, with_field
 

@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, require_file_place
 from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES
-from idim_iv_ros.recording.plausible import without_impossible
+from idim_iv_ros.recording.bags.joint_messages import without_impossible
 from idim_iv_ros.recording.table_map import mapped_columns, read_map
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.types import FloatArray

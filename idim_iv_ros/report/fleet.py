@@ -187,8 +187,8 @@ def headline(result: FleetResult) -> str:
         return "No bag of this fleet could be used."
     parts = []
     if differs:
-        parts.append(f"{plural(len(differs), 'robot')} {_verb(differs, 'differ')} from the type "
-                     f"({_names(differs)})")  # fmt: skip
+        verb = "differs" if len(differs) == 1 else "differ"
+        parts.append(f"{plural(len(differs), 'robot')} {verb} from the type ({_names(differs)})")
     if changed:
         parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
@@ -274,10 +274,6 @@ def _changes(result: FleetResult) -> dict[str, Any]:
             Mark("band", SHADE, "95 % interval of the date at which it began"),
         ],
     }
-
-
-def _verb(names: Sequence[str], verb: str) -> str:
-    return f"{verb}s" if len(names) == 1 else verb
 
 
 def _names(names: Sequence[str]) -> str:

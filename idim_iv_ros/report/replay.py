@@ -77,11 +77,10 @@ def shrinkage(result: ReplayResult) -> list[Row]:
     first, last = result.stages[0], result.best
     if first.tracking is None or last.tracking is None or last is first:
         return []
+    units = [unit_at("mrad", kind) for kind in result.joint_types]
     pairs = [
         (name, first.tracking[name], last.tracking[name], result.tracking_noise[name], unit)
-        for name, unit in zip(
-            result.joints, (unit_at("mrad", kind) for kind in result.joint_types), strict=True
-        )
+        for name, unit in zip(result.joints, units, strict=True)
     ]
     if first.tool is not None and last.tool is not None:
         pairs.append((_TOOL, first.tool, last.tool, 0.0, "mm"))
@@ -121,15 +120,14 @@ def headline(result: ReplayResult) -> str:
 
 def badge(result: ReplayResult) -> tuple[str, str, str]:
     """Whether the best stage follows the robot better than the nominal one, beyond its interval."""
-    rows = result.stages[0].tracking, result.best.tracking
-    if rows[1] is None:
-        return "bad", "✕", "not simulated"
-    if rows[0] is None:
-        return "good", "✓", f"only {result.best.name} follows"
     before, after = result.stages[0], result.best
+    if after.tracking is None:
+        return "bad", "✕", "not simulated"
+    if before.tracking is None:
+        return "good", "✓", f"only {after.name} follows"
     if after is before:
         return "open", "?", "nothing to compare with"
-    pairs = [(rows[0][name], rows[1][name]) for name in result.joints]
+    pairs = [(before.tracking[name], after.tracking[name]) for name in result.joints]
     if before.tool is not None and after.tool is not None:
         pairs = [(before.tool, after.tool)]
     if all(two.high < one.rms for one, two in pairs):

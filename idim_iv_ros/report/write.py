@@ -161,8 +161,6 @@ def _keep_other_report(out: Path, names: Sequence[str]) -> None:
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:
-    if isinstance(error, (NotADirectoryError, FileExistsError)):
-        reason = "a file is in its place"
-    else:
-        reason = error.strerror or str(error)
+    taken = isinstance(error, (NotADirectoryError, FileExistsError))
+    reason = "a file is in its place" if taken else error.strerror or str(error)
     return UsageError(f"{out}: cannot write the report there: {reason}; give another --out")

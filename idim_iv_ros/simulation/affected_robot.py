@@ -47,6 +47,11 @@ class JointContributions:
         return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
 
     @property
+    def curves(self) -> list[tuple[int, DriveCurve]]:
+        """Changes of commands in the order in which they act, each after its joint."""
+        return sorted(self.of(DriveCurve), key=lambda item: item[1].rank)
+
+    @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
         """Those between two joints."""
         return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
@@ -91,17 +96,37 @@ def affected_robot(
     shafts = joined_shafts(added.of(ShaftPart))
     parameters = split_drives(robot, parameters, [shaft.joint for shaft in shafts])
     shafts, pulsation = fastest_shaft(robot, parameters, shafts, position)
-    place = np.argsort(robot.order)
-    base = plant(robot, parameters)
-    n, extra = len(robot.joints), len(shafts)
+    base, place = plant(robot, parameters), np.argsort(robot.order)
+    friction = parameters.coulomb, parameters.viscous
+    changing, effects = affected_plant(base, friction, added, place, shafts, start_time)
+    longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
+    return AffectedRobot(changing, effects, shafts, float(longest))
+
+
+def affected_plant(
+    base: Plant,
+    friction: tuple[FloatArray, FloatArray],
+    added: JointContributions,
+    place: IntArray,
+    shafts: Sequence[Shaft],
+    start_time: float,
+) -> tuple[Plant, Effects]:
+    """Return the plant whose friction is that of the instant, and the effects that change it.
+
+    `friction`: dry and viscous friction (n_joints,) of the model, possibly negative: joints with
+    effects of friction have it in the place of the plant's, which is not. `place` (n_joints,): of
+    the joints in the plant.
+    """
+    coulomb, viscous = friction
+    n, extra = len(base.offset), len(shafts)
     dry, dissipative = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     level, damping = base.level.copy(), base.damping.copy()
     for joint, term in added.of(TorqueTerm):
         if term.friction:
             i = place[joint]
             dissipative[i] = True
-            level[i] = parameters.coulomb[joint]
-            damping[i, i] = parameters.viscous[joint]
+            level[i] = coulomb[joint]
+            damping[i, i] = viscous[joint]
             dry[i] |= term.dry
     model = _grown(base, level.copy(), damping, extra)
     for joint, term in added.of(TorqueTerm):
@@ -120,7 +145,7 @@ def affected_robot(
     link = np.arange(n)
     for k, shaft in enumerate(shafts):
         link[place[shaft.joint]] = n + k
-    arrays = Effects(
+    return changing, Effects(
         rows=effect_rows(added, place, first_coupling=len(unchanged) - couplings),
         level=unchanged,
         damping=grown.damping,
@@ -145,8 +170,6 @@ def affected_robot(
         rigid_mass=np.zeros((n, n)),
         measured=np.zeros((2, n)),
     )
-    longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
-    return AffectedRobot(changing, arrays, shafts, float(longest))
 
 
 _Row = tuple[int, int, Load, tuple[float, ...]]
@@ -165,7 +188,7 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
             contact += 1
     curves: list[_Row] = [
         (DRIVE_LAWS.index(curve.law), int(place[joint]), Load.LINKS, curve.values)
-        for joint, curve in sorted(added.of(DriveCurve), key=lambda item: item[1].rank)
+        for joint, curve in added.curves
     ]
     errors: list[_Row] = [
         (ENCODER_LAWS.index(error.law), int(place[joint]), Load.LINKS, error.values)

@@ -36,7 +36,6 @@ from idim_iv_ros.simulator_files.named import (
 from idim_iv_ros.simulator_files.robot import ExportedRobot, Result
 from idim_iv_ros.simulators.effects_file import effect_of_cause
 
-_LARGEST = 50.0  # MB
 _LONGEST_DELAY = 1.0  # s, as controller.delay
 _SAME = 1e-6  # relative to the largest of its kind: rounding of a file that was written again
 
@@ -57,7 +56,7 @@ def read_answer(
     Raises UsageError: it is neither, or of another robot or URDF, has no physically consistent
     parameters, or no cause that is to be left out.
     """
-    text = read_text(path, "the result", megabytes=_LARGEST)
+    text = read_text(path, "the result")
     kind = GapResult if ANY_GAP in text else IdentificationResult
     result: Result = kind.from_json(text, str(path))
     source, urdf = str(file), read_urdf_file(file)

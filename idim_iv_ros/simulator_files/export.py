@@ -1,29 +1,50 @@
-"""From a result to the files of a simulator: the whole of `idim-iv export`."""
+"""From a result to the files of a simulator: the whole of `idim-iv export`.
 
-from collections.abc import Collection, Mapping, Sequence
+Fields of Isaac Lab are those that are documented for 2.3 and 3.0 (`ActuatorBaseCfg`,
+`DelayedPDActuatorCfg`): since Isaac Sim 5 `friction` and `dynamic_friction` are efforts,
+`viscous_friction` a coefficient.
+"""
+
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.effects.registry import part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
+from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.answer import read_answer
-from idim_iv_ros.simulator_files.changes import changes_text
-from idim_iv_ros.simulator_files.isaac_lab import isaac_lab_text
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
-from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects
-from idim_iv_ros.simulator_files.randomization import RANDOMIZE, randomization
+from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects, number_text
+from idim_iv_ros.simulator_files.named import kind_of
+from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Ranges, randomization
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 from idim_iv_ros.simulators.effects_file import EffectsFile
+from idim_iv_ros.types import BoolArray
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
+_TEMPLATES = Environment(
+    loader=PackageLoader("idim_iv_ros.simulator_files"),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 _READ_BACK = 1e-6  # of the largest parameter of its kind: digits of a file
+_SOURCES = {
+    "recording": "recording",
+    "recording and nominal model": "recording; split by the {file}",
+    "nominal model": "{file}, as near as the rest lets it be: no motion shows it",
+}
+_ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "constant torque"}
 
 
 @dataclass(frozen=True)
@@ -132,18 +153,22 @@ def export(
     _require_other_files(made, source, path, configuration, force)
     texts, effects, more = (_of_mjcf if of_mjcf else _of_urdf)(robot, made)
     notes = (*robot.notes, *more)
-    document = EffectsFile(
+    ranges = None
+    if made.ranges is not None:
+        shown, ranges = randomization(robot, made.mjcf.name)
+        texts[made.ranges] = _file_text(RANDOMIZE, **shown)
+    texts[made.effects] = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
         recordings=robot.bags,
-    )
-    names, kind = [file.name for file in made.files], "MJCF" if of_mjcf else "URDF"
-    ranges = None
-    if made.ranges is not None:
-        texts[made.ranges], ranges = randomization(robot, made.mjcf.name)
-    texts[made.effects] = document.to_json()
-    texts[made.changes] = changes_text(robot, effects, names, notes, ranges=ranges, file=kind)
-    _write(texts, out)
+    ).to_json()
+    texts[made.changes] = _changes(robot, effects, made, notes, ranges)
+    try:
+        with made_folder(out):
+            write_together(texts)
+    except OSError as error:
+        reason = error.strerror or error
+        raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error
     return replace(
         made,
         not_native=tuple(
@@ -173,7 +198,7 @@ def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
     texts: dict[Path, bytes | str] = {
         made.urdf: written,
         made.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
-        made.isaac_lab: isaac_lab_text(robot, made.urdf.name, effects),
+        made.isaac_lab: _isaac_lab(robot, made.urdf.name, effects),
     }
     names = ", ".join(robot.coupled_friction)
     notes = (f"{names}: in {EFFECTS} and the MJCF; a URDF has no place",) if names else ()
@@ -201,6 +226,11 @@ def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
     if configuration.simulator.armature is not None:
         notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
     return {made.mjcf: written}, robot.effects, notes
+
+
+def _file_text(template: str, **shown: object) -> str:
+    """Return the text of a file from its template under ``templates/``."""
+    return _TEMPLATES.get_template(f"{template}.j2").render(shown)
 
 
 def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = False) -> None:
@@ -256,11 +286,103 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
     return lines
 
 
-def _write(contents: Mapping[Path, bytes | str], out: Path) -> None:
-    """Write all files, or none, and no folder either."""
-    try:
-        with made_folder(out):
-            write_together(contents)
-    except OSError as error:
-        reason = error.strerror or error
-        raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error
+def _changes(
+    robot: ExportedRobot,
+    effects: Sequence[SimulatedEffect],
+    made: Exported,
+    notes: Sequence[str],
+    ranges: Ranges | None,
+) -> str:
+    """What is new in the files, how sure it is, and where it comes from."""
+    joints, remainder = robot.robot.joints, robot.model.remainder
+    file = "MJCF" if made.urdf is None else "URDF"
+    moved = () if remainder is None else zip(joints, remainder.links, remainder.drives, strict=True)
+    beside = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
+    if any(robot.values("off")):
+        beside.append(("torque_offset", robot.values("off"), "N m"))
+    return _file_text(
+        "changes.md",
+        robot=robot,
+        errors=() if robot.gap is None else robot.gap.parameter_errors,
+        files=[path.name for path in made.files],
+        file=file,
+        rows=[
+            _row(parameter, joints, file)
+            for parameter in robot.model.parameters
+            if robot.refit or parameter.source != "nominal model"
+        ],
+        moved=[
+            f"{joint} (link {100.0 * link:.1f} %, drive and friction {100.0 * drive:.1f} %)"
+            for joint, link, drive in moved
+            if link or drive
+        ],
+        ranges=ranges,
+        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in beside],
+        effects=effects,
+        notes=[*robot.remarks, *notes],
+    )
+
+
+def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[str, ...]:
+    name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
+    kind = kind_of(name)
+    where = ""
+    if kind in _ELEMENTS:
+        where = f" ({_ELEMENTS[kind]} of {joints[int(name.removeprefix(kind)) - 1]})"
+    spread, score = (f"{1.96 * std:.2g}", f"{(value - given) / std:+.1f}") if std else ("–", "–")
+    source = _SOURCES[parameter.source].format(file=file)
+    return f"{name}{where}", f"{given:.6g}", f"{value:.6g}", spread, score, parameter.unit, source
+
+
+def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[SimulatedEffect]) -> str:
+    """Return the file, for the exported URDF of that name beside it.
+
+    Effects that no field expresses are listed in a comment.
+    """
+    law = exported.law
+    delayed = bool(law.configured and any(law.delay))
+    # A delay is that of a group: one for each length.
+    steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
+    parts = [(effect, part_of(effect.effect)) for effect in effects]
+    return _file_text(
+        "isaac_lab.py",
+        robot=exported.robot,
+        couplings=exported.drives.couplings,
+        law=law,
+        offsets=dict(zip(exported.robot.joints, exported.drives.offset, strict=True)),
+        origin=exported.origin,
+        urdf=urdf_name,
+        delayed=delayed,
+        groups={delay: _fields(exported, np.equal(steps, delay)) for delay in sorted(set(steps))},
+        effects=[
+            effect
+            for effect, part in parts
+            if part not in ("delay", "offset") and (part != "gains" or law.beyond)
+        ],
+    )
+
+
+def _fields(
+    exported: ExportedRobot, chosen: BoolArray
+) -> tuple[list[str], list[tuple[str, str, dict[str, float]]]]:
+    """Names of the chosen joints (n,), and the fields of their group that have finite numbers.
+
+    A field is its name, its unit, and the numbers by joint.
+    """
+    names, values, law = np.array(exported.robot.joints), exported.drives, exported.law
+    gains = [("stiffness", law.kp, "N m/rad"), ("damping", law.kd, "N m s/rad")]
+    fields = [
+        *(gains if law.configured else []),
+        ("armature", values.armature, "kg m2"),
+        ("friction", values.friction, "N m: static, an effort"),
+        ("dynamic_friction", values.friction, "N m: Coulomb; static friction beyond it is unknown"),
+        ("viscous_friction", values.damping, "N m s/rad"),
+        ("effort_limit", law.limit, "N m"),
+    ]
+    listed = []
+    for field, numbers, unit in fields:
+        there = np.isfinite(numbers) & chosen
+        if there.any():
+            by_joint = zip(names[there].tolist(), numbers[there].tolist(), strict=True)
+            listed.append((field, unit, dict(by_joint)))
+    return names[chosen].tolist(), listed

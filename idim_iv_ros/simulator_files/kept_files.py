@@ -1,35 +1,34 @@
 """A user's own URDF or MJCF with other values in it, and links or bodies for payloads.
 
-What an `<inertial>` of the file is written as stays: `fullinertia` in the axes of the body, or
-`diaginertia` with a `quat`. Attributes that a default class gives are written at the joint itself.
+Comments, order and line ends stay; blanks may not. What an `<inertial>` of the file is written as
+stays: `fullinertia` in the axes of the body, or `diaginertia` with a `quat`. Attributes that a
+default class gives are written at the joint itself.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
+from xml.dom import minidom
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
+from xml.parsers.expat import ExpatError
 
 import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model.mjcf import compiled_mjcf
+from idim_iv_ros.model.mjcf import compiled_mjcf, element
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
-from idim_iv_ros.simulator_files.file_text import (
+from idim_iv_ros.simulator_files.mjcf import (
     comment,
-    element,
-    elements,
-    insert,
+    friction_solver,
+    inertial_of,
     number_text,
     numbers_text,
-    read_xml,
-    set_child,
-    set_values,
-    written_xml,
 )
-from idim_iv_ros.simulator_files.mjcf import friction_solver, inertial_of
 from idim_iv_ros.simulator_files.named import Load
 from idim_iv_ros.simulator_files.robot import ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
@@ -42,6 +41,88 @@ _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the us
 _NEAR = 0.1  # of it: known no better from a recording
 # Of a sum that was taken apart again: what differs by less is rounding.
 _ROUNDING = 1e-14
+
+_DECLARATION = re.compile(rb"\s*<\?xml[^>]*\?>")
+
+
+def read_xml(content: bytes, source: str) -> Any:
+    """Return the document of a file, `source` in messages.
+
+    Raises UsageError: no XML, UTF-16, or entities of its own.
+    """
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise UsageError(f"{source}: is UTF-16; write it as UTF-8")
+    if b"<!ENTITY" in content:
+        raise UsageError(f"{source}: declares XML entities, which no robot model has")
+    try:
+        return minidom.parseString(content)
+    except ExpatError as error:
+        raise UsageError(f"{source}: not XML whose values can be changed: {error}") from error
+
+
+def written_xml(document: Any, content: bytes) -> bytes:
+    """Return the text of a document with the declaration, encoding and line ends of its file."""
+    declaration = _DECLARATION.match(content.removeprefix(b"\xef\xbb\xbf"))
+    parts = [] if declaration is None else [declaration[0].strip().decode()]
+    parts += [node.toxml() for node in document.childNodes]
+    text = "\n".join(parts) + ("\n" if content.endswith(b"\n") else "")
+    if b"\r\n" in content:
+        text = text.replace("\n", "\r\n")
+    return text.encode(document.encoding or "utf-8", "xmlcharrefreplace")
+
+
+def elements(parent: Any, *tags: str) -> Iterator[Any]:
+    """Child elements, those with one of these names if any are given, in their order."""
+    for node in parent.childNodes:
+        if node.nodeType == node.ELEMENT_NODE and (not tags or node.tagName in tags):
+            yield node
+
+
+def set_values(node: Any, values: Mapping[str, str], *, zeros: bool = False) -> None:
+    """Give attributes other values where they differ; add those that are missing.
+
+    `zeros`: also those that are missing and zero.
+    """
+    for key, text in values.items():
+        if node.hasAttribute(key):
+            if not _same_numbers(node.getAttribute(key), text):
+                node.setAttribute(key, text)
+        elif zeros or any(float(word) for word in text.split()):
+            node.setAttribute(key, text)
+
+
+def set_child(parent: Any, tag: str, values: Mapping[str, str], *, first: bool) -> None:
+    """Give the attributes of a child element other values; insert it where it is missing."""
+    child = next(elements(parent, tag), None)
+    if child is None:
+        insert(parent, Element(tag, dict(values)), first=first)
+    else:
+        set_values(child, values)
+
+
+def insert(parent: Any, *new: Element, first: bool) -> None:
+    """Put elements and comments behind the start tag of an element, or before its end tag."""
+    indent, ancestor = "\n", parent
+    while ancestor.nodeType != ancestor.DOCUMENT_NODE:
+        indent, ancestor = indent + "  ", ancestor.parentNode
+    text = ""
+    for node in new:
+        ElementTree.indent(node)
+        text += indent + ElementTree.tostring(node, encoding="unicode").replace("\n", indent)
+    before = parent.firstChild if first else parent.lastChild
+    if not first and before is not None and before.nodeType != before.TEXT_NODE:
+        before = None
+    if before is None:
+        text += indent[:-2]
+    parsed: Any = minidom.parseString(f"<new>{text}</new>").documentElement
+    for node in list(parsed.childNodes):
+        parent.insertBefore(parent.ownerDocument.importNode(node, True), before)
+
+
+def _same_numbers(before: str, text: str) -> bool:
+    """Whether two texts have the same numbers but for their rounding."""
+    old, new = ([float(word) for word in numbers.split()] for numbers in (before, text))
+    return len(new) == len(old) and np.allclose(new, old, rtol=1e-12, atol=0.0)
 
 
 def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
@@ -197,8 +278,8 @@ class _Mjcf:
 
     def add_payload(self, name: str, link: str, load: Load) -> None:
         """A body of its own within the one that carries it."""
-        place = {"name": name, "pos": numbers_text(self._anchor(link))}
-        body = element("body", place, Element("inertial", inertial_of(load.body)))
+        inertial = element("inertial", **inertial_of(load.body))
+        body = element("body", inertial, name=name, pos=numbers_text(self._anchor(link)))
         insert(self._body(link), comment(load.words), body, first=True)
 
     def _anchor(self, link: str) -> FloatArray:
@@ -260,9 +341,9 @@ def with_values(
         texts = {key: number_text(value) for key, value in values.items()}
         set_child(places["joint", name], "dynamics", texts, first=False)
     for name, (carrier, load) in mounted.items():
-        ends = Element("parent", link=carrier), Element("child", link=name)
-        joint = element("joint", {"name": f"{name}_fixed", "type": "fixed"}, *ends)
-        link = element("link", {"name": name}, _inertial(load.body))
+        ends = element("parent", link=carrier), element("child", link=name)
+        joint = element("joint", *ends, name=f"{name}_fixed", type="fixed")
+        link = element("link", _inertial(load.body), name=name)
         insert(robot, comment(load.words), link, joint, first=False)
     return written_xml(document, content)
 
@@ -275,10 +356,9 @@ def _moments(body: pin.Inertia) -> dict[str, str]:
 def _inertial(body: pin.Inertia) -> Element:
     return element(
         "inertial",
-        {},
-        Element("origin", xyz=numbers_text(body.lever), rpy="0 0 0"),
-        Element("mass", value=number_text(body.mass)),
-        Element("inertia", _moments(body)),
+        element("origin", xyz=numbers_text(body.lever), rpy="0 0 0"),
+        element("mass", value=number_text(body.mass)),
+        element("inertia", **_moments(body)),
     )
 
 

@@ -9,10 +9,11 @@ the catalogue. All these stay with `Effects`.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +21,9 @@ import pinocchio as pin
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.model.mjcf import element
+from idim_iv_ros.model.parameters import body_of
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.file_text import comment, number_text, numbers_text
 from idim_iv_ros.simulator_files.robot import Coupled, DriveLaw, ExportedRobot, JointValues
 from idim_iv_ros.types import FloatArray
 
@@ -40,25 +41,18 @@ class NativeEffects:
 
     def take(self, effect: SimulatedEffect, robot: RobotModel) -> bool:
         """Hold an effect; False where MuJoCo has no element for it."""
-        cause = BY_NAME[effect.effect]
-        if not cause.element_of or effect.joint is None:
+        if effect.joint is None:
             return False
-        joint = robot.joints.index(effect.joint)
+        name, joint = effect.joint, robot.joints.index(effect.joint)
         low, high = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
-        element = cause.element(effect.parameters, low, high)
-        if element is None:
+        made = BY_NAME[effect.effect].element(effect.parameters, low, high)
+        if made is None or (made.tendon and effect.other_joint is None):
             return False
-        name = effect.joint
-        for numbers, values in (
-            (self.damping, element.damping),
-            (self.stiffness, element.stiffness),
-        ):
+        for numbers, values in ((self.damping, made.damping), (self.stiffness, made.stiffness)):
             if values:
-                numbers[joint] = numbers.get(joint, np.zeros(len(values))) + values
-        if element.tendon:
-            if effect.other_joint is None:
-                return False
-            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *element.tendon)
+                numbers[joint] = numbers.get(joint, 0.0) + np.array(values)
+        if made.tendon and effect.other_joint is not None:
+            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *made.tendon)
             self.couplings.append(tendon)
             name = tendon.name(robot.joints)
         self.listed.setdefault(effect.effect, []).append(name)
@@ -119,27 +113,23 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     """
     robot, law = exported.robot, exported.law
     values = _behind_transmission(exported.drives, robot)
-    model = _Model(robot, exported.urdf, values, law, native)
-    root = Element("mujoco", model=robot.name)
-    for line in comments:
-        root.append(comment(line))
-    SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    SubElement(
-        root,
-        "option",
-        timestep=_number(law.period),
-        gravity=_numbers(exported.model.gravity),
-        integrator="implicitfast",
+    tendons = [_tendon(coupling, robot) for coupling in (*values.couplings, *native.couplings)]
+    root = element(
+        "mujoco",
+        *map(comment, comments),
+        element("compiler", angle="radian", autolimits="true", inertiafromgeom="false"),
+        element(
+            "option",
+            timestep=_exact(law.period),
+            gravity=_exact(*exported.model.gravity),
+            integrator="implicitfast",
+        ),
+        element("custom", *_custom(law, native)),
+        _world(exported, values, native),
+        *([element("tendon", *tendons)] if tendons else []),
+        element("actuator", *_actuators(law, robot.joints)),
+        model=robot.name,
     )
-    model.add_custom(SubElement(root, "custom"))
-    bodies = model.add_bodies(SubElement(root, "worldbody"))
-    for name, (_, load) in exported.mounted.items():
-        carrier = bodies[load.joint]
-        carrier.append(comment(load.words))
-        SubElement(SubElement(carrier, "body", name=name), "inertial", inertial_of(load.body))
-    if couplings := [*values.couplings, *native.couplings]:
-        model.add_tendons(SubElement(root, "tendon"), couplings)
-    model.add_actuators(SubElement(root, "actuator"))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -161,133 +151,138 @@ def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
     return replace(values, armature=armature, damping=damping)
 
 
-@dataclass(frozen=True)
-class _Model:
-    """What the elements of the model are made from."""
+def _custom(law: DriveLaw, native: NativeEffects) -> Iterator[Element]:
+    """The law, for a loop that runs it itself, and the names of elements that are effects.
 
-    robot: RobotModel
-    urdf: Urdf
-    values: JointValues
-    law: DriveLaw
-    native: NativeEffects
+    Who reads the file as a nominal model leaves these effects out.
+    """
+    yield element("text", name="control_law", data=law.words)
+    for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
+        yield element("numeric", name=name, size=str(len(gains)), data=_exact(*gains))
+    yield element("numeric", name="period", data=_exact(law.period))
+    for effect, names in native.listed.items():
+        kind = BY_NAME[effect].element_of
+        listed = (element("element", objtype=kind, objname=name) for name in dict.fromkeys(names))
+        yield element("tuple", *listed, name=effect)
 
-    def add_custom(self, custom: Element) -> None:
-        """The law, for a loop that runs it itself, and the names of elements that are effects.
 
-        Who reads the file as a nominal model leaves these effects out.
-        """
-        law, size = self.law, str(len(self.robot.joints))
-        SubElement(custom, "text", name="control_law", data=law.words)
-        for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
-            SubElement(custom, "numeric", name=name, size=size, data=_numbers(gains))
-        SubElement(custom, "numeric", name="period", data=_number(law.period))
-        for effect, names in self.native.listed.items():
-            listed, kind = SubElement(custom, "tuple", name=effect), BY_NAME[effect].element_of
-            for name in dict.fromkeys(names):
-                SubElement(listed, "element", objtype=kind, objname=name)
+def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) -> Element:
+    """One body for each joint, in the order of the tree, and one for each payload."""
+    robot, tree = exported.robot, exported.robot.pinocchio
+    bodies, carriers = [element("worldbody")], {}
+    for index, joint in enumerate(robot.order, start=1):
+        name = robot.joints[joint]
+        carried = body_of(exported.bodies[name])
+        body = element(
+            "body",
+            element("inertial", **inertial_of(carried)),
+            element("joint", **_joint(exported, values, native, int(joint))),
+            element("geom", **_drawn(tree, index, carried)),
+            name=exported.urdf.joints[name].child,
+            **_placement(tree.jointPlacements[index]),
+        )
+        bodies[int(tree.parents[index])].append(body)
+        bodies.append(body)
+        carriers[name] = body
+    for name, (_, load) in exported.mounted.items():
+        body = element("body", element("inertial", **inertial_of(load.body)), name=name)
+        carriers[load.joint].extend((comment(load.words), body))
+    return bodies[0]
 
-    def add_bodies(self, world: Element) -> dict[str, Element]:
-        """One body for each joint, in the order of the tree; returned by joint."""
-        tree = self.robot.pinocchio
-        bodies = [world]
-        for index, joint in enumerate(self.robot.order, start=1):
-            link = self.urdf.joints[self.robot.joints[joint]].child
-            attributes = {"name": link, **_placement(tree.jointPlacements[index])}
-            body = SubElement(bodies[int(tree.parents[index])], "body", attributes)
-            SubElement(body, "inertial", inertial_of(self.values.bodies[joint]))
-            SubElement(body, "joint", self._joint(int(joint)))
-            SubElement(body, "geom", self._drawn(index, self.values.bodies[joint]))
-            bodies.append(body)
-        names = (self.robot.joints[joint] for joint in self.robot.order)
-        return dict(zip(names, bodies[1:], strict=True))
 
-    def _joint(self, joint: int) -> dict[str, str]:
-        robot, values, native = self.robot, self.values, self.native
-        axis = np.array(self.urdf.joints[robot.joints[joint]].axis)
-        damping = [values.damping[joint], *native.damping.get(joint, ())]
-        attributes = {
-            "name": robot.joints[joint],
-            "type": "hinge" if robot.joint_types[joint] == "revolute" else "slide",
-            "axis": _numbers(axis / np.linalg.norm(axis)),
-            "armature": number_text(values.armature[joint]),
-            "damping": numbers_text(np.array(damping)),
-            "frictionloss": number_text(values.friction[joint]),
-        }
-        if values.friction[joint] > 0.0:
-            attributes |= friction_solver(float(values.lead[joint]), self.law.period)
-        limits = [robot.limits.lower[joint], robot.limits.upper[joint]]
-        if np.all(np.isfinite(limits)):
-            attributes["range"] = _numbers(limits)
-        if joint in native.stiffness:
-            attributes["stiffness"] = _numbers(native.stiffness[joint])
-        limit = self.law.limit[joint]
-        if self.law.in_actuators and math.isfinite(limit):
-            attributes["actuatorfrcrange"] = _numbers([-limit, limit])
-        return attributes
+def _joint(
+    exported: ExportedRobot, values: JointValues, native: NativeEffects, joint: int
+) -> dict[str, str]:
+    robot, law = exported.robot, exported.law
+    axis = np.array(exported.urdf.joints[robot.joints[joint]].axis)
+    damping = np.array([values.damping[joint], *native.damping.get(joint, ())])
+    attributes = {
+        "name": robot.joints[joint],
+        "type": "hinge" if robot.joint_types[joint] == "revolute" else "slide",
+        "axis": _exact(*axis / np.linalg.norm(axis)),
+        "armature": number_text(values.armature[joint]),
+        "damping": numbers_text(damping),
+        "frictionloss": number_text(values.friction[joint]),
+    }
+    if values.friction[joint] > 0.0:
+        attributes |= friction_solver(float(values.lead[joint]), law.period)
+    limits = [robot.limits.lower[joint], robot.limits.upper[joint]]
+    if np.all(np.isfinite(limits)):
+        attributes["range"] = _exact(*limits)
+    if joint in native.stiffness:
+        attributes["stiffness"] = _exact(*native.stiffness[joint])
+    limit = law.limit[joint]
+    if law.in_actuators and math.isfinite(limit):
+        attributes["actuatorfrcrange"] = _exact(-limit, limit)
+    return attributes
 
-    def _drawn(self, index: int, body: pin.Inertia) -> dict[str, str]:
-        """Something to look at: it neither weighs nor touches anything."""
-        tree = self.robot.pinocchio
-        children = [k for k in range(1, tree.njoints) if int(tree.parents[k]) == index]
-        end = 2.0 * body.lever
-        if children:
-            end = np.array(tree.jointPlacements[children[0]].translation)
-        length = float(np.linalg.norm(end))
-        shape = {"type": "sphere", "size": "0.03"}
-        if length > 1e-3:
-            size = _number(round(_THICKNESS * length, 4))
-            shape = {"type": "capsule", "fromto": _numbers([0.0, 0.0, 0.0, *end]), "size": size}
-        return shape | {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
 
-    def add_tendons(self, element: Element, couplings: Sequence[Coupled]) -> None:
-        """Fixed tendons of coupled drives, and of effects."""
-        joints = self.robot.joints
-        for coupling in couplings:
-            tendon = SubElement(
-                element,
-                "fixed",
-                name=coupling.name(joints),
-                armature=_number(coupling.inertia),
-                damping=_number(coupling.damping),
-                frictionloss=_number(coupling.friction),
-            )
-            for joint, sign in ((coupling.first, 1.0), (coupling.second, coupling.direction)):
-                SubElement(tendon, "joint", joint=joints[joint], coef=_number(sign))
+def _drawn(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
+    """Something to look at: it neither weighs nor touches anything."""
+    children = (k for k in range(1, tree.njoints) if int(tree.parents[k]) == index)
+    child = next(children, None)
+    end = 2.0 * body.lever if child is None else np.array(tree.jointPlacements[child].translation)
+    length = float(np.linalg.norm(end))
+    shape = {"type": "sphere", "size": "0.03"}
+    if length > 1e-3:
+        size = _exact(round(_THICKNESS * length, 4))
+        shape = {"type": "capsule", "fromto": _exact(0.0, 0.0, 0.0, *end), "size": size}
+    return shape | {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
 
-    def add_actuators(self, element: Element) -> None:
-        """The law at each joint, or a motor."""
-        law, joints = self.law, self.robot.joints
-        for joint, name in enumerate(joints):
-            gain, kd = (law.kp[joint], law.kd[joint]) if law.in_actuators else (1.0, 0.0)
-            attributes = {
-                "name": name,
-                "joint": name,
-                "gainprm": _number(gain),
-                "biastype": "affine",
-                "biasprm": _numbers([0.0, -gain if law.in_actuators else 0.0, -kd]),
-            }
-            if not law.in_actuators and math.isfinite(law.limit[joint]):
-                attributes["ctrlrange"] = _numbers([-law.limit[joint], law.limit[joint]])
-            if law.delay[joint] > 0.0:  # no law with a delay is in the actuators
-                samples = math.ceil(law.delay[joint] / law.period - 1e-9) + 1
-                attributes |= {"delay": _number(law.delay[joint]), "nsample": str(samples)}
-            SubElement(element, "general", attributes)
-        if law.in_actuators and law.velocity_reference:
-            for name, gain in zip(joints, law.kd, strict=True):
-                attributes = {"name": f"{name}_velocity", "joint": name, "gainprm": _number(gain)}
-                SubElement(element, "general", attributes)
+
+def _tendon(coupling: Coupled, robot: RobotModel) -> Element:
+    """Fixed tendon of a coupled drive, or of an effect."""
+    ends = ((coupling.first, 1.0), (coupling.second, coupling.direction))
+    return element(
+        "fixed",
+        *(element("joint", joint=robot.joints[k], coef=_exact(sign)) for k, sign in ends),
+        name=coupling.name(robot.joints),
+        armature=_exact(coupling.inertia),
+        damping=_exact(coupling.damping),
+        frictionloss=_exact(coupling.friction),
+    )
+
+
+def _actuators(law: DriveLaw, joints: Sequence[str]) -> Iterator[Element]:
+    """The law at each joint, or a motor."""
+    for joint, name in enumerate(joints):
+        kp, gain, kd = 0.0, 1.0, 0.0
+        if law.in_actuators:
+            kp, gain, kd = law.kp[joint], law.kp[joint], law.kd[joint]
+        attributes = {"biastype": "affine", "biasprm": _exact(0.0, -kp, -kd)}
+        if not law.in_actuators and math.isfinite(law.limit[joint]):
+            attributes["ctrlrange"] = _exact(-law.limit[joint], law.limit[joint])
+        if law.delay[joint] > 0.0:  # no law with a delay is in the actuators
+            samples = math.ceil(law.delay[joint] / law.period - 1e-9) + 1
+            attributes |= {"delay": _exact(law.delay[joint]), "nsample": str(samples)}
+        yield element("general", name=name, joint=name, gainprm=_exact(gain), **attributes)
+    if law.in_actuators and law.velocity_reference:
+        for name, gain in zip(joints, law.kd, strict=True):
+            yield element("general", name=f"{name}_velocity", joint=name, gainprm=_exact(gain))
 
 
 def _placement(place: pin.SE3) -> dict[str, str]:
-    quaternion = pin.Quaternion(place.rotation)
-    quaternion.normalize()
-    parts = [quaternion.w, quaternion.x, quaternion.y, quaternion.z]
-    return {"pos": _numbers(np.array(place.translation)), "quat": _numbers(parts)}
+    turn = pin.Quaternion(place.rotation).normalized()
+    return {"pos": _exact(*place.translation), "quat": _exact(turn.w, turn.x, turn.y, turn.z)}
 
 
-def _number(value: float) -> str:
-    return repr(float(value) + 0.0)
+def _exact(*values: float) -> str:
+    """Numbers with all their digits."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def _numbers(values: Sequence[float] | FloatArray) -> str:
-    return " ".join(_number(value) for value in values)
+def number_text(value: float) -> str:
+    """With more digits than any interval has a use for, and no rounding of sums."""
+    return f"{float(value) + 0.0:.8g}"
+
+
+def numbers_text(values: FloatArray) -> str:
+    """Several of one kind, with the digits that the largest has."""
+    largest = float(np.abs(values).max())
+    digits = 7 - math.floor(math.log10(largest)) if largest > 0.0 else 0
+    return " ".join(number_text(round(float(value), digits)) for value in values)
+
+
+def comment(text: str) -> Any:
+    """A text as an XML comment."""
+    return ElementTree.Comment(f" {text.replace('--', '- -')} ")

@@ -25,13 +25,14 @@ from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
-from idim_iv_ros.physical.pseudo_inertia import ReferenceLink
+from idim_iv_ros.physical.pseudo_inertia import ReferenceLink, pseudo_inertia, upper_root
 from idim_iv_ros.physical.remainder import Remainder, spread_remainder
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.links import is_possible
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
+# Of the nominal link the rest must have at least this share in every direction.
+_LEAST = 1e-4
 # Torque that bodies and friction would take for theirs.
 _NO_BODY = ("torque scale", "gravity")
 
@@ -96,15 +97,13 @@ def kept_causes(
 
 def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
     """Values with the half-widths of their 95 % intervals."""
-    return ", ".join(
-        (
-            f"{name.replace('_', ' ')} {_rounded(parameter):.6g} ± {1.96 * parameter.std:.2g} "
-            f"{parameter.unit}"
-        ).strip()
-        if parameter.std
-        else f"{name.replace('_', ' ')} {parameter.value:.4g} {parameter.unit}".strip()
-        for name, parameter in parameters.items()
-    )
+    words = []
+    for name, number in parameters.items():
+        value = f"{number.value:.4g}"
+        if number.std:
+            value = f"{_rounded(number):.6g} ± {1.96 * number.std:.2g}"
+        words.append(f"{name.replace('_', ' ')} {value} {number.unit}".strip())
+    return ", ".join(words)
 
 
 def corrected_model(
@@ -306,6 +305,16 @@ def _nearest(
         raise UsageError(TO_INSTALL) from error
     except DataError as error:
         raise UsageError(f"{source}: no body has such numbers ({error}); use --refit") from error
+
+
+def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
+    """Whether a body has these parameters, and no sliver of the reference is left."""
+    try:
+        root = np.linalg.inv(upper_root(pseudo_inertia(reference)))
+    except np.linalg.LinAlgError:
+        return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
+    relative = root @ pseudo_inertia(parameters) @ root.T
+    return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
 
 
 def _rounded(number: EffectParameter) -> float:

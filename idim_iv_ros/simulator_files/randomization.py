@@ -5,13 +5,12 @@ varies; sums that it shows alone stay while their parts vary; what no motion sho
 as the nominal numbers prove to be elsewhere.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
 from idim_iv_ros.physical.remainder import Uncertainty, lower_root
-from idim_iv_ros.simulator_files.file_text import file_text
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.robot import ExportedRobot
 
@@ -28,8 +27,8 @@ class Ranges(NamedTuple):
     rows: list[tuple[str, ...]]
 
 
-def randomization(exported: ExportedRobot, model: str) -> tuple[str, Ranges]:
-    """Return `sample(model, rng)` as a file, and what it varies.
+def randomization(exported: ExportedRobot, model: str) -> tuple[dict[str, Any], Ranges]:
+    """Return what the file of `sample(model, rng)` shows, and what it varies.
 
     The exported parameters hold what no cause explains; `model` is the name of their MJCF.
     """
@@ -52,16 +51,15 @@ def randomization(exported: ExportedRobot, model: str) -> tuple[str, Ranges]:
         cells = (of_joint.get(field, "–") for field in _FIELDS.values())
         lines.append((name, f"{mass:.4g} ± {half:.2g}", f"± {shift}", *cells))
         bodies.append((kind, name, reference.factor))
-    text = file_text(
-        RANDOMIZE,
-        model=model,
-        origin=exported.origin,
-        bodies=bodies,
-        joints=[(field, joint) for joint, fields in drives.items() for field in fields],
-        least=LEAST_OF_NOMINAL,
-        root=lower_root(uncertainty.root[[*range(10 * len(bodies)), *drive_rows]]),
-    )
-    return text, Ranges(uncertainty.link, uncertainty.drive, lines)
+    shown = {
+        "model": model,
+        "origin": exported.origin,
+        "bodies": bodies,
+        "joints": [(field, joint) for joint, fields in drives.items() for field in fields],
+        "least": LEAST_OF_NOMINAL,
+        "root": lower_root(uncertainty.root[[*range(10 * len(bodies)), *drive_rows]]),
+    }
+    return shown, Ranges(uncertainty.link, uncertainty.drive, lines)
 
 
 def _drives(

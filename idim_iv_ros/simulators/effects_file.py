@@ -12,7 +12,6 @@ from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
 
 EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
-_LARGEST = 50.0  # MB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +30,7 @@ class EffectsFile(Document):
     base_parameters: dict[str, float] = field(default_factory=dict)
     effects: tuple[SimulatedEffect, ...] = ()
     recordings: tuple[str, ...] = ()
-    place: Unsaved[str] = ""  # of the base parameters, for messages: file and key
+    place: Unsaved[str] = ""  # of the base parameters, for messages: what stands before their names
 
     def changed(self, nominal: Mapping[str, float]) -> dict[str, float]:
         """Return base parameters by name with these in their place.
@@ -41,7 +40,7 @@ class EffectsFile(Document):
         for name in self.base_parameters:
             if name not in nominal:
                 raise UsageError(
-                    f"{self.place}.{name} is not a base parameter of this robot; they are "
+                    f"{self.place}{name} is not a base parameter of this robot; they are "
                     f"{', '.join(nominal)}"
                 )
         return {**nominal, **self.base_parameters}
@@ -58,7 +57,7 @@ def read_effects(path: Path) -> EffectsFile:
 
     Raises UsageError: the file cannot be read, or is neither.
     """
-    text = read_text(path, "the diagnosis", megabytes=_LARGEST)
+    text = read_text(path, "the diagnosis")
     if text.lstrip("\ufeff \t\r\n").startswith("<"):
         raise UsageError(
             f"{path}: is XML, not effects: --effects takes effects.json or gap.json, "
@@ -69,13 +68,13 @@ def read_effects(path: Path) -> EffectsFile:
         effects = tuple(
             replace(effect, source=f"{path}: effects.{k}") for k, effect in enumerate(file.effects)
         )
-        return replace(file, effects=effects, place=f"{path}: base_parameters")
+        return replace(file, effects=effects, place=f"{path}: base_parameters.")
     gap = GapResult.from_json(text, str(path))
     effects = tuple(
         effect_of_cause(cause, f"{path}: causes.{k}") for k, cause in enumerate(gap.causes)
     )
     parameters = {name: parameter.value for name, parameter in gap.extended_parameters.items()}
-    place = f"{path}: extended_parameters"
+    place = f"{path}: extended_parameters."
     return EffectsFile(
         base_parameters=parameters, effects=effects, recordings=gap.bags, place=place
     )

@@ -10,38 +10,52 @@
         effects.apply(model, data)
         mujoco.mj_step(model, data)
 
+The laws, and when they are asked, are those of `simulation.effect_kernel`: what opposes motion
+becomes dry friction and damping of the step, which MuJoCo solves together with contacts and limits,
+and what does not becomes an applied force.
+
 `apply` writes of the joints that have effects: `dof_frictionloss` and `dof_damping` of the model,
 and `qfrc_applied` of the data. But for constant torques it takes their dry friction as stiff as
 MuJoCo allows (`dof_solref`, `dof_solimp`), since with the defaults a joint at rest creeps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from idim_iv_ros.compilation import entry, source_digest
+from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.contribution import (
+    LEAST_SPEED,
     CommandDelay,
     DriveCurve,
     EncoderError,
     LawChange,
-    TorqueTerm,
 )
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.simulation import dry_friction, effect_kernel
 from idim_iv_ros.simulation.affected_robot import (
-    STICKS,
     JointContributions,
+    affected_plant,
     contributions_of,
-    effect_rows,
+    encoder_error,
+)
+from idim_iv_ros.simulation.dry_friction import slip
+from idim_iv_ros.simulation.effect_kernel import (
+    LEAST_LEVEL,
+    advance_states,
+    effect_torques,
+    states_turn,
 )
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.simulators.effects_file import read_effects
-from idim_iv_ros.simulators.mujoco_kernel import Friction, Motion, drives, encoders, torques
 from idim_iv_ros.simulators.mujoco_parts import (
     SHAFT,
     MujocoShafts,
@@ -49,7 +63,7 @@ from idim_iv_ros.simulators.mujoco_parts import (
     first_column,
     model_with_effects,
 )
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 __all__ = ["Effects", "model_with_effects"]
 
@@ -86,7 +100,6 @@ class Effects:
         self, model: Any, effects: FilePath | Sequence[SimulatedEffect], *, start_time: float = 0.0
     ) -> None:
         self._mujoco = load_mujoco("Effects")
-        self._start_time = start_time
         if isinstance(effects, str | PathLike):
             effects = read_effects(Path(effects)).effects
         given = [effect for effect in effects if not effect.native]
@@ -101,21 +114,26 @@ class Effects:
         self._qpos = np.array([int(joint.qposadr[0]) for joint in joints], dtype=np.int64)
         # Numbered as the joints with effects, not as all of the model.
         numbered = joint_effects(given, self.joints)
-        added = contributions_of(numbered, model.dof_frictionloss[self._dof])
+        added = self._added = contributions_of(numbered, model.dof_frictionloss[self._dof])
         self._offset = np.zeros(len(joints))
         for effect in constant:
             if effect.joint in self.joints:
                 place = self.joints.index(effect.joint)
                 self._offset[place] += effect.parameters.get("offset", 0.0)
+        self._curves = added.curves
         self.notes = tuple(
             f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
             "there"
             for joint, _ in added.of(LawChange)
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
-        self._compile(model, added)
-        rubbing = self._friction.dissipative | self._friction.dry[: len(joints)]
-        rubbing |= self._friction.model_level > 0.0
+        self._plant, self._effects = self._compiled(model, added, start_time)
+        self._friction = np.zeros((2, len(self._plant.level)))
+        self._mode, self._push = self._friction[0].astype(np.int64), self._friction[0].copy()
+        tendons = [_tendon(model, *(self.joints[k] for k in pair)) for *pair, _ in added.couplings]
+        self._tendons = np.array(tendons, dtype=np.int64)
+        rubbing = self._effects.dissipative | self._effects.dry[: len(joints)]
+        rubbing |= self._effects.model_level[: len(joints)] > 0.0
         rubbing &= [name in affected for name in self.joints]
         reference = (2.0 * model.opt.timestep, 1.0)
         for dof in self._dof[rubbing]:
@@ -132,42 +150,35 @@ class Effects:
             self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
 
-    def _compile(self, model: Any, added: JointContributions) -> None:
-        """Shape friction and contributions for compiled code; find the tendons of couplings."""
-        n, couplings = len(self.joints), added.couplings
-        model_level = np.array(model.dof_frictionloss[self._dof])
-        level, dry = np.pad(model_level, (0, len(couplings))), np.zeros(n + len(couplings), bool)
-        dissipative = np.zeros(n, dtype=bool)
-        for joint, term in added.of(TorqueTerm):
-            level[joint] -= term.replaced
-            dissipative[joint] |= term.friction
-            dry[joint] |= term.dry
-        dry[:n] |= level[:n] > STICKS * np.maximum(model_level, 1e-300)
-        level[:n] = np.where(dry[:n], level[:n], 0.0)
-        dry[n:] = [term.dry for _, _, term in couplings]
-        self._tendons = [
-            _tendon(model, self.joints[first], self.joints[second])
-            for first, second, _ in couplings
-        ]
-        self._rows = effect_rows(added, np.arange(n), first_coupling=n)
-        self._friction = Friction(
-            level=level,
-            damping=np.array(first_column(model.dof_damping)[self._dof]),
-            model_level=model_level,
-            inertia=np.array(model.dof_armature[self._dof]),
-            dry=dry,
-            dissipative=dissipative,
-            first=np.array([*range(n), *(first for first, _, _ in couplings)], dtype=np.int64),
-            second=np.array([-1] * n + [second for _, second, _ in couplings], dtype=np.int64),
-            direction=np.array([1.0] * n + [term.direction for _, _, term in couplings]),
+    def _compiled(
+        self, model: Any, added: JointContributions, start_time: float
+    ) -> tuple[Plant, effect_kernel.Effects]:
+        """Friction of the joints, and what effects make of it; MuJoCo has the rigid bodies."""
+        n = len(self.joints)
+        friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
+        joints, bodies = np.arange(n), np.zeros(0, dtype=np.int64)
+        base = Plant(
+            parent=bodies,
+            revolute=bodies > 0,
+            rotation=np.zeros((0, 3, 3)),
+            translation=np.zeros((0, 3)),
+            inertial=np.zeros((0, 10)),
+            gravity=np.zeros(3),
+            drive_inertia=np.diag(model.dof_armature[self._dof]),
+            damping=np.diag(friction[1]),
+            offset=np.zeros(n),
+            level=friction[0],
+            first=joints,
+            second=np.full(n, -1),
+            direction=np.ones(n),
         )
-        self._now = (np.zeros_like(level), np.zeros_like(level), np.zeros(n))
+        return affected_plant(base, friction, added, joints, (), start_time)
 
     def reset(self) -> None:
         """Forget what states and delays hold; called by itself where the data's time goes back."""
         self._time = np.inf
         self._before = np.zeros(len(self.joints))
-        self._rows.state[:] = 0.0
+        self._effects.rows.state[:] = 0.0
         if self._drive is not None:
             self._drive.sent = []
 
@@ -177,9 +188,9 @@ class Effects:
 
     def measured(self, data: Any) -> FloatArray:
         """Positions and velocities (2, n) of `joints` as the encoders show them."""
-        shown = np.empty((2, len(self.joints)))
-        encoders(self._rows, data.qpos[self._qpos], data.qvel[self._dof], shown)
-        return shown
+        q, dq = data.qpos[self._qpos], data.qvel[self._dof]
+        error, slope = encoder_error(self._added, q)
+        return np.stack([q + error, dq * (1.0 + slope)])
 
     def place_links(self, model: Any, data: Any) -> None:
         """Put links behind shafts where gravity holds them; positions of their motors are kept."""
@@ -200,15 +211,17 @@ class Effects:
             self._mujoco.mj_forward(model, data)
             self._before = q
         force = -self._offset
-        if self._rows.state.shape[0]:
+        if self._effects.rows.state.shape[0]:
             force -= self._frictions(model, data, q, dq)
         if self._drive is not None:
             # What acts on the joints beyond the torque that MuJoCo computes from the controls.
             sent = seen = self._drive.commanded(model, data, q, dq)
             if self._wrong:
                 seen = self._drive.commanded(model, data, *self.measured(data))
-            acting = np.empty_like(sent)
-            drives(self._rows, self._drive.delayed(seen, float(model.opt.timestep)), acting)
+            acting = self._drive.delayed(seen, float(model.opt.timestep))
+            for joint, curve in self._curves:
+                whole = curve.law.curve.py_func  # type: ignore[attr-defined]
+                acting[joint] = whole(curve.values, acting[joint])
             force += acting - sent
         self._shafts.apply(model, data)
         if applied is not None:
@@ -218,23 +231,83 @@ class Effects:
 
     def _frictions(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Set friction and damping of this step; return what else opposes the motors, (n,) N m."""
-        load, static = np.empty((2, model.nv))
-        self._mujoco.mj_rne(model, data, 1, load)
-        self._mujoco.mj_rne(model, data, 0, static)
-        push = -np.sign(data.qfrc_constraint[self._dof])
-        acceleration, rest = data.qacc[self._dof], np.zeros_like(q)
-        loads = (load[self._dof], static[self._dof])
-        motion = Motion(q, dq, acceleration, *loads, push, q - self._before, rest)
-        time, step = float(data.time), float(model.opt.timestep)
-        torques(self._rows, self._friction, motion, self._start_time, time, step, *self._now)
-        level, damping, opposing = self._now
-        n = len(self.joints)
+        n, step, torque = len(self.joints), float(model.opt.timestep), np.empty(model.nv)
+        for acceleration, load in ((1, self._effects.load), (0, self._effects.static)):
+            self._mujoco.mj_rne(model, data, acceleration, torque)
+            load[:] = torque[self._dof]
+        self._push[:n] = -np.sign(data.qfrc_constraint[self._dof])
+        motion = (q, dq, data.qacc[self._dof], q - self._before)
+        friction = self._plant, self._effects, self._mode, self._push, self._friction
+        _torques(*friction, float(data.time) + 0.5 * step, *motion, step)
+        level, damping = self._friction
         model.dof_frictionloss[self._dof] = level[:n]
         first_column(model.dof_damping)[self._dof] = damping[:n]
-        for k, tendon in enumerate(self._tendons, n):
-            model.tendon_frictionloss[tendon] = level[k]
-            first_column(model.tendon_damping)[tendon] = damping[k]
-        return opposing
+        for values, now in (
+            (model.tendon_frictionloss, level),
+            (first_column(model.tendon_damping), damping),
+        ):
+            values[self._tendons] = 0.0
+            np.add.at(values, self._tendons, now[n:])
+        return self._effects.force
+
+
+def _entry(digest: str) -> Callable[..., Any]:
+    """Compile what Python calls; `digest` is part of its key in numba's cache."""
+
+    @entry
+    def torques(
+        plant: Plant,
+        effects: effect_kernel.Effects,
+        mode: IntArray,
+        push: FloatArray,
+        friction: FloatArray,
+        time: float,
+        q: FloatArray,
+        dq: FloatArray,
+        ddq: FloatArray,
+        moved: FloatArray,
+        step: float,
+    ) -> None:
+        """Write dry and viscous friction (2, contacts) of one step, and the force of the effects.
+
+        `ddq` is that of the last step, `moved` the way since then; `push` the direction in which a
+        contact at rest would be moved. `mode` is written over.
+        """
+        _ = digest
+        n, contact = dq.shape[0], (plant.first, plant.second, plant.direction)
+        advance_states(effects.rows, moved, effects.rest, 1.0)
+        states_turn(effects.rows, dq, ddq, step)
+        position, speed = effects.link_q, effects.link_speed
+        for i in range(n):
+            position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
+            effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]
+        for c in range(mode.shape[0]):
+            mode[c] = np.sign(slip(*contact, c, speed))
+        effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
+        for c in range(n, mode.shape[0]):  # off the diagonal is that of couplings alone
+            first, second = plant.first[c], plant.second[c]
+            friction[1, c] = plant.direction[c] * plant.damping[first, second]
+            plant.damping[first, first] -= friction[1, c]
+            plant.damping[second, second] -= friction[1, c]
+            plant.damping[first, second] = 0.0  # another one of the same joints has it no more
+        for i in range(n):
+            # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
+            stiff = 0.5 * step * effects.stiffness[i, i]
+            friction[1, i] = plant.damping[i, i] + stiff
+            effects.force[i] -= stiff * dq[i]
+        for c in range(mode.shape[0]):
+            friction[0, c] = plant.level[c]
+            if friction[1, c] < 0.0 and (c >= n or effects.dissipative[c]):
+                # Less friction at higher speed: a lower level, which cannot drive.
+                friction[0, c] += friction[1, c] * max(abs(slip(*contact, c, dq)), LEAST_SPEED)
+                friction[1, c] = 0.0
+            friction[0, c] = max(friction[0, c], LEAST_LEVEL if effects.dry[c] else 0.0)
+
+    compiled: Callable[..., Any] = torques
+    return compiled
+
+
+_torques = _entry(source_digest(dry_friction, effect_kernel, *registry.MODULES))
 
 
 class _DelayLine:
@@ -274,13 +347,13 @@ class _DelayLine:
 
 def _tendon(model: Any, first: str, second: str) -> int:
     name = coupling_name(first, second)
-    for index in range(model.ntendon):
-        if model.tendon(index).name == name:
-            return index
-    raise UsageError(
-        f"friction between {first} and {second}: the model has no tendon {name}; build it with "
-        "model_with_effects(xml, effects)"
-    )
+    try:
+        return int(model.tendon(name).id)
+    except KeyError as error:
+        raise UsageError(
+            f"friction between {first} and {second}: the model has no tendon {name}; build it with "
+            "model_with_effects(xml, effects)"
+        ) from error
 
 
 def _joint_names(mujoco: Any, model: Any) -> list[str]:

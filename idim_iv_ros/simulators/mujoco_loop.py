@@ -92,17 +92,15 @@ def _effects(
 ) -> tuple[Effects | None, int]:
     """Effects, and steps in a control period; the model's time step is set."""
     steps = math.ceil(period / longest - 1e-6)
-    for halving in range(_HALVINGS + 1):
+    most = steps << _HALVINGS
+    while True:
         model.opt.timestep = period / steps
-        if not effects:
-            return None, steps
         try:
-            return Effects(model, effects, start_time=start_time), steps
+            return Effects(model, effects, start_time=start_time) if effects else None, steps
         except StepTooLongError:
-            if halving == _HALVINGS:
+            if steps >= most:
                 raise
             steps *= 2
-    raise AssertionError("the last halving returns or raises")
 
 
 def _run(

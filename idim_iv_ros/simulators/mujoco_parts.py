@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.effects.contribution import CouplingTerm, ShaftPart
+from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
@@ -111,12 +111,9 @@ def set_inertias(mujoco: Any, model: Any, robot: RobotModel, parameters: Dynamic
     for joint, name in enumerate(robot.joints):
         body = int(model.jnt_bodyid[model.joint(name).id])
         mass, *_ = values = parameters.inertial[joint]
-        if abs(mass) < _LEAST_MASS:
-            if np.any(np.abs(values[1:4]) > _LEAST_MASS):
-                raise UsageError(f"{robot.name}: the link of {name} has a moment and no mass")
-            centre = np.zeros(3)
-        else:
-            centre = values[1:4] / mass
+        if abs(mass) < _LEAST_MASS and np.any(np.abs(values[1:4]) > _LEAST_MASS):
+            raise UsageError(f"{robot.name}: the link of {name} has a moment and no mass")
+        centre = values[1:4] / mass if abs(mass) >= _LEAST_MASS else np.zeros(3)
         xx, xy, yy, xz, yz, zz = values[4:]
         origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
@@ -169,7 +166,11 @@ def add_parts(spec: Any, effects: Sequence[SimulatedEffect]) -> None:
     for joint in dict.fromkeys(joint for joint, _ in parts.of(ShaftPart)):
         _add_shaft(spec, joints[joint])
     for first, second, term in parts.couplings:
-        _add_coupling(spec, joints[first], joints[second], term)
+        name = coupling_name(joints[first], joints[second])
+        if spec.tendon(name) is None:
+            tendon = spec.add_tendon(name=name)
+            tendon.wrap_joint(joints[first], 1.0)
+            tendon.wrap_joint(joints[second], float(term.direction))
 
 
 def _add_shaft(spec: Any, name: str) -> None:
@@ -187,14 +188,6 @@ def _add_shaft(spec: Any, name: str) -> None:
     )
     for key in ("armature", "frictionloss", "damping", "stiffness"):  # not those of a default
         setattr(shaft, key, 0.0 * getattr(joint, key))
-
-
-def _add_coupling(spec: Any, first: str, second: str, term: CouplingTerm) -> None:
-    name = coupling_name(first, second)
-    if spec.tendon(name) is None:
-        tendon = spec.add_tendon(name=name)
-        tendon.wrap_joint(first, 1.0)
-        tendon.wrap_joint(second, float(term.direction))
 
 
 def coupling_name(first: str, second: str) -> str:

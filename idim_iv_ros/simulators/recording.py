@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -32,8 +33,14 @@ from idim_iv_ros.simulation import (
     record_simulated_robot,
 )
 from idim_iv_ros.simulation.effects import joint_effects
-from idim_iv_ros.simulators.effects_file import read_effects
+from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.types import FloatArray
+
+# Of the section `simulated_robot`: what the recorder adds.
+_NOISE = {
+    *("position_noise", "torque_noise", "encoder_resolution"),
+    *("disturbance", "disturbance_bandwidth", "stamp_jitter"),
+}
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,7 @@ class SimulatedRobot:
     parameters: DynamicParameters  # Dynamics that are equivalent to `truth`
     law: ControlLaw
     settings: SimulatedRobotSection  # Noise, rates and delay
+    description: str  # URDF of the nominal model
     effects: tuple[SimulatedEffect, ...] = ()  # What it has beyond `parameters`
 
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
@@ -60,7 +68,8 @@ class SimulatedRobot:
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
         position, velocity = _resampled(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
-        n = len(trajectory.joints)
+        levels = settings.model_dump(include=_NOISE, exclude_none=True)
+        noise: dict[str, Any] = {name: np.asarray(level) for name, level in levels.items()}
         try:
             recording = record_simulated_robot(
                 self.robot,
@@ -70,12 +79,7 @@ class SimulatedRobot:
                 velocity,
                 rate=rate,
                 seed=seed,
-                position_noise=_levels(settings.position_noise, n),
-                torque_noise=_levels(settings.torque_noise, n),
-                encoder_resolution=_levels(settings.encoder_resolution, n),
-                disturbance=_levels(settings.disturbance, n),
-                disturbance_bandwidth=settings.disturbance_bandwidth,
-                stamp_jitter=settings.stamp_jitter,
+                **noise,
                 plant_oversampling=max(oversampling, 1),
                 effects=self.effects,
             )
@@ -90,7 +94,7 @@ class SimulatedRobot:
 
 
 def simulated_robot(
-    configuration: Configuration, urdf: str, source: str, extended: Path | None = None
+    configuration: Configuration, extended: FilePath | None = None
 ) -> SimulatedRobot:
     """Build the robot that a configuration describes under `simulated_robot`.
 
@@ -101,8 +105,11 @@ def simulated_robot(
     Raises
     ------
     UsageError
-        An unknown parameter, a control law that is not known, or a URDF that cannot be used.
+        An unknown parameter, a control law that is not known, no URDF, or one that cannot be used.
     """
+    urdf = configuration.robot.description
+    if urdf is None:
+        raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if configuration.signals.effort_unit != "N m":
         raise UsageError("signals.effort_unit: only a robot in N m can be simulated")
     whole = configuration.changed(
@@ -111,19 +118,15 @@ def simulated_robot(
         drive_inertia=True,
         exclude=[],
     )
-    model = build_inverse_model(whole, urdf, source)
+    text = read_urdf_file(urdf)
+    model = build_inverse_model(whole, text, urdf.name)
     settings = configuration.simulated_robot
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
-    for name, value in settings.parameters.items():
-        if name not in truth:
-            raise UsageError(
-                f"{configuration.source or 'configuration'}: simulated_robot.parameters: {name} "
-                f"is not a base parameter of this robot; they are {', '.join(truth)}"
-            )
-        truth[name] = value
+    place = f"{configuration.source or 'configuration'}: simulated_robot.parameters: "
+    truth = EffectsFile(base_parameters=settings.parameters, place=place).changed(truth)
     effects: tuple[SimulatedEffect, ...] = ()
     if extended is not None:
-        beyond = read_effects(extended)
+        beyond = read_effects(Path(extended))
         truth, effects = beyond.changed(truth), beyond.effects
         joint_effects(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
@@ -135,12 +138,9 @@ def simulated_robot(
         parameters=model.dynamic_parameters(np.array(list(truth.values()))),
         law=law,
         settings=settings,
+        description=text,
         effects=effects,
     )
-
-
-def _levels(values: list[float] | None, joints: int) -> FloatArray:
-    return np.zeros(joints) if values is None else np.asarray(values, dtype=float)
 
 
 def _resampled(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
@@ -215,16 +215,11 @@ def simulate(
     DataError
         The closed loop diverged.
     """
-    urdf = configuration.robot.description
-    if urdf is None:
-        raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
     bag_paths, truth = _paths(as_file(out), seeds)
     require_file_place([*bag_paths.values(), truth], force=force)
-    text = read_urdf_file(urdf)
-    extended = None if effects is None else Path(effects)
-    robot = simulated_robot(configuration, text, urdf.name, extended)
+    robot = simulated_robot(configuration, effects)
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
     if effects is not None:
         keys = ("effect", "joint", "other_joint", "parameters")
@@ -245,8 +240,21 @@ def simulate(
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
             topics = recorded_topics(configuration, robot, record)
             with temporary[path].open("wb") as stream:
-                write_messages(stream, topics, text)
-            bags.append(_summary(path, seed, record, robot.robot.joint_types))
+                write_messages(stream, topics, robot.description)
+            reference = record.position_reference
+            true = record.truth.position[:: record.control_ratio][: len(reference)]
+            bags.append(
+                SimulatedBag(
+                    path=path,
+                    seed=seed,
+                    samples=len(record.time),
+                    rate=record.rate,
+                    duration=(len(record.time) - 1) / record.rate,
+                    joint_types=robot.robot.joint_types,
+                    peak_torque=np.abs(record.effort).max(axis=0),
+                    peak_error=np.abs(true - reference).max(axis=0),
+                )
+            )
         temporary[truth].write_text(json_text(content), encoding="utf-8")
     return bags, truth
 
@@ -296,20 +304,3 @@ def recorded_topics(
     if efforts not in ("", states):
         topics.append(JointTopic(efforts, joints, record.time, effort=effort))
     return topics
-
-
-def _summary(
-    path: Path, seed: int, record: SimulatedRecording, joint_types: tuple[str, ...]
-) -> SimulatedBag:
-    """Say what of a recording a user is told."""
-    truth = record.truth.position[:: record.control_ratio][: len(record.position_reference)]
-    return SimulatedBag(
-        path=path,
-        seed=seed,
-        samples=len(record.time),
-        rate=record.rate,
-        duration=(len(record.time) - 1) / record.rate,
-        joint_types=joint_types,
-        peak_torque=np.abs(record.effort).max(axis=0),
-        peak_error=np.abs(truth - record.position_reference).max(axis=0),
-    )

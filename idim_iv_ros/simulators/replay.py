@@ -118,20 +118,22 @@ def replay_bags(
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
             simulated.append((stage, _simulate(mujoco, robot, runs, stage)))
-    comparison = _Comparison(robot, [run.motion for run in runs])
+    motions = [run.motion for run in runs]
+    comparison = _Comparison(robot, motions)
+    tracking_noise, torque_noise = comparison.noise
     done = {stage.name: ran for stage, ran in simulated if not ran.note}
-    bags = tuple(run.motion.signals.name for run in runs)
+    bags = tuple(motion.signals.name for motion in motions)
     return ReplayResult(
         robot=robot.name,
         joints=robot.joints,
         joint_types=robot.joint_types,
         bags=bags,
-        duration=comparison.seconds,
+        duration=float(sum(len(m.position[m.span]) / m.signals.rate for m in motions)),
         software={"idim_iv_ros": version("idim-iv-ros"), "mujoco": version("mujoco")},
         model=str(model),
         effects="" if effects is None else str(effects),
-        tracking_noise=comparison.by_joint(comparison.position_noise),
-        torque_noise=comparison.by_joint(comparison.torque_noise),
+        tracking_noise=dict(zip(robot.joints, tracking_noise.tolist(), strict=True)),
+        torque_noise=dict(zip(robot.joints, torque_noise.tolist(), strict=True)),
         stages=tuple(comparison.stage(stage, ran) for stage, ran in simulated),
         held_out=None if not fitted else not any(bag in fitted for bag in bags),
         notes=(*prepared.doubts, *(note for stage in models for note in stage.notes), *notes),
@@ -274,50 +276,33 @@ class _Comparison:
     robot: RobotModel
     motions: Sequence[Motion]
 
-    @property
-    def seconds(self) -> float:
-        """Of recording that are compared."""
-        spans = ((m.span.stop - m.span.start) / m.signals.rate for m in self.motions)
-        return float(sum(spans))
+    @cached_property
+    def recorded(self) -> _Simulated:
+        """The recordings themselves, filtered."""
+        torques = [motion.filtered(motion.signals.torque) for motion in self.motions]
+        return _Simulated([motion.position for motion in self.motions], torques)
 
     @cached_property
-    def positions(self) -> list[FloatArray]:
-        """As recorded and filtered, (n_samples, n_joints) each."""
-        return [motion.position for motion in self.motions]
-
-    @cached_property
-    def torques(self) -> list[FloatArray]:
-        """As recorded and filtered, (n_samples, n_joints) each."""
-        return [motion.filtered(motion.signals.torque) for motion in self.motions]
-
-    @cached_property
-    def position_noise(self) -> FloatArray:
-        """Standard deviation (n_joints,) of what the filter takes away, rad (m)."""
-        return self._noise([motion.signals.position for motion in self.motions], self.positions)
-
-    @cached_property
-    def torque_noise(self) -> FloatArray:
-        """Standard deviation (n_joints,) of what the filter takes away, N m (N)."""
-        return self._noise([motion.signals.torque for motion in self.motions], self.torques)
-
-    def _noise(self, raw: Sequence[FloatArray], smooth: Sequence[FloatArray]) -> FloatArray:
-        parts = [
-            (one - other)[motion.span]
-            for motion, one, other in zip(self.motions, raw, smooth, strict=True)
-        ]
-        return np.asarray(np.nanstd(np.concatenate(parts), axis=0))
-
-    def by_joint(self, values: FloatArray) -> dict[str, float]:
-        """Values (n_joints,) by the names of their joints."""
-        return dict(zip(self.robot.joints, map(float, values), strict=True))
+    def noise(self) -> list[FloatArray]:
+        """Standard deviations (n_joints,) of what the filter takes away: rad (m), and N m (N)."""
+        signals = [motion.signals for motion in self.motions]
+        deviations = []
+        for raw, smooth in (
+            ([recording.position for recording in signals], self.recorded.positions),
+            ([recording.torque for recording in signals], self.recorded.torques),
+        ):
+            triples = zip(self.motions, raw, smooth, strict=True)
+            taken = [(one - other)[motion.span] for motion, one, other in triples]
+            deviations.append(np.asarray(np.nanstd(np.concatenate(taken), axis=0)))
+        return deviations
 
     def stage(self, model: StageModel, ran: _Simulated) -> ReplayStage:
         """Errors of one stage; none where it was not simulated to the end."""
         if ran.note:
             return ReplayStage(model.name, model.words, None, None, None, ran.note)
-        joints = self.robot.joints
-        tracking = self._errors(joints, ran.positions, self.positions, self.position_noise)
-        torque = self._errors(joints, ran.torques, self.torques, self.torque_noise)
+        joints, recorded = self.robot.joints, self.recorded
+        tracking = self._errors(joints, ran.positions, recorded.positions, self.noise[0])
+        torque = self._errors(joints, ran.torques, recorded.torques, self.noise[1])
         tool = self._tool_error(ran.positions)
         return ReplayStage(model.name, model.words, tracking, torque, tool)
 
@@ -336,7 +321,7 @@ class _Comparison:
 
         apart = [
             np.linalg.norm(places(one) - places(other), axis=1, keepdims=True)
-            for one, other in zip(positions, self.positions, strict=True)
+            for one, other in zip(positions, self.recorded.positions, strict=True)
         ]
         none = [np.zeros_like(rows) for rows in apart]
         return self._errors(("tool",), apart, none, np.zeros(1))["tool"]
@@ -353,16 +338,15 @@ class _Comparison:
         for motion, one, other in zip(self.motions, simulated, recorded, strict=True):
             squares = np.nan_to_num((one - other)[motion.span] ** 2)
             (blocks,) = time_blocks([len(squares)], motion.signals.rate)
-            columns = (*squares.T, np.ones(len(squares)))
-            sums.append(np.column_stack([block_sums(blocks, column) for column in columns]))
+            sums.append(block_sums(blocks, np.column_stack([squares, np.ones(len(squares))])))
         table = np.concatenate(sums)
         total, draws = table.sum(axis=0), resampled(table)
-        errors = {}
-        for column, (name, level) in enumerate(zip(names, noise, strict=True)):
-            rms = float(np.sqrt(total[column] / total[-1]))
-            low, high = interval(np.sqrt(draws[:, column] / draws[:, -1]))
-            errors[name] = ReplayError(rms, low, high, rms / level if level > 0.0 else np.nan)
-        return errors
+        rms, drawn = np.sqrt(total[:-1] / total[-1]), np.sqrt(draws[:, :-1] / draws[:, -1:])
+        shares = np.divide(rms, noise, out=np.full_like(rms, np.nan), where=noise > 0.0)
+        return {
+            name: ReplayError(float(error), *interval(column), float(share))
+            for name, error, column, share in zip(names, rms, drawn.T, shares, strict=True)
+        }
 
     def series(self, stages: Mapping[str, _Simulated]) -> tuple[ReplaySeries, ...]:
         """The first recording with these stages, thinned."""
@@ -379,7 +363,7 @@ class _Comparison:
                 time=np.arange(len(reference))[thin] / motion.signals.rate,
                 error=(reference - motion.position)[thin, j],
                 errors={name: error[thin, j] for name, error in errors.items()},
-                torque=self.torques[0][thin, j],
+                torque=self.recorded.torques[0][thin, j],
                 torques={name: stage.torques[0][thin, j] for name, stage in stages.items()},
             )
             for j, joint in enumerate(self.robot.joints)

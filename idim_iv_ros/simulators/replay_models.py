@@ -26,8 +26,6 @@ from idim_iv_ros.simulators.mujoco_parts import (
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS
 from idim_iv_ros.types import FloatArray
 
-_LARGEST = 50.0  # MB
-
 
 @dataclass(frozen=True)
 class StageModel:
@@ -47,8 +45,11 @@ class StageModel:
         """The model with effects; those that elements of its file hold stay theirs."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
-        in_file = [self.xml is not None and e.native and _may_be_element(e) for e in effects]
-        ours = [replace(e, native=native) for e, native in zip(effects, in_file, strict=True)]
+        file = self.xml is not None
+        ours = [
+            replace(e, native=bool(file and e.native and BY_NAME[e.effect].element_of))
+            for e in effects
+        ]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
         return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 
@@ -115,11 +116,6 @@ def xml_stage(
     return StageModel(CORRECTED, path.name, robot, None, path, _offsets(robot, constants))
 
 
-def _may_be_element(effect: SimulatedEffect) -> bool:
-    """Whether elements beside the actuators may hold an effect."""
-    return bool(BY_NAME[effect.effect].element_of)
-
-
 def require_same_native(
     mujoco: Any, path: Path, effects: Sequence[SimulatedEffect], source: FilePath
 ) -> None:
@@ -132,10 +128,11 @@ def require_same_native(
     both = f"the {path.name} and effects.json of one export belong together"
     elements = native_elements(mujoco, model)
     for effect in effects:
-        if not _may_be_element(effect) or effect.joint is None:
+        element = BY_NAME[effect.effect].element_of
+        if not element or effect.joint is None:
             continue
         joints = elements.get(effect.effect, [])
-        if BY_NAME[effect.effect].element_of == "tendon":  # its first joint
+        if element == "tendon":  # its first joint
             joints = [int(model.wrap_objid[model.tendon_adr[tendon]]) for tendon in joints]
         present = effect.joint in [model.joint(joint).name for joint in joints]
         what = f"{effect.effect} at {effect.joint}"
@@ -159,7 +156,7 @@ def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedE
 
 def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
     """Read a file of the same joints, and take its actuators out: the replay has its own."""
-    if not is_mjcf(read_text(path, "the MJCF", megabytes=_LARGEST)):
+    if not is_mjcf(read_text(path, "the MJCF")):
         raise UsageError(
             f"{path}: is no MJCF: its first element is not <mujoco>; --model takes the .xml of "
             "`idim-iv export`, or `urdf` for the nominal model of the configuration"

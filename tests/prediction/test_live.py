@@ -16,8 +16,8 @@ from idim_iv_ros.prediction import (
     Prediction,
     identified_model,
 )
+from idim_iv_ros.prediction.identified_model import joint_levels
 from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE
-from idim_iv_ros.prediction.rows import joint_levels
 from idim_iv_ros.signals import ParallelDecimation, central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE
+from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
 from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
 from idim_iv_ros.recording.writing.write import TopicChannel, serialised
 from tests.recording import bag_writer

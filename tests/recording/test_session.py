@@ -9,8 +9,8 @@ import pytest
 from idim_iv_ros.recording import Recording, Signal, in_recordings, session_of
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_bag, read_segments
+from idim_iv_ros.recording.recording import LONGEST_PAUSE
 from idim_iv_ros.recording.request import Request
-from idim_iv_ros.recording.session import LONGEST_PAUSE
 from tests.recording.bag_writer import NAMES, steady, write
 
 RATE = 100.0

@@ -56,8 +56,7 @@ def test_malformed_trajectory_is_one_line(times, places, speeds, words: str) -> 
 
 def test_motion_that_takes_the_place_of_another_goes_on_from_it_without_a_step() -> None:
     configuration = load_configuration(ROOT / "config" / "arm2.yaml")
-    urdf = configuration.robot.urdf
-    robot = simulated_robot(configuration, urdf.read_text(), urdf.name)
+    robot = simulated_robot(configuration)
     joints = tuple(configuration.robot.joints)
     time = np.arange(2001) / RATE
     places = np.column_stack([0.5 * (1.0 - np.cos(np.pi * time / 2.0)), 0.0 * time])

@@ -11,7 +11,6 @@ from idim_iv_interfaces.srv import Identify
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
 from idim_iv_ros.cli.main import main
 from idim_iv_ros.excitation import random_motion
-from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.identifier.job import JobListener
 from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.nodes.parameters import declare
@@ -94,8 +93,7 @@ def test_two_recorders_record_each_its_own_robot(
 
 def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Path) -> None:
     configuration = load_configuration(ARM2)
-    urdf = configuration.robot.urdf
-    simulated = simulated_robot(configuration, read_urdf_file(urdf), urdf.name)
+    simulated = simulated_robot(configuration)
     motion = random_motion(configuration, duration=3.0, rate=1000.0, seed=1)
     topics = {
         side: [

@@ -17,7 +17,7 @@ from idim_iv_ros.nodes.recorder.node import Recorder
 from idim_iv_ros.nodes.recorder.report import RECENT, RecentCounts, topic_diagnosis
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Received, TopicMonitor
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE
+from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from tests.recording.bag_writer import STORE, joint_state
 from tests.ros.processes import only_bag

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from idim_iv_interfaces.msg import Prediction, RecorderStatus
 from idim_iv_ros.nodes.watch.node import JointView, LivePage, LiveView, live_table
-from idim_iv_ros.prediction.rows import LIMIT, SHARE
+from idim_iv_ros.prediction.identified_model import LIMIT, SHARE
 from tests.browser import CHROMIUM, Browser
 from tests.ros.processes import HANG, Observer, Process
 

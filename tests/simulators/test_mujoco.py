@@ -154,6 +154,17 @@ MOTIONS = {
 }
 
 
+def test_two_couplings_of_the_same_joints_add_up() -> None:
+    both = [on("joint_coupling", 0, 1, coulomb=level, viscous=0.5 * level) for level in (0.6, 0.2)]
+    model = pendulum(*both)
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1.0, 0.5
+    Effects(model, both).apply(model, data)
+    assert model.tendon_frictionloss[0] == pytest.approx(0.8)
+    assert np.ravel(model.tendon_damping)[0] == pytest.approx(0.4)
+    assert np.ravel(model.dof_damping.reshape(2, -1)[:, 0]) == pytest.approx([0.4, 0.1])
+
+
 @pytest.fixture(scope="module")
 def arm():
     return arm2(seconds=1.5)

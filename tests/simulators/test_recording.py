@@ -23,12 +23,6 @@ def configured(name: str, **simulated: object) -> Configuration:
     return changed(configuration, "simulated_robot", **simulated)
 
 
-def robot_of(configuration: Configuration):
-    urdf = configuration.robot.urdf
-    assert urdf is not None
-    return simulated_robot(configuration, urdf.read_text(), urdf.name)
-
-
 @pytest.fixture(scope="module")
 def motion():
     return random_motion(configured("arm2"), duration=2.0, rate=1000.0, seed=3)
@@ -41,13 +35,13 @@ def test_configured_truth_is_that_of_the_physical_links_of_the_tests(build) -> N
     urdf = arm.configuration.robot.urdf
     model = build_inverse_model(arm.configuration, urdf.read_text(), urdf.name)
     physical = model.base.from_standard(model.regressor.layout.vector(arm.truth))
-    truth = robot_of(arm.configuration).truth
+    truth = simulated_robot(arm.configuration).truth
     assert tuple(truth) == model.base.names
     np.testing.assert_allclose(list(truth.values()), physical, rtol=5e-5, atol=2e-6)
 
 
 def test_tx40_is_that_of_table_1_and_its_mass_matrix_is_positive_everywhere() -> None:
-    tx40 = robot_of(configured("tx40"))
+    tx40 = simulated_robot(configured("tx40"))
     assert len(tx40.truth) == 60
     assert {name: tx40.truth[name] for name in TABLE_1} == {
         name: value for name, (value, _, _) in TABLE_1.items()
@@ -63,7 +57,7 @@ def test_bags_hold_states_references_and_the_urdf(motion, tmp_path: Path) -> Non
     assert [bag.path.name for bag in bags] == ["a-4.mcap", "a-9.mcap"]
     written = json.loads(truth.read_text())
     assert written.pop("format") == "idim_iv_ros/truth/1"
-    assert written == robot_of(configuration).truth
+    assert written == simulated_robot(configuration).truth
     first, second = read_configured([bag.path for bag in bags], configuration)
     assert first.rate == pytest.approx(1000.0)
     assert first.robot_description == configuration.robot.urdf.read_text()
@@ -99,18 +93,18 @@ def test_motor_side_offsets_and_scale_come_back_as_joint_signals(motion, tmp_pat
 
 def test_the_true_delay_is_that_of_the_simulated_robot(motion) -> None:
     """8 ms from the command to the joint; at a sample the mean of both sides acts."""
-    truth = robot_of(configured("arm2", delay=0.008)).record(motion, 1).truth
+    truth = simulated_robot(configured("arm2", delay=0.008)).record(motion, 1).truth
     expected = 0.5 * (truth.torque[42:-8] + truth.torque[41:-9])
     np.testing.assert_allclose(truth.applied_torque[50:], expected, atol=1e-9)
 
 
 def test_what_cannot_be_simulated_is_refused_in_one_line(motion, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"simulated_robot.parameters: ZZ9 is not a base"):
-        robot_of(configured("arm2", parameters={"ZZ9": 1.0}))
+        simulated_robot(configured("arm2", parameters={"ZZ9": 1.0}))
     with pytest.raises(UsageError, match=r"does not divide"):
-        robot_of(configured("arm2", rate=700.0)).record(motion, 1)
+        simulated_robot(configured("arm2", rate=700.0)).record(motion, 1)
     with pytest.raises(DataError, match=r"cannot run this trajectory.*positive definite.*"):
-        robot_of(configured("arm2", parameters={"YY1": -9.0})).record(motion, 1)
+        simulated_robot(configured("arm2", parameters={"YY1": -9.0})).record(motion, 1)
     with pytest.raises(UsageError, match=r"twice"):
         simulate(configured("arm2"), tmp_path / "a.mcap", motion, seeds=[1, 1])
     with pytest.raises(UsageError, match="no folder"):

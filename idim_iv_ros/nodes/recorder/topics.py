@@ -26,7 +26,7 @@ from idim_iv_ros.nodes.recorder.installed_types import (
 )
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Taken, TopicMonitor
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.bags.definitions import FLOAT_ARRAY, JOINT_STATE, ROS2_CONTROL
+from idim_iv_ros.recording.bags.joint_message_type import FLOAT_ARRAY, JOINT_STATE, ROS2_CONTROL
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION, in_root
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from idim_iv_ros.signal_source import field_of, topic_of

@@ -18,7 +18,6 @@ from trajectory_msgs.msg import JointTrajectory
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
-from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import SimulatorSettings
@@ -51,12 +50,14 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("robot_simulator"), SimulatorSettings, arguments)
         node = self.node
-        self._simulation, text = _loaded(Path(self._settings.configuration))
+        self._simulation = _loaded(Path(self._settings.configuration))
         robot = self._simulation.robot
         limits = robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
         self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
-        node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED).publish(String(data=text))
+        node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED).publish(
+            String(data=robot.description)
+        )
         truth = json.dumps(robot.truth)
         node.create_publisher(String, "~/truth", LATCHED).publish(String(data=truth))
         self._playback: Playback | None = None
@@ -217,21 +218,16 @@ def _trajectory(message: JointTrajectory, rate: float) -> Trajectory:
     )
 
 
-def _loaded(path: Path) -> tuple[MotionSimulation, str]:
-    """Return the simulation of the robot in a configuration, and the text of its URDF."""
+def _loaded(path: Path) -> MotionSimulation:
+    """Return the simulation of the robot in a configuration."""
     configuration = load_configuration(path)
-    urdf = configuration.robot.description
-    if urdf is None:
-        raise UsageError(f"{path}: robot.urdf or robot.mjcf is needed to simulate")
     period = configuration.controller.period
     rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
     if rate > _FASTEST + 1e-6:
         raise UsageError(
             f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
         )
-    text = read_urdf_file(urdf)
-    robot = simulated_robot(configuration, text, urdf.name)
-    return MotionSimulation(configuration, robot, float(rate)), text
+    return MotionSimulation(configuration, simulated_robot(configuration), float(rate))
 
 
 run = partial(run_node, "robot_simulator", RobotSimulator, ABOUT)

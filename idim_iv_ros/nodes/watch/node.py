@@ -24,7 +24,7 @@ from idim_iv_interfaces.msg import DriftReport, Prediction, RecorderStatus
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import LATCHED, Closable, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import refuse_unknown_parameters
-from idim_iv_ros.prediction.rows import LIMIT, SHARE
+from idim_iv_ros.prediction.identified_model import LIMIT, SHARE
 
 ADDRESS = "127.0.0.1"
 _HISTORY = 600  # states that a page gets when it is opened

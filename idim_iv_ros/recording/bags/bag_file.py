@@ -14,7 +14,7 @@ from typing import IO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.recording.bags.definitions import SchemaText
+from idim_iv_ros.recording.bags.joint_message_type import SchemaText
 
 # What is fetched at once: an object store takes some ten milliseconds to answer at all, in which it
 # could have sent about this much.

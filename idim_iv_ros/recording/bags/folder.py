@@ -18,7 +18,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
 from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, MessageBatch, copied
-from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
+from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
 from idim_iv_ros.recording.recording import Note

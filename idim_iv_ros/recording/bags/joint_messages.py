@@ -10,13 +10,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.bag_file import MessageBatch
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE, PLAIN, ROS2_CONTROL
 from idim_iv_ros.recording.bags.joint_message_type import (
+    JOINT_STATE,
+    PLAIN,
     QUANTITIES,
+    ROS2_CONTROL,
     JointMessageType,
     JointValues,
 )
-from idim_iv_ros.recording.plausible import without_impossible
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
@@ -211,23 +212,21 @@ class JointMessageReader:
         key = (values.names, *sizes.items())
         if key in self._layouts:
             return self._layouts[key]
-        places: list[int | None]
         if self.kind.numbered and not values.names:
             count = max(sizes.values(), default=0)
             if count not in (0, len(self.joints)):
                 raise DataError(
                     f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
                 )
-            places = list(range(count))
+            columns = places = list(range(count))
         else:
-            names = list(values.names)
-            places = [names.index(joint) if joint in names else None for joint in self.joints]
-        columns = [column for column, place in enumerate(places) if place is not None]
+            columns = [k for k, joint in enumerate(self.joints) if joint in values.names]
+            places = [values.names.index(self.joints[column]) for column in columns]
         layout = _Layout(
             len(self._layouts),
             values.names,
             np.array(columns, dtype=np.int64),
-            np.array([place for place in places if place is not None], dtype=np.int64),
+            np.array(places, dtype=np.int64),
             {} if self.kind.name in PLAIN else values.origins,
         )
         self._layouts[key] = layout
@@ -343,3 +342,55 @@ def _where_else(reader: JointMessageReader, name: str) -> str:
     if name == "effort":
         return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
     return f"; was the controller of {topic} active while this was recorded?"
+
+
+# Beyond these a number is no position in rad or m, speed in rad/s or m/s; efforts may be counts.
+LARGEST = {"position": 1e6, "velocity": 1e6, "effort": 1e9}
+_UNITS = {"position": " rad (or m)", "velocity": " rad/s (or m/s)", "effort": ""}
+# Share of the samples that may be so wrong before the rest is not believed either.
+_MOST = 0.01
+
+
+def without_impossible(
+    name: str,
+    values: FloatArray,
+    joints: Sequence[str],
+    where: str,
+    advice: str,
+    *,
+    row: str = "message",
+    first: int = 1,
+    missing: bool = False,
+) -> tuple[FloatArray, str]:
+    """Values with NaN for what is impossible, and a sentence on it; as they are if nothing is.
+
+    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: of the
+    columns. `where`, `advice`: beginning and end of the error. `row`, `first`: what a row is
+    called, and the number of the first one. `missing`: whether a value that is missing (NaN) is
+    wrong, too.
+    Raises DataError: there are too many to believe the rest.
+    """
+    most = LARGEST[name]
+    # The least and the greatest are found without a copy; NaN makes both of them NaN.
+    if values.size == 0 or (values.min() >= -most and values.max() <= most):
+        return values, ""
+    with np.errstate(invalid="ignore"):
+        wrong = np.abs(values) > most
+    if missing:
+        wrong |= np.isnan(values)
+    rows = np.flatnonzero(wrong.any(axis=1))
+    if len(rows) == 0:
+        return values, ""
+    column = int(np.argmax(wrong[rows[0]]))
+    value = float(values[rows[0], column])
+    why = "is not a number" if np.isnan(value) else f"is above {most:g}{_UNITS[name]}"
+    begin, end = int(rows[0]) + first, int(rows[-1]) + first
+    sentence = f"{row} {begin} holds {value:.3g} for {joints[column]}, which {why}"
+    if len(rows) > 1:
+        sentence = (
+            f"{len(rows)} of {len(values)} {row}s, the first {begin} and the last {end} (counted "
+            f"from {first}), hold no possible value; {sentence}"
+        )
+    if len(rows) > _MOST * len(values):
+        raise DataError(f"{where}: {name}: {sentence}; {advice}")
+    return np.where(wrong, np.nan, values), f"{name}: {sentence}"

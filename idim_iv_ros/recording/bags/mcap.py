@@ -32,7 +32,7 @@ from idim_iv_ros.recording.bags.bag_file import (
     MessageBatch,
     copied,
 )
-from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
+from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 from idim_iv_ros.types import IntArray
 
 DAMAGED = 0  # no opcode of the format: bytes that are no record

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.bag_file import BagFile, MessageBatch, in_batches
-from idim_iv_ros.recording.bags.definitions import SchemaText, note_type
+from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 
 _TOPICS = 10_000
 _LONGEST_ROW = 1 << 28  # bytes

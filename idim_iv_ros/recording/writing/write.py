@@ -20,7 +20,7 @@ from idim_iv_ros.files import (
     refused_if_unwritable,
     require_replaceable,
 )
-from idim_iv_ros.recording.bags.definitions import JOINT_STATE
+from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
 from idim_iv_ros.recording.request import in_root
 from idim_iv_ros.types import FloatArray, IntArray
 

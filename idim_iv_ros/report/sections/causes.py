@@ -2,13 +2,7 @@
 
 from typing import Any
 
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    ContrastResult,
-    Gap,
-    GapResult,
-    Hint,
-)
+from idim_iv_ros.diagnosis.result import Cause, ContrastResult, Gap, GapResult, Hint
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.excitation.segments import separating_motion

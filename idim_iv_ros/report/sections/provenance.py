@@ -2,7 +2,6 @@
 
 import io
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -69,15 +68,11 @@ GLOSSARY: Section[Any] = Section(
 )
 
 
-def _limits(report: Report[GapResult]) -> dict[str, Any]:
-    return {"untestable": untestable(report.result)}
-
-
-LIMITS = Section(
+LIMITS: Section[GapResult] = Section(
     "Limits",
     "limits",
     "limits.html.j2",
-    _limits,
+    lambda report: {"untestable": untestable(report.result)},
     "what this recording cannot show, and which motion would",
 )
 
@@ -88,19 +83,16 @@ def _processing(report: Report[IdentificationResult]) -> dict[str, Any]:
     for bag in result.bags:
         dropped.update(bag.dropped)
     lines = {"used": result.fit.samples} | {f"dropped: {why}": n for why, n in dropped.items()}
+    factors = dict.fromkeys(result.processing.decimation_factors)
+    kept = [f"1 of {factor}" if factor > 1 else "all" for factor in factors]
     return {
         "used": result.processing,
-        "decimation": _decimation(result.processing.decimation_factors),
+        "decimation": "none" if kept == ["all"] else " or ".join(kept),
         "dropped": lines,
         "total": sum(lines.values()),
         "names": {bag.path: Path(bag.path).name for bag in result.bags},
         "seconds": _seconds,
     }
-
-
-def _decimation(factors: Sequence[int]) -> str:
-    kept = [f"1 of {factor}" if factor > 1 else "all" for factor in dict.fromkeys(factors)]
-    return "none" if kept == ["all"] else " or ".join(kept)
 
 
 def _seconds(value: float) -> str:
