@@ -25,8 +25,10 @@ class Shape:
     @property
     def numbers(self) -> tuple[float, ...]:
         """All of them, choices as 0 and 1."""
-        values = (v if isinstance(v, tuple) else (v,) for v in vars(self).values())
-        return tuple(float(number) for value in values for number in value)
+        made: list[float] = []
+        for value in vars(self).values():
+            made += value if isinstance(value, tuple) else (value,)
+        return tuple(map(float, made))
 
 
 S = TypeVar("S", bound=Shape)

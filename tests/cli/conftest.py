@@ -107,8 +107,8 @@ def diagnose(config, tmp_path: Path, monkeypatch) -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def record():
-    """Ten seconds of the two-joint arm."""
-    return simulated_arms.record(simulated_arms.arm2(), 1)
+    """Six seconds of the two-joint arm."""
+    return simulated_arms.record(simulated_arms.arm2(seconds=6.0), 1)
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_
     )
     imported = run("import", bag, "--columns", tmp_path / "map.yaml")
     assert imported.status == 0, imported.error
-    assert "10000 samples" in imported.out
+    assert "6000 samples" in imported.out
     checked = run("check", bag, "--config", config(), status=0)
     assert "Usable" in checked.out
     identified = run("identify", bag, "--config", config(), "--out", out, status=0)

@@ -66,9 +66,9 @@ def smooth_motion(
 
 
 @cache
-def arm2_session(seconds: float) -> Baseline:
+def arm2_session(seconds: float, rate: float = RATE) -> Baseline:
     """One recording, refitted; what the arm really is differs from its configuration."""
-    arm = arm2(seconds=seconds)
+    arm = arm2(seconds=seconds, rate=rate)
     return baseline([recorded(arm, 1)], arm.configuration)
 
 

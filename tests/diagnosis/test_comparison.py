@@ -139,7 +139,7 @@ def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torq
 @pytest.fixture(scope="module")
 def two_recordings() -> Baseline:
     """Of 10 s, the second a minute after the first."""
-    arms = [arm2(seconds=10.0, seed=seed) for seed in (1, 2)]
+    arms = [arm2(seconds=10.0, rate=500.0, seed=seed) for seed in (1, 2)]
     records = [replace(recorded(arm, 1), start=70.0 * k) for k, arm in enumerate(arms)]
     return baseline(records, arms[0].configuration)
 
