@@ -111,6 +111,20 @@ def record():
     return simulated_arms.record(simulated_arms.arm2(seconds=6.0), 1)
 
 
+@pytest.fixture
+def columns(record, tmp_path: Path) -> Path:
+    """A table of the record and its map."""
+    arrays = {"q": record.position, "tau": record.effort, "ref": record.position_reference}
+    np.savez(tmp_path / "run.npz", **arrays)
+    path = tmp_path / "map.yaml"
+    path.write_text(
+        "file: run.npz\nrate: 1000.0\njoints:\n"
+        "  joint_1: {position: 'q[0]', effort: 'tau[0]', reference: 'ref[0]'}\n"
+        "  joint_2: {position: 'q[1]', effort: 'tau[1]', reference: 'ref[1]'}\n"
+    )
+    return path
+
+
 @pytest.fixture(scope="session")
 def bag(record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same as a bag."""
