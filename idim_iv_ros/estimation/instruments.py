@@ -51,7 +51,7 @@ class InstrumentSource(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, in words for the report."""
+        """Where the instruments come from, in words for the report."""
 
     @property
     def untestable(self) -> str | None:

@@ -40,7 +40,7 @@ _NO_MOTION = {
 
 @dataclass(frozen=True)
 class Segment:
-    """A labelled stretch of the motion."""
+    """A stretch of a motion for diagnosis, with the effects that it reveals."""
 
     name: str
     kind: str

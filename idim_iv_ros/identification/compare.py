@@ -51,7 +51,7 @@ class ParameterComparison:
 
     @property
     def sentence(self) -> str:
-        """The answer."""
+        """Whether the parameters of two results differ, and which, in a sentence."""
         differing = [
             f"{pair.words} ({abs(pair.deviations):.2g} σ)" for pair in self.pairs if pair.differs
         ]

@@ -206,7 +206,7 @@ def _statistics(
 
 
 def _span(*columns: FloatArray) -> Basis:
-    """What columns (r, c) can explain."""
+    """Orthonormal basis of the space that columns (r, c) span."""
     return independent_basis(np.column_stack(columns))
 
 

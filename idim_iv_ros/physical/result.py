@@ -105,5 +105,5 @@ class PhysicalParameters:
 
     @property
     def values(self) -> dict[str, float]:
-        """Standard parameters by name."""
+        """Values of the standard parameters by name."""
         return {parameter.name: parameter.value for parameter in self.parameters}
