@@ -71,11 +71,11 @@ class JointCoupling(StructuralEffect[CouplingShape]):
     element_of = "tendon"
 
     def places(self, joints: int) -> list[Place]:
-        """Every pair."""
+        """All pairs of joints."""
         return [Place(a, b) for a in range(joints) for b in range(a + 1, joints)]
 
     def grid(self, place: Place, covered: OperatingRange) -> list[CouplingShape]:
-        """Both directions, linear."""
+        """Linear couplings of joints that turn the same way and opposite ways."""
         return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 
     def columns(self, motion: RobotMotion, place: Place, shape: CouplingShape) -> Torques:
@@ -87,7 +87,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         return {a: both, b: shape.direction * both}
 
     def admissible(self, shape: CouplingShape, coefficients: FloatArray) -> bool:
-        """It takes energy on the whole."""
+        """Whether the coupling dissipates energy on the whole."""
         return bool(np.sum(coefficients) > 0.0)
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
