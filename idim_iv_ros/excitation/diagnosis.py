@@ -195,7 +195,7 @@ class DiagnosisPlanner:
         return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
 
     def _sized(self, plan: Segment) -> Segment:
-        """A segment about the posture, as large as the limits let it be, at most as it is."""
+        """The segment about the posture, made smaller where it would pass a limit."""
 
         def make(size: float) -> Segment:
             assert plan.amplitude is not None

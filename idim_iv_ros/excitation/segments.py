@@ -57,7 +57,7 @@ class Segment:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects that it reveals on a robot with so many joints."""
+        """Effects that the segment reveals on a robot with this number of joints."""
         joints = len(self.offset)
         return tuple(name for name in EFFECTS[self.kind] if joints >= BY_NAME[name].joints_needed)
 

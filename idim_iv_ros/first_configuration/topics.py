@@ -45,7 +45,7 @@ class JointContents:
 
 @dataclass(frozen=True)
 class TopicContents:
-    """One topic of a bag that can hold joint quantities."""
+    """A topic of a bag that can hold joint quantities, and what it holds."""
 
     name: str
     messages: int
