@@ -17,7 +17,7 @@ _GAIN, _LAG = "gain", "lag"
 
 
 class ConfiguredLaw(Protocol):
-    """What is used of a control law (`simulation.ControlLaw`)."""
+    """What the comparison of commands uses of a control law (`simulation.ControlLaw`)."""
 
     @property
     def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -233,7 +233,7 @@ class StructuralEffect(Cause, Generic[S]):
     def impossible(
         self, shape: S, coefficients: FloatArray, joint: int, covered: OperatingRange
     ) -> str:
-        """Why no arm has it in this size; empty where one may have, as by default.
+        """Why no arm has the effect in this size; empty where one may have, as by default.
 
         Wider than `plausible`, which says what is common: numbers that the search fits and that no
         hardware has belong to something else, and the effect is not named.

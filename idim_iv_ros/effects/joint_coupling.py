@@ -79,7 +79,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 
     def columns(self, motion: RobotMotion, place: Place, shape: CouplingShape) -> Torques:
-        """Dry and viscous friction of one, on both joints."""
+        """Torques on both joints of a coupling whose dry and viscous friction are one."""
         a, b = place.joint, place.other
         assert b is not None
         w = motion.velocity[:, a] + shape.direction * motion.velocity[:, b]

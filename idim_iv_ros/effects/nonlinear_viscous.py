@@ -72,7 +72,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     def neighbours(
         self, shape: PowerShape, step: float, place: Place, covered: OperatingRange
     ) -> list[PowerShape]:
-        """Powers stay between 0.2 and 4, and away from one."""
+        """Shapes with a nearby power, between 0.2 and 4 and away from one."""
         near = super().neighbours(shape, step, place, covered)
         low, high = (0.2, 0.8) if shape.power < 1.0 else (1.25, 4.0)
         return [PowerShape(min(max(neighbour.power, low), high)) for neighbour in near]
