@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Modules are compiled when they are first imported: most never are.
+INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check --no-compile
 INTERFACES := $(wildcard idim_iv_interfaces/*.* idim_iv_interfaces/*/*.*)
 
 # Compiled kernels stay with the environment, and with it outlive a fresh clone. Not for `demo`: the
@@ -15,58 +17,56 @@ collected tests check slow load bench $(VENV)/ready-kernels: export NUMBA_CACHE_
 demo: $(VENV)/ready
 	$(BIN)/python -m bags.demo --out out/demo
 
-# Two cores: the messages compile while pip installs, kernels and tests while mypy and mkdocs run.
+# Two cores: pip, mypy and kernels while the messages compile, tests are compiled while mkdocs runs.
 test:
-	@$(MAKE) --no-print-directory -j2 $(VENV)/interfaces/built $(VENV)/ready-tools
-	@$(MAKE) --no-print-directory lint
-	@$(MAKE) --no-print-directory -j2 collected types docs
+	@$(MAKE) --no-print-directory -j2 lint types $(VENV)/ready-tools $(VENV)/ready-kernels collected docs
 	@$(MAKE) --no-print-directory tests
 
 # Before a commit: tests that changed, and those that import a module that changed.
 CHANGED = git diff --name-only HEAD --diff-filter=d; git ls-files --others --exclude-standard
-check: lint types $(VENV)/ready-kernels
+check: lint types $(VENV)/ready-tools $(VENV)/ready-kernels
 	@tests="$$({ ($(CHANGED)) | grep '^tests/.*/test_.*\.py$$'; \
 		($(CHANGED)) | sed -n 's|/|.|g; s|^\(idim_iv_ros\..*\)\.py$$|\1|p' | \
 		xargs -r -I{} grep -rlw --include='test_*.py' '{}' tests; } | sort -u)"; \
 	[ -z "$$tests" ] || $(BIN)/pytest -n 2 --dist worksteal $$tests
 
-lint: $(VENV)/ready-test
+lint: $(VENV)/packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-cache > $(VENV)/imports || { cat $(VENV)/imports; exit 1; }
 
-types: $(VENV)/ready-test
+types: $(VENV)/packages
 	$(BIN)/mypy
 
 # A broken link or a docstring that cannot be read fails; nothing is imported.
-docs: $(VENV)/ready-docs
+docs: $(VENV)/packages
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # A fresh clone's tests are compiled once, with their assertions explained, not by every worker at once.
-collected: $(VENV)/ready-kernels
+collected: $(VENV)/ready-tools $(VENV)/ready-kernels
 	@$(BIN)/pytest --collect-only -q > $(VENV)/collected || { cat $(VENV)/collected; exit 1; }
 
 # Each worker has whole files; in the order of the folders, because the longest come first. One worker
 # more than cores: half of what tests of nodes take is waiting.
-tests: $(VENV)/ready-kernels
+tests: $(VENV)/ready-tools $(VENV)/ready-kernels
 	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart 2
 
 # Both in dist/. The tests build them again from a copy of the sources, and install the wheel with what
 # it depends on into an empty environment: a minute.
-package: $(VENV)/ready-test
+package: $(VENV)/ready-tools
 	rm -rf dist build
 	$(BIN)/python -m build --no-isolation .
 	$(BIN)/pytest -m "slow or not slow" tests/packaging
 
 # Monte Carlo studies and long recordings: about half an hour.
-slow: $(VENV)/ready-test
+slow: $(VENV)/ready-tools
 	$(BIN)/pytest -m slow
 
 # The recorder at high rates and a colcon build: about four minutes on an otherwise idle machine.
-load: $(VENV)/ready-test
+load: $(VENV)/ready-tools
 	$(BIN)/pytest -m load
 
-bench: $(VENV)/ready-bench $(VENV)/ready-test
+bench: $(VENV)/ready-bench
 	$(BIN)/python -m benchmarks.decode
 	$(BIN)/python -m benchmarks.simulation
 	$(BIN)/python -m benchmarks.export
@@ -83,11 +83,11 @@ $(VENV)/bin/python:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 		echo "== installing python3-venv from Debian"; \
 		apt-get update -q && apt-get install -q -y python3-venv && $(PYTHON) -m venv $(VENV); }
-	@$(BIN)/python -m pip install -q --disable-pip-version-check --upgrade pip
+	@$(INSTALL) --upgrade pip
 
 $(VENV)/ready: $(VENV)/bin/python pyproject.toml
 	@echo "== installing idim-iv-ros and its dependencies from PyPI"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	@$(INSTALL) -e .
 	@touch $@
 
 # The messages, services and actions, compiled in an environment of their own: about a minute.
@@ -97,37 +97,24 @@ $(VENV)/interfaces/built: $(VENV)/bin/python $(INTERFACES)
 	@$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w $(@D) ./idim_iv_interfaces
 	@touch $@
 
-$(VENV)/ready-ros: $(VENV)/ready $(VENV)/interfaces/built
-	@echo "== installing the ROS 2 wheels from PyPI and idim_iv_interfaces"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[ros]"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check --force-reinstall --no-deps \
-		$(VENV)/interfaces/*.whl
+# All that comes from PyPI at once, while the messages compile.
+$(VENV)/packages: $(VENV)/bin/python pyproject.toml
+	@echo "== installing idim-iv-ros, the ROS 2 wheels and the tools of tests and documentation from PyPI"
+	@$(INSTALL) -e ".[docs,ros,test]"
+	@touch $@ $(VENV)/ready
+
+$(VENV)/ready-tools: $(VENV)/packages $(VENV)/interfaces/built
+	@$(INSTALL) --force-reinstall --no-deps $(VENV)/interfaces/*.whl
 	@touch $@
 
-$(VENV)/ready-test: $(VENV)/ready-ros
-	@echo "== installing the test tools from PyPI"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[test]"
-	@touch $@
-
-$(VENV)/ready-docs: $(VENV)/ready
-	@echo "== installing the documentation's tools from PyPI"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[docs]"
-	@touch $@
-
-# All that `test` needs from PyPI at once, while the messages compile.
-$(VENV)/ready-tools: $(VENV)/ready
-	@echo "== installing the ROS 2 wheels and the tools of tests and documentation from PyPI"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[docs,ros,test]"
-	@touch $@ $(VENV)/ready-docs
-
-$(VENV)/ready-kernels: $(VENV)/ready-test $(SOURCES)
+$(VENV)/ready-kernels: $(VENV)/packages $(SOURCES)
 	@echo "== compiling the kernels of the simulation"
 	@$(BIN)/python -m tests.compile_kernels
 	@touch $@
 
-$(VENV)/ready-bench: $(VENV)/ready-ros
+$(VENV)/ready-bench: $(VENV)/ready-tools
 	@echo "== installing the peers to compare with from PyPI"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
+	@$(INSTALL) -e ".[bench]"
 	@touch $@
 
 clean:

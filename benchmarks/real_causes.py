@@ -19,10 +19,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+import yaml
+
 from benchmarks.measurement import write_page
-from idim_iv_ros import load_configuration
+from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.recording.writing.write import JointTopic
 from tests.real import recordings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -192,16 +196,89 @@ _WITHOUT_PULSES = {"tau_con": 1.0}
 _WITHOUT_COMPENSATION = {**_FULL, "tau_fric": -1.0}
 
 
+# Links of the double pendulum by design: lengths, m, and the published model.
+_DESIGNS = {
+    "A": ((0.3, 0.2), "design_A0/model_2.1.yml"),
+    "C": ((0.2, 0.3), "design_C0/model_3.1.yml"),
+}
+_LINK = """
+<link name="{name}"><inertial><origin xyz="{lever} 0 0"/><mass value="{mass}"/>
+<inertia ixx="0.00001" iyy="{inertia}" izz="{inertia}"
+ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+_JOINT = """
+<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="{along} 0 0" rpy="{turned}"/><axis xyz="0 0 1"/><limit velocity="30" effort="10"/>
+<dynamics friction="{friction}" damping="{damping}"/></joint>"""
+_PENDULUM = """
+robot:
+  name: double_pendulum
+  urdf: {urdf}
+  joints: [shoulder, elbow]
+simulator:
+  armature: [0.0, 0.0]
+controller:
+  type: unknown
+processing:
+  position_cutoff: 20.0
+  decimation_cutoff: 8.0
+  minimum_speed: [0.1, 0.1]
+"""
+
+
+def _pendulum_urdf(
+    data: Path,
+    design: str,
+    friction: tuple[float, float] = (0.0, 0.0),
+    damping: tuple[float, float] = (0.0, 0.0),
+) -> str:
+    """URDF of a design's published model; inertias there are about the joint."""
+    (upper, _), file = _DESIGNS[design]
+    model = yaml.safe_load((data / "dfki_double_pendulum" / file).read_text())
+    links = []
+    for number, name in ((1, "upper"), (2, "lower")):
+        mass, lever = model[f"m{number}"], model[f"r{number}"]
+        inertia = max(model[f"I{number}"] - mass * lever**2, 1e-5)
+        links.append(_LINK.format(name=name, lever=lever, mass=mass, inertia=inertia))
+    quarter = "1.5707963267948966 1.5707963267948966 0"
+    keys = ("name", "parent", "child", "along", "turned", "friction", "damping")
+    tree = (("shoulder", "base", "upper", 0, quarter), ("elbow", "upper", "lower", upper, "0 0 0"))
+    joints = [
+        _JOINT.format(**dict(zip(keys, (*row, *losses), strict=True)))
+        for row, losses in zip(tree, zip(friction, damping, strict=True), strict=True)
+    ]
+    whole = "".join(['<link name="base"/>', *links, *joints])
+    return f'<robot name="double_pendulum">{whole}</robot>'
+
+
+def _pendulum_bag(file: Path, out: Path, terms: dict[str, float]) -> Path:
+    """Positions, velocities and an effort that is the sum of some channels.
+
+    Parameters
+    ----------
+    terms
+        Factor of each channel: ``tau_con``, ``tau_pert``, ``tau_fric``, ``tau_meas``.
+    """
+    names = file.read_text().split("\n", 1)[0].strip().split(",")
+    table = np.loadtxt(file, delimiter=",", skiprows=1)
+    columns = dict(zip(names, table.T, strict=True))
+
+    def both(name: str) -> np.ndarray:
+        return np.column_stack([columns[f"{name}1"], columns[f"{name}2"]])
+
+    effort = np.asarray(sum(factor * both(name) for name, factor in terms.items()))
+    signals = both("pos_meas"), both("vel_meas"), effort
+    write_bag(out, [JointTopic("/joint_states", ["shoulder", "elbow"], columns["time"], *signals)])
+    return out
+
+
 def _perturbed(
     kind: str, terms: dict[str, float]
 ) -> Callable[[Path, Path], tuple[Sequence[Path], Path]]:
     def make(data: Path, folder: Path) -> tuple[Sequence[Path], Path]:
         files = sorted((data / "dfki_double_pendulum" / "perturbed").glob(f"{kind}_*.csv"))
-        bags = [
-            recordings.pendulum_bag(file, folder / f"{file.stem}.mcap", terms) for file in files
-        ]
-        _written(folder, "c.urdf", recordings.pendulum_urdf(data, "C", *_FRICTION[kind]))
-        return bags, _written(folder, "c.yaml", recordings.PENDULUM.format(urdf="c.urdf"))
+        bags = [_pendulum_bag(file, folder / f"{file.stem}.mcap", terms) for file in files]
+        _written(folder, "c.urdf", _pendulum_urdf(data, "C", *_FRICTION[kind]))
+        return bags, _written(folder, "c.yaml", _PENDULUM.format(urdf="c.urdf"))
 
     return make
 
@@ -210,11 +287,10 @@ def _design(recorded: str, model: str) -> Callable[[Path, Path], tuple[Sequence[
     def make(data: Path, folder: Path) -> tuple[Sequence[Path], Path]:
         files = sorted((data / "dfki_double_pendulum" / f"design_{recorded}0").glob("*.csv"))
         bags = [
-            recordings.pendulum_bag(file, folder / f"{file.stem}.mcap", {"tau_meas": 1.0})
-            for file in files
+            _pendulum_bag(file, folder / f"{file.stem}.mcap", {"tau_meas": 1.0}) for file in files
         ]
-        _written(folder, "links.urdf", recordings.pendulum_urdf(data, model))
-        return bags, _written(folder, "links.yaml", recordings.PENDULUM.format(urdf="links.urdf"))
+        _written(folder, "links.urdf", _pendulum_urdf(data, model))
+        return bags, _written(folder, "links.yaml", _PENDULUM.format(urdf="links.urdf"))
 
     return make
 

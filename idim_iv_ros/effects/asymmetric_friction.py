@@ -12,7 +12,7 @@ from idim_iv_ros.types import FloatArray
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: offset, viscous."""
+    """Torque for the simulator from the parameters p = (offset, viscous)."""
     return Torque(0.0, at.direction * p[1], p[0], 0.0)
 
 
@@ -45,14 +45,14 @@ class AsymmetricFriction(StructuralEffect[Shape]):
     laws = (_LAW,)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """Return the only one."""
+        """The one shape: this friction has no number that enters other than linearly."""
         return [Shape()]
 
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
-        """|dq|."""
+        """Torque |dq| of a coefficient `viscous` of one."""
         return {place.joint: np.abs(motion.velocity[:, [place.joint]])}
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Friction that is not dry."""
+        """A torque that is friction, but not dry friction."""
         values = given.values("offset", "viscous")
         return [TorqueTerm(_LAW, values, friction=True)]

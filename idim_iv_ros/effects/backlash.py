@@ -38,7 +38,7 @@ class BacklashShape(Shape):
 
     @property
     def wide(self) -> bool:
-        """Whether the gap shows beside the bending of its flanks; else it is a shaft."""
+        """Whether the gap is wide against the bending of its flanks; else it acts as a shaft."""
         return self.gap * self.stiffness > _LEAST_GAP * self.load
 
 
@@ -65,7 +65,7 @@ class Backlash(StructuralEffect[BacklashShape]):
     )
 
     def grid(self, place: Place, covered: OperatingRange) -> list[BacklashShape]:
-        """Gaps from 0.1 to 40 mrad (10 µm to 4 mm)."""
+        """Shapes with gaps from 0.1 to 40 mrad (10 µm to 4 mm) and three stiffnesses."""
         inertia = float(covered.inertia[place.joint])
         if inertia <= 0.0:
             return []
@@ -81,7 +81,7 @@ class Backlash(StructuralEffect[BacklashShape]):
     def neighbours(
         self, shape: BacklashShape, step: float, place: Place, covered: OperatingRange
     ) -> list[BacklashShape]:
-        """Gap and flanks; their damping follows."""
+        """Shapes with another gap, stiffness or damping of the flanks; the damping ratio stays."""
         gap, stiffness, damping = shape.gap, shape.stiffness, shape.damping
         root = float(np.sqrt(1.0 + step))
         near = [
@@ -95,23 +95,23 @@ class Backlash(StructuralEffect[BacklashShape]):
         return [neighbour for neighbour in near if neighbour.wide]
 
     def columns(self, motion: RobotMotion, place: Place, shape: BacklashShape) -> Torques:
-        """The whole change of the torques."""
+        """Change of all torques by play of this shape; its coefficient is one."""
         return transmitted(motion, place.joint, shape.stiffness, shape.damping, shape.gap)
 
     def admissible(self, shape: BacklashShape, coefficients: FloatArray) -> bool:
-        """The whole change, not a part of it."""
+        """Whether the coefficient is about one: the whole change by the play, not a part."""
         return bool(0.3 < coefficients[0] < 3.0)
 
     def plausible(
         self, shape: BacklashShape, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
-        """Gaps up to the middle of what arms have."""
+        """Whether the gap is no wider than the middle of those that arms have."""
         return bool(shape.gap <= _TYPICAL_GAP * float(scale.covered.lever[scale.joint]))
 
     def impossible(
         self, shape: BacklashShape, coefficients: FloatArray, joint: int, covered: OperatingRange
     ) -> str:
-        """Gaps wider than those of broken gears."""
+        """Why a gap is wider than that of any broken gear; empty if it is not."""
         widest = _WIDEST * float(covered.lever[joint])
         if shape.gap <= widest:
             return ""
@@ -121,7 +121,7 @@ class Backlash(StructuralEffect[BacklashShape]):
     def parameters(
         self, shape: BacklashShape, coefficients: FloatArray, deviations: FloatArray
     ) -> Parameters:
-        """Gap and flanks."""
+        """Gap, stiffness and damping of play, with their deviations."""
         relative = deviations[0] / coefficients[0]
         return self.numbers(
             gap=(shape.gap, shape.gap * relative),
@@ -130,6 +130,6 @@ class Backlash(StructuralEffect[BacklashShape]):
         )
 
     def contributions(self, given: GivenNumbers) -> list[ShaftPart]:
-        """A dead zone between flanks."""
+        """A shaft between motor and link with a dead zone."""
         v = given.value
         return [ShaftPart(v["gap"], v["stiffness"], v["damping"], flanks=True)]

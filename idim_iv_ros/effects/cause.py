@@ -22,7 +22,7 @@ Bound = Literal["any", "positive", "not negative", "1 or -1", "0 or 1", "unbound
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One number of an effect; `std` is None where the recording does not determine it."""
+    """A number of an effect; `std` is None where the recording does not determine it."""
 
     value: float
     std: float | None
@@ -97,7 +97,7 @@ class GivenNumbers:
     coulomb: float
 
     def values(self, *names: str) -> tuple[float, ...]:
-        """Values by name, for a compiled law."""
+        """Values of the named parameters, in this order, for a compiled law."""
         return tuple(self.value[name] for name in names)
 
 
@@ -138,7 +138,7 @@ class Cause(ABC):
         return ()
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
-        """Its numbers for Fv or Fc below zero, which no simulator holds; empty by default."""
+        """Parameters with which the effect stands for a negative Fv or Fc; empty by default."""
         return {}
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
@@ -146,7 +146,7 @@ class Cause(ABC):
         return None
 
     def refused(self, value: Mapping[str, float]) -> str:
-        """Why parameters that are each within their bounds do not go together; empty if they do."""
+        """Why parameters within their bounds contradict each other; empty if they do not."""
         return ""
 
     def spec(self, name: str) -> ParameterSpec | None:

@@ -162,7 +162,7 @@ class DriveCurve:
 
 @dataclass(frozen=True)
 class EncoderError:
-    """What the encoder shows beyond the position."""
+    """Error of an encoder: what it shows less the position of the joint."""
 
     law: EncoderLaw
     values: tuple[float, ...]

@@ -17,11 +17,11 @@ _GAIN, _LAG = "gain", "lag"
 
 
 class ConfiguredLaw(Protocol):
-    """What is used of a control law (`simulation.ControlLaw`)."""
+    """What the comparison of commands uses of a control law (`simulation.ControlLaw`)."""
 
     @property
     def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """kp, kd, ki from errors to torque, (n_joints,) each."""
+        """Gains kp, kd, ki (n_joints,) from errors to torque."""
 
     @property
     def uses_velocity_reference(self) -> bool:
@@ -29,7 +29,7 @@ class ConfiguredLaw(Protocol):
 
     @property
     def feedforward(self) -> FloatArray | None:
-        """(n_samples, n_joints) N m (N)."""
+        """Torque (n_samples, n_joints) that the law adds, N m (N), or None."""
 
 
 class ControllerMismatch(Cause):
@@ -64,7 +64,7 @@ class ControllerMismatch(Cause):
     )
 
     def contributions(self, given: GivenNumbers) -> list[LawChange]:
-        """The law that the robot runs."""
+        """The gains, feedforward and lag with which the simulated law differs."""
         return [LawChange(**given.value)]
 
     def parts(

@@ -26,13 +26,13 @@ class DriveInertia(ParametricEffect):
     )
 
     def inseparable_from(self, space: ParameterSpace, joint: int) -> tuple[str, ...]:
-        """The link of a drive that has no base parameter of its own (ZZ1 + Ia1)."""
+        """The link's inertia, where it shares its base parameter with the drive's (ZZ1 + Ia1)."""
         return () if f"Ia{joint + 1}" in space.model.base.names else ("link_inertia",)
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
-        """The inertia does not become negative."""
+        """Whether the drive's inertia stays positive."""
         assert joint is not None
         given = float(space.model.robot.given.drive_inertia[joint])
         return not any(estimate.exceeds(-given) is False for estimate in estimates)

@@ -24,9 +24,11 @@ class Shape:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """All of them, choices as 0 and 1."""
-        values = (v if isinstance(v, tuple) else (v,) for v in vars(self).values())
-        return tuple(float(number) for value in values for number in value)
+        """All numbers of the shape in the order of its fields, choices as 0 and 1."""
+        made: list[float] = []
+        for value in vars(self).values():
+            made += value if isinstance(value, tuple) else (value,)
+        return tuple(map(float, made))
 
 
 S = TypeVar("S", bound=Shape)
@@ -41,7 +43,7 @@ class Place:
 
     @property
     def joints(self) -> tuple[int, ...]:
-        """One, or both of a coupling."""
+        """The joint, or both joints of a coupling."""
         return (self.joint,) if self.other is None else (self.joint, self.other)
 
 
@@ -77,7 +79,7 @@ class OperatingRange:
         return float(self.high[joint] - self.low[joint])
 
     def length(self, joint: int) -> str:
-        """Unit of the positions of a joint."""
+        """Unit of a joint's position: rad or m."""
         return "rad" if float(self.lever[joint]) == 1.0 else "m"
 
     def too_slow_to_bend(self, joint: int) -> str:
@@ -99,7 +101,7 @@ class JointScale:
 
     @property
     def peak(self) -> float:
-        """Largest torque, N m (N)."""
+        """Largest torque of the joint, N m (N)."""
         return float(self.covered.torque[self.joint])
 
 
@@ -111,12 +113,12 @@ class ShareOf:
     share: float
 
     def torque(self, scale: JointScale) -> float:
-        """N m (N), at one joint."""
+        """The torque at a joint, N m (N)."""
         return self.share * (scale.dry_friction if self.of == "dry friction" else scale.peak)
 
 
 class StructuralEffect(Cause, Generic[S]):
-    """One effect that a simulator may lack.
+    """A physical effect that the simulator may lack.
 
     Its torque is linear in its coefficients for a given *shape* (a speed, a wave number, a delay);
     shapes are searched on a grid and refined.
@@ -146,12 +148,12 @@ class StructuralEffect(Cause, Generic[S]):
     lost_where_softened: ClassVar[bool] = False
 
     def places(self, joints: int) -> list[Place]:
-        """Where it may sit: at each joint."""
+        """Joints or pairs of joints at which the effect may act; all joints by default."""
         return [Place(joint) for joint in range(joints)]
 
     @abstractmethod
     def grid(self, place: Place, covered: OperatingRange) -> Sequence[S]:
-        """Shapes to try first."""
+        """Shapes with which the search begins."""
 
     def branches(self, grid: Sequence[S]) -> list[Sequence[S]]:
         """Parts of the grid that are searched apart, for shapes of different kinds."""
@@ -166,7 +168,7 @@ class StructuralEffect(Cause, Generic[S]):
         return [self.columns(motion, place, shape) for shape in shapes]
 
     def names(self, shape: S) -> tuple[str, ...]:
-        """Names of the coefficients of a shape: `linear`, once for each of several terms."""
+        """Names of the coefficients of a shape: `linear`, with numbers for several terms."""
         terms = next((len(v) for v in vars(shape).values() if isinstance(v, tuple)), 0)
         numbered = [name.replace("_k", f"_{k + 1}") for k in range(terms) for name in self.linear]
         return tuple(numbered) or self.linear
@@ -198,7 +200,7 @@ class StructuralEffect(Cause, Generic[S]):
         return self.signed or bool(np.all(coefficients >= 0.0))
 
     def neighbours(self, shape: S, step: float, place: Place, covered: OperatingRange) -> list[S]:
-        """Shapes near one: each number larger and smaller by the factor 1 + step, up to its end."""
+        """Shapes with one number larger or smaller by the factor 1 + step, within its bounds."""
         near = []
         for name, given in vars(shape).items():
             low, high = self.ends.get(name, (-np.inf, np.inf))
@@ -231,7 +233,7 @@ class StructuralEffect(Cause, Generic[S]):
     def impossible(
         self, shape: S, coefficients: FloatArray, joint: int, covered: OperatingRange
     ) -> str:
-        """Why no arm has it in this size; empty where one may have, as by default.
+        """Why no arm has the effect in this size; empty where one may have, as by default.
 
         Wider than `plausible`, which says what is common: numbers that the search fits and that no
         hardware has belong to something else, and the effect is not named.
@@ -258,12 +260,12 @@ class StructuralEffect(Cause, Generic[S]):
         return shape.numbers[0]
 
     def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:
-        """Shapes with one term more, each with the shape of that term alone; none by default."""
+        """Shapes with a further term, paired with the shape of that term; none by default."""
         return []
 
 
 def _varied(given: object, factor: float) -> list[Any]:
-    """Values of a field near a given one: larger and smaller, of a tuple each number."""
+    """A field's value times and divided by a factor; of a tuple, one number at a time."""
     if isinstance(given, tuple):
         return [
             (*given[:k], value, *given[k + 1 :])

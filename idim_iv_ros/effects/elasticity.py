@@ -64,7 +64,7 @@ class Elasticity(StructuralEffect[ShaftShape]):
         return shapes
 
     def columns(self, motion: RobotMotion, place: Place, shape: ShaftShape) -> Torques:
-        """The whole change of the torques."""
+        """Change of all torques by a shaft of this shape; its coefficient is one."""
         return transmitted(motion, place.joint, shape.stiffness, shape.damping, 0.0)
 
     def admissible(self, shape: ShaftShape, coefficients: FloatArray) -> bool:
@@ -74,7 +74,7 @@ class Elasticity(StructuralEffect[ShaftShape]):
     def plausible(
         self, shape: ShaftShape, coefficients: FloatArray, torque: float, scale: JointScale
     ) -> bool:
-        """Shafts down to the softest that are common."""
+        """Whether the shaft is no softer than the softest that are common."""
         inertia = float(scale.covered.inertia[scale.joint])
         stiffness = shape.stiffness / float(coefficients[0])
         return bool(stiffness >= inertia * (2.0 * np.pi * _SOFTEST) ** 2)
@@ -117,5 +117,5 @@ class Elasticity(StructuralEffect[ShaftShape]):
         )
 
     def contributions(self, given: GivenNumbers) -> list[ShaftPart]:
-        """A shaft without play."""
+        """A shaft between motor and link without play."""
         return [ShaftPart(0.0, given.value["stiffness"], given.value["damping"], flanks=False)]

@@ -18,14 +18,14 @@ _LEAST_TURN = 0.5  # rad
 
 @dataclass(frozen=True)
 class DiscShape(Shape):
-    """Whether the error also turns twice a turn."""
+    """Whether the error has a part of two periods a turn."""
 
     twice: bool
 
 
 @kernel
 def _error(p: FloatArray, q: float) -> tuple[float, float]:
-    """Values: sine, cosine, sine_2, cosine_2."""
+    """Error of the encoder from the parameters p = (sine, cosine, sine_2, cosine_2)."""
     s1, c1, s2, c2 = np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)
     error = p[0] * s1 + p[1] * c1 + p[2] * s2 + p[3] * c2
     return error, p[0] * c1 - p[1] * s1 + 2.0 * (p[2] * c2 - p[3] * s2)
@@ -55,24 +55,24 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     laws = (_LAW,)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DiscShape]:
-        """Once, or once and twice a turn."""
+        """Shapes with one period a turn, and with one and two."""
         return [DiscShape(False), DiscShape(True)]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """It needs a good part of a turn."""
+        """Why a joint turns too little to show the effect; empty if it does not."""
         span, length = covered.span(joint), covered.length(joint)
         if length == "rad" and span >= _LEAST_TURN:
             return ""
         return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"
 
     def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> Torques:
-        """Change of all torques with each part of the error, 1 rad."""
+        """Change of all torques by every part of the error, 1 rad large."""
         return self.torques(motion, place, [shape])[0]
 
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[DiscShape]
     ) -> list[Torques]:
-        """What turns once a turn is in both shapes."""
+        """`columns` of several shapes; parts that they share are computed once."""
         q = motion.position[:, place.joint]
         small = 1e-4
         errors = [np.sin(q), np.cos(q)]
@@ -88,5 +88,5 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         return bool(np.max(np.abs(coefficients)) < 0.05)
 
     def contributions(self, given: GivenNumbers) -> list[EncoderError]:
-        """What the encoder shows beyond the position."""
+        """An error of the encoder."""
         return [EncoderError(_LAW, given.values(*_NAMES))]

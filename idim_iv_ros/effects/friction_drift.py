@@ -81,17 +81,17 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         ]
 
     def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
-        """Dry and viscous friction of one that fade."""
+        """Dry and viscous friction of unit size that fade."""
         v = motion.velocity[:, place.joint]
         time = motion.elapsed if shape.restarts else motion.time
         fading = np.exp(-time / shape.time_constant)
         return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
 
     def meaning(self, shape: DriftShape) -> str:
-        """Whose clock it goes by."""
+        """Whether the drift runs through the session or begins anew, in words."""
         return "anew in each recording" if shape.restarts else "through the session"
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Friction, its Coulomb part dry."""
+        """Friction that fades, its Coulomb part dry."""
         values = given.values("time_constant", "coulomb", "viscous", "restarts")
         return [TorqueTerm(_LAW, values, friction=True, dry=True)]

@@ -25,7 +25,7 @@ class FrictionLevel(ParametricEffect):
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
-        """Friction does not become negative."""
+        """Whether the friction stays positive."""
         assert joint is not None
         given = space.model.robot.given
         levels = {spec.name: float(given.of_drives[spec.standard][joint]) for spec in self.specs}

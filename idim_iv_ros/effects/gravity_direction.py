@@ -24,11 +24,11 @@ class GravityDirection(ParametricEffect):
     )
 
     def places(self, space: ParameterSpace) -> list[int | None]:
-        """At no joint."""
+        """No joint: gravity acts on the whole robot."""
         return [None]
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """Two angles."""
+        """The two angles by which gravity may be tilted, together."""
         names = [_name(axis) for axis in space.axes]
         return [[Change(name, "rad", space.tilt(place)) for place, name in enumerate(names)]]
 

@@ -71,15 +71,15 @@ class JointCoupling(StructuralEffect[CouplingShape]):
     element_of = "tendon"
 
     def places(self, joints: int) -> list[Place]:
-        """Every pair."""
+        """All pairs of joints."""
         return [Place(a, b) for a in range(joints) for b in range(a + 1, joints)]
 
     def grid(self, place: Place, covered: OperatingRange) -> list[CouplingShape]:
-        """Both directions, linear."""
+        """Linear couplings of joints that turn the same way and opposite ways."""
         return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 
     def columns(self, motion: RobotMotion, place: Place, shape: CouplingShape) -> Torques:
-        """Dry and viscous friction of one, on both joints."""
+        """Torques on both joints of a coupling whose dry and viscous friction are one."""
         a, b = place.joint, place.other
         assert b is not None
         w = motion.velocity[:, a] + shape.direction * motion.velocity[:, b]
@@ -87,7 +87,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         return {a: both, b: shape.direction * both}
 
     def admissible(self, shape: CouplingShape, coefficients: FloatArray) -> bool:
-        """It takes energy on the whole."""
+        """Whether the coupling dissipates energy on the whole."""
         return bool(np.sum(coefficients) > 0.0)
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:

@@ -51,7 +51,7 @@ class LinkInertia(ParametricEffect):
         return [changes for changes in variants if changes]
 
     def which(self, joint: int) -> str:
-        """Number of the link that the joint moves."""
+        """The number of the link that the joint moves, in words."""
         return f" (link {joint + 1})"
 
     def admissible(

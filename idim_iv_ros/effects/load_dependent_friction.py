@@ -37,7 +37,7 @@ class LoadShape(Shape):
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: driving, driven, exponent, scale."""
+    """Torque for the simulator from p = (driving, driven, exponent, scale)."""
     share = p[0] if at.load * at.direction > 0.0 else p[1]
     return Torque(share * p[3] * (abs(at.load) / p[3]) ** p[2], 0.0, 0.0, 0.0)
 
@@ -111,7 +111,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         return "" if largest <= _MOST else f"friction would be {largest:.2g} times the load"
 
     def meaning(self, shape: LoadShape) -> str:
-        """Which torque is the load."""
+        """Which torque is the load, in words."""
         return _LOADS[shape.load]
 
     def parameters(
@@ -128,12 +128,12 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         )
 
     def refused(self, value: Mapping[str, float]) -> str:
-        """One torque is the load."""
+        """Why parameters name two torques as the load; empty if they do not."""
         both = value["motor_torque"] == value["static_torque"] == 1.0
         return "motor_torque and static_torque are not both 1: one of them is the load" * both
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Dry friction."""
+        """Dry friction whose level follows the load."""
         values = given.values("driving", "driven", "exponent", "scale")
         load = Load.MOTOR if given.value["motor_torque"] == 1.0 else Load.LINKS
         load = Load.STATIC if given.value["static_torque"] == 1.0 else load

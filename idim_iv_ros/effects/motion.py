@@ -11,7 +11,7 @@ Torques = dict[int, FloatArray]  # (s, k) by joint
 
 @dataclass(frozen=True)
 class RobotMotion(ABC):
-    """One recording's motion on a uniform grid of s samples, with the torques of the refit.
+    """A recording's motion on a uniform grid of s samples, with the torques of the refit.
 
     Units as of the joints: rad, rad/s, N m, or m, m/s, N for a prismatic one.
 
@@ -32,7 +32,7 @@ class RobotMotion(ABC):
 
     @property
     def elapsed(self) -> FloatArray:
-        """(s,) s, since the start of the recording."""
+        """Time (s,) since the start of the recording, s."""
         return self.time - self.start
 
     @property
@@ -48,7 +48,7 @@ class RobotMotion(ABC):
     @property
     @abstractmethod
     def torque(self) -> FloatArray:
-        """(s, n_joints): torque of the refit."""
+        """Torque (s, n_joints) of the refit, N m (N)."""
 
     @property
     @abstractmethod

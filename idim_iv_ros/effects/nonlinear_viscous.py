@@ -17,14 +17,14 @@ _POWERS = (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)
 
 @dataclass(frozen=True)
 class PowerShape(Shape):
-    """Power of the speed."""
+    """Power of the speed that the friction follows."""
 
     power: float
 
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: coefficient, power."""
+    """Torque for the simulator from the parameters p = (coefficient, power)."""
     if p[1] >= 1.0:
         return Torque(0.0, p[0] * at.speed ** (p[1] - 1.0), 0.0, 0.0)
     # Its slope at rest has no bound.
@@ -61,7 +61,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         return [PowerShape(power) for power in _POWERS]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """It needs speed."""
+        """Why a joint moves too slowly to show the effect; empty if it does not."""
         return covered.too_slow_to_bend(joint)
 
     def columns(self, motion: RobotMotion, place: Place, shape: PowerShape) -> Torques:
@@ -72,7 +72,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     def neighbours(
         self, shape: PowerShape, step: float, place: Place, covered: OperatingRange
     ) -> list[PowerShape]:
-        """Powers stay between 0.2 and 4, and away from one."""
+        """Shapes with a nearby power, between 0.2 and 4 and away from one."""
         near = super().neighbours(shape, step, place, covered)
         low, high = (0.2, 0.8) if shape.power < 1.0 else (1.25, 4.0)
         return [PowerShape(min(max(neighbour.power, low), high)) for neighbour in near]
@@ -85,7 +85,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         return Element(damping=(coefficient, 0.0) if power == 2.0 else (0.0, coefficient))
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
-        """A drag of power 1 for Fv."""
+        """A drag with power 1 that stands for a negative Fv."""
         return {"coefficient": value, "power": 1.0} if kind == "Fv" else {}
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:

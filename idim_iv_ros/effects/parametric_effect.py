@@ -16,7 +16,7 @@ CLEARLY = 3.0
 
 @dataclass(frozen=True)
 class Change:
-    """One number that a hypothesis may change.
+    """A number of the nominal model that a hypothesis changes.
 
     `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`.
     """
@@ -36,7 +36,7 @@ class Estimated:
 
     @property
     def determined(self) -> bool:
-        """Whether the recording determines this number beside the others."""
+        """Whether the recording determines the number, given all others of the hypothesis."""
         return self.std is not None
 
     @property
@@ -67,7 +67,7 @@ class ParameterSpace:
 
     @property
     def joints(self) -> int:
-        """How many."""
+        """Number of joints of the robot."""
         return len(self.model.robot.joints)
 
     @property
@@ -105,7 +105,7 @@ class ParameterSpace:
 
 
 class ParametricEffect(Cause):
-    """One way in which the given parameters may be in error.
+    """A way in which numbers of the nominal model may be wrong.
 
     The simulator has it with the base parameters, unless it says otherwise.
     """
@@ -116,7 +116,7 @@ class ParametricEffect(Cause):
     largest: ClassVar[float] = np.inf
 
     def places(self, space: ParameterSpace) -> list[int | None]:
-        """Where it may sit: at each joint; None: at no joint in particular."""
+        """Joints at which the numbers may be wrong, by default all; None: no joint by itself."""
         return list(range(space.joints))
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:

@@ -45,13 +45,13 @@ class Payload(ParametricEffect):
     )
 
     def places(self, space: ParameterSpace) -> list[int | None]:
-        """Links that carry no other."""
+        """Joints whose links carry no further link."""
         robot = space.model.robot
         parents = [int(parent) for parent in robot.pinocchio.parents]
         return [int(joint) for tree, joint in enumerate(robot.order) if tree + 1 not in parents[1:]]
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """A mass that is small beside its distance, and any rigid body."""
+        """A point mass, and any rigid body."""
         assert joint is not None
         point = [change for kind in POINT for change in space.change(kind, joint, _NAMES[kind])]
         body = [change for kind in INERTIAL for change in space.change(kind, joint, _NAMES[kind])]
@@ -117,14 +117,14 @@ def _least_size(ends: FloatArray) -> FloatArray:
 
 
 def _near(estimates: Sequence[Estimated], sign: float, size: float) -> bool:
-    """Whether the centre of mass may lie within the arm's own size of the last joint."""
+    """Whether the centre of mass may lie within the size of the arm from its last joint."""
     mass = _ends(estimates, ("mass",), sign)[1, 0]
     moments = _least_size(_ends(estimates, [_NAMES[kind] for kind in POINT[1:]], sign))
     return not float(np.linalg.norm(moments)) > size * mass
 
 
 def _rigid_body(estimates: Sequence[Estimated], sign: float) -> bool:
-    """Whether the ten numbers may be those of a body of positive density, each in its interval.
+    """Whether ten numbers, within their intervals, may be a body of positive density.
 
     Its pseudo-inertia [[Σ, h], [hᵀ, m]] (Wensing et al. 2018) then has no negative diagonal and no
     negative 2 × 2 minor about it; Σ = ½ tr(I) 1 − I.

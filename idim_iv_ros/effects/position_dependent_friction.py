@@ -19,7 +19,7 @@ _BEYOND = 0.2  # of the range: a spot may lie outside, its flank inside
 
 @dataclass(frozen=True)
 class TightSpot(Shape):
-    """Centre and width of a tight spot, rad."""
+    """Centre and width of a tight spot, rad (m)."""
 
     centre: float
     width: float
@@ -32,7 +32,7 @@ def _waves(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 
 @kernel
 def _spot(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: centre, width, height."""
+    """Friction of a tight spot from the parameters p = (centre, width, height)."""
     return Torque(p[2] * math.exp(-(((at.position - p[0]) / p[1]) ** 2)), 0.0, 0.0, 0.0)
 
 
@@ -61,7 +61,7 @@ class PositionDependentFriction(WaveEffect):
     laws = (_SPOT, _WAVES)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Waves | TightSpot]:
-        """One wave, or one spot."""
+        """Shapes with a single wave, and with a single tight spot."""
         low, high = covered.low[place.joint], covered.high[place.joint]
         span = float(high - low)
         if span <= 0.0:
@@ -81,7 +81,7 @@ class PositionDependentFriction(WaveEffect):
     def neighbours(
         self, shape: Waves | TightSpot, step: float, place: Place, covered: OperatingRange
     ) -> list[Waves | TightSpot]:
-        """Nearby wave numbers, centres and widths."""
+        """Shapes with nearby wave numbers, or with a nearby centre and width."""
         if isinstance(shape, Waves):
             return super().neighbours(shape, step, place, covered)
         centre, width = shape.centre, shape.width
@@ -93,7 +93,7 @@ class PositionDependentFriction(WaveEffect):
     def longer(
         self, shape: Waves | TightSpot, place: Place, covered: OperatingRange
     ) -> list[tuple[Waves | TightSpot, Waves | TightSpot]]:
-        """One wave more."""
+        """Shapes with a further wave; a tight spot stays alone."""
         return [] if isinstance(shape, TightSpot) else super().longer(shape, place, covered)
 
     def names(self, shape: Waves | TightSpot) -> tuple[str, ...]:
@@ -103,7 +103,7 @@ class PositionDependentFriction(WaveEffect):
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[Waves | TightSpot]
     ) -> list[Torques]:
-        """The same of many waves."""
+        """`columns` of several shapes, with all waves computed at once."""
         q = np.ascontiguousarray(motion.position[:, place.joint])
         sign = np.ascontiguousarray(motion.slip[:, place.joint])
         waves = iter(wave_columns(q, [shape for shape in shapes if isinstance(shape, Waves)]))
@@ -117,7 +117,7 @@ class PositionDependentFriction(WaveEffect):
         return made
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
-        """Dry friction of the spot and of each wave."""
+        """Dry friction of the spot, or of all waves."""
         spot = given.values("centre", "width", "height")
         yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
         for values in wave_values(given):

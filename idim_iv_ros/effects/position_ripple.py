@@ -31,5 +31,5 @@ class PositionRipple(WaveEffect):
     laws = (_LAW,)
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """A torque for each wave."""
+        """A torque over the position for every wave."""
         return [TorqueTerm(_LAW, values) for values in wave_values(given)]

@@ -27,7 +27,7 @@ _ROWS_BESIDE_REVERSAL = 2.0  # that tell nothing where it is not known when a jo
 
 @dataclass(frozen=True)
 class BristleShape(Shape):
-    """Spans after which the bristles slip, rad."""
+    """Distances after which the bristles slip, rad (m)."""
 
     spans: tuple[float, ...]
 
@@ -119,7 +119,7 @@ class Presliding(StructuralEffect[BristleShape]):
     def longer(
         self, shape: BristleShape, place: Place, covered: OperatingRange
     ) -> list[tuple[BristleShape, BristleShape]]:
-        """One more bristle."""
+        """Shapes with a further bristle."""
         if len(shape.spans) >= _MOST:
             return []
         terms = self.grid(place, covered)

@@ -100,7 +100,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
     def neighbours(
         self, shape: CubicShape | BentShape, step: float, place: Place, covered: OperatingRange
     ) -> list[CubicShape | BentShape]:
-        """Nearby centres and widths."""
+        """Shapes with a nearby centre and width of the bend."""
         if isinstance(shape, CubicShape):
             return []
         centre, width, span = shape.centre, shape.width, shape.highest - shape.lowest
@@ -120,7 +120,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
     def names(self, shape: CubicShape | BentShape) -> tuple[str, ...]:
-        """Of a polynomial, or of the position and the bend."""
+        """Names of the coefficients: powers of the position, or its linear and its bent part."""
         return ("linear", "bent") if isinstance(shape, BentShape) else _POWERS[1:]
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
@@ -131,7 +131,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         return Element(stiffness=tuple(value.get(name, 0.0) for name in _POWERS[1:]))
 
     def refused(self, value: Mapping[str, float]) -> str:
-        """The range must not be empty."""
+        """Why the range between `lowest` and `highest` is empty; empty if it is not."""
         return "" if value["lowest"] < value["highest"] else "lowest is not below highest"
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:

@@ -34,7 +34,7 @@ class StribeckShape(Shape):
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: excess, speed, exponent."""
+    """Torque for the simulator from the parameters p = (excess, speed, exponent)."""
     return Torque(p[0] * math.exp(-((at.speed / p[1]) ** p[2])), 0.0, 0.0, 0.0)
 
 
@@ -71,7 +71,7 @@ class Stribeck(StructuralEffect[StribeckShape]):
         return [StribeckShape(float(v), exponent) for v in speeds for exponent in _EXPONENTS]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """It needs speed."""
+        """Why a joint moves too slowly to show the effect; empty if it does not."""
         return covered.too_slow_to_bend(joint)
 
     def columns(self, motion: RobotMotion, place: Place, shape: StribeckShape) -> Torques:
@@ -81,10 +81,10 @@ class Stribeck(StructuralEffect[StribeckShape]):
         return {place.joint: (falling * motion.slip[:, place.joint])[:, None]}
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
-        """An excess at every speed for Fc."""
+        """An excess at every speed that stands for a negative Fc."""
         return {"excess": value, "speed": _NEVER} if kind == "Fc" else {}
 
     def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Dry friction."""
+        """Dry friction that falls with the speed."""
         values = given.values("excess", "speed", "exponent")
         return [TorqueTerm(_LAW, values, friction=True, dry=True)]

@@ -18,7 +18,7 @@ _LONGEST = 0.02  # s
 
 @dataclass(frozen=True)
 class DelayShape(Shape):
-    """Delay, s."""
+    """Delay of the torque, s."""
 
     delay: float
 
@@ -44,11 +44,11 @@ class TimeDelay(StructuralEffect[DelayShape]):
     everywhere = True
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DelayShape]:
-        """From 0.3 to 12 ms."""
+        """Delays from 0.3 to 12 ms."""
         return [DelayShape(delay) for delay in _DELAYS]
 
     def columns(self, motion: RobotMotion, place: Place, shape: DelayShape) -> Torques:
-        """Taylor series of the change of the torque."""
+        """Change of the torque by the delay, as a Taylor series."""
         torque = motion.torque[:, place.joint]
         change = np.zeros_like(torque)
         term, factor = torque, 1.0
@@ -65,7 +65,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
     def impossible(
         self, shape: DelayShape, coefficients: FloatArray, joint: int, covered: OperatingRange
     ) -> str:
-        """Delays that no drive has."""
+        """Why a delay is longer than any drive's; empty if it is not."""
         delay = float(shape.delay * coefficients[0])
         longest = 1e3 * _LONGEST
         return "" if delay <= _LONGEST else f"{1e3 * delay:.2g} ms are beyond {longest:.0f} ms"

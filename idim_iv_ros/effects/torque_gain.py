@@ -16,7 +16,7 @@ from idim_iv_ros.types import FloatArray
 
 @kernel
 def _curve(p: FloatArray, command: float) -> float:
-    """Values: factor."""
+    """Acting torque of a command from the parameter p = (factor)."""
     acting: float = p[0] * command
     return acting
 
@@ -40,7 +40,7 @@ class TorqueGain(ParametricEffect):
     laws = (_LAW,)
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """One number."""
+        """The gain of the recorded torque, by itself."""
         assert joint is not None
         return [[Change("recorded_more", "", space.gain(joint))]]
 
@@ -56,5 +56,5 @@ class TorqueGain(ParametricEffect):
         return named
 
     def contributions(self, given: GivenNumbers) -> list[DriveCurve]:
-        """A factor on what the drive gives."""
+        """A factor between the command and the torque that acts."""
         return [DriveCurve(_LAW, (given.value["factor"],), rank=1)]

@@ -15,14 +15,14 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class KneeShape(Shape):
-    """Torque from which on it saturates, N m."""
+    """Torque beyond which the drive saturates, N m (N)."""
 
     knee: float
 
 
 @kernel
 def _curve(p: FloatArray, command: float) -> float:
-    """Values: knee, slope."""
+    """Acting torque of a command from the parameters p = (knee, slope)."""
     size = abs(command)
     if size > p[0]:
         size = p[0] + p[1] * (size - p[0])
@@ -61,7 +61,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     def neighbours(
         self, shape: KneeShape, step: float, place: Place, covered: OperatingRange
     ) -> list[KneeShape]:
-        """A smaller step: the tail is short."""
+        """Shapes with a nearby knee, in smaller steps: few rows lie beyond it."""
         return super().neighbours(shape, 0.3 * step, place, covered)
 
     def columns(self, motion: RobotMotion, place: Place, shape: KneeShape) -> Torques:
@@ -73,7 +73,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     def parameters(
         self, shape: KneeShape, coefficients: FloatArray, deviations: FloatArray
     ) -> Parameters:
-        """Knee and slope beyond it."""
+        """Knee, and slope of the torque beyond it."""
         slope = 1.0 / (1.0 + max(float(coefficients[0]), 0.0))
         return self.numbers(knee=(shape.knee, None), slope=(slope, deviations[0] * slope**2))
 

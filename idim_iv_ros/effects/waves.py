@@ -22,7 +22,7 @@ _MOST_TURNED = 64  # waves, each computed from the one before it
 
 @dataclass(frozen=True)
 class Waves(Shape):
-    """Wave numbers n_k, 1/rad (1/m)."""
+    """Wave numbers n_k of a sum of waves over the position, 1/rad (1/m)."""
 
     wave_numbers: tuple[float, ...]
 
@@ -38,14 +38,14 @@ def wave_specs(of: str) -> tuple[ParameterSpec, ...]:
 
 @kernel
 def wave(p: FloatArray, position: float) -> float:
-    """One wave, compiled; values: wave number, sine, cosine."""
+    """Value of a wave at a position, compiled, from p = (wave number, sine, cosine)."""
     phase = p[0] * position
     value: float = p[1] * math.sin(phase) + p[2] * math.cos(phase)
     return value
 
 
 def wave_values(given: GivenNumbers) -> Iterable[tuple[float, ...]]:
-    """Values of each wave for `wave`."""
+    """Values with which `wave` is called, for all waves of an effect."""
     for term in given.terms:
         yield term["wave_number_k"], term["sine_k"], term["cosine_k"]
 
@@ -56,7 +56,7 @@ def _apart(shape: Waves, resolution: float) -> bool:
 
 
 def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArray]:
-    """Sine and cosine of each wave number, (s, 2 k) for each shape: of all of them at once.
+    """Sine and cosine (s, 2 k) of the k waves of every shape, of all shapes at once.
 
     Where wave numbers are evenly spaced, each wave is the one before it turned by the same angle,
     which is much less work than a sine and loses no more than a digit over a few dozen of them.
@@ -80,7 +80,7 @@ def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArr
 
 
 def _evenly_spaced(numbers: FloatArray) -> bool:
-    """Whether many numbers follow each other at the same distance, to rounding."""
+    """Whether many numbers have the same distance to their successor, to rounding."""
     if not 3 < len(numbers) <= _MOST_TURNED:
         return False
     even = np.linspace(numbers[0], numbers[-1], len(numbers))
@@ -100,7 +100,7 @@ class WaveEffect(StructuralEffect[Any]):
     periods: ClassVar[float] = 2.5
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Any]:
-        """One wave.
+        """Shapes with a single wave.
 
         The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
         """
@@ -127,7 +127,7 @@ class WaveEffect(StructuralEffect[Any]):
         return [neighbour for neighbour in near if _apart(neighbour, resolution)]
 
     def longer(self, shape: Any, place: Place, covered: OperatingRange) -> list[tuple[Any, Any]]:
-        """One wave more.
+        """Shapes with a further wave.
 
         Waves nearer to each other than the resolution are a beat, whose amplitudes may be anything.
         """
@@ -139,10 +139,10 @@ class WaveEffect(StructuralEffect[Any]):
         return [pair for pair in longer if _apart(pair[0], resolution)]
 
     def columns(self, motion: RobotMotion, place: Place, shape: Any) -> Torques:
-        """Sine and cosine of each wave."""
+        """Sine and cosine of all waves of a shape."""
         return self.torques(motion, place, [shape])[0]
 
     def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Any]) -> list[Torques]:
-        """Sine and cosine of each wave of many shapes."""
+        """`columns` of several shapes, with all waves computed at once."""
         made = wave_columns(motion.position[:, place.joint], shapes)
         return [{place.joint: columns} for columns in made]

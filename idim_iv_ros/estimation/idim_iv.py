@@ -30,7 +30,7 @@ _SPREADS = (1.0, 0.3, 0.1, 0.03, 0.01)
 
 @dataclass(frozen=True)
 class IterationStep:
-    """One pass: largest relative change of a well-known parameter, and which."""
+    """An iteration: largest relative change of a well-determined parameter, and its name."""
 
     change: float
     parameter: int
@@ -230,7 +230,7 @@ class RefinedIdimIv:
 def refined_idim_iv(
     rows: Sequence[JointRows], models: Sequence[AutoregressiveModel], parameters: int
 ) -> RefinedIdimIv:
-    """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, each joint with its own filter and σ.
+    """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, with the filter and σ of every joint.
 
     With the observation matrices as instruments it is the refined IDIM-LS. The filtered rows of
     a joint are reduced and forgotten.

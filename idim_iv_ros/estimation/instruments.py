@@ -33,7 +33,7 @@ class SourceFailure(Exception):
 
 @dataclass(frozen=True)
 class Instruments:
-    """Instruments of one iteration.
+    """Instruments with which an iteration of IDIM-IV solves, and how they were made.
 
     - `states`: of each motion, simulated q, dq, ddq of the span
     - `note`: what was done to obtain them, in words; empty when there is nothing to say
@@ -51,7 +51,7 @@ class InstrumentSource(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, in words for the report."""
+        """Where the instruments come from, in words for the report."""
 
     @property
     def untestable(self) -> str | None:

@@ -203,7 +203,7 @@ class AutocorrelatedCovariance:
 
     @cached_property
     def _spectrum(self) -> FloatArray:
-        """S^½, upper triangular (b, b)."""
+        """Upper triangular root (b, b) of S, the middle of Σ = A S Aᵀ."""
         factors = [
             _shaped_r_factor(joint, model) * np.sqrt(model.innovation_variance) / sigma**2
             for joint, sigma, model in zip(self.rows, self.sigma, self.models, strict=True)
@@ -212,7 +212,7 @@ class AutocorrelatedCovariance:
 
 
 def _shaped_r_factor(rows: JointRows, model: AutoregressiveModel) -> FloatArray:
-    """R factor of H_jᵀ Z_j."""
+    """R factor of H_jᵀ Z_j, a joint's instruments after the transposed shaping filter."""
     assert rows.position is not None
     width = len(rows.columns)
     shaped = np.zeros((0, width))

@@ -27,7 +27,7 @@ def row_blocks(
 ) -> Iterator[tuple[FloatArray, ...]]:
     """Decimated rows that count, (r_j, c_j) for each joint, chunk by chunk.
 
-    The full-rate regressor is never held whole.
+    The full-rate regressor is never in memory as a whole.
 
     `states`: (first, last) → q, dq, ddq of those samples of the motion's span.
     """
@@ -69,7 +69,7 @@ def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[Jo
 
 
 def streamed_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[JointRows, ...]:
-    """Reduced rows (`JointRows.reduced`) of recordings whose rows are never held whole."""
+    """Reduced rows (`JointRows.reduced`) of recordings, made without all rows in memory."""
     columns = [np.flatnonzero(active) for active in model.base.active]
     factors = [np.zeros((0, len(active) + 1)) for active in columns]
     counts = [0] * len(columns)

@@ -17,7 +17,7 @@ _LEFT_OUT = 100.0
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """One joint's part of y = X β + ε and, where there are instruments, of X = Z Π + V.
+    """Rows of a joint of y = X β + ε and, where there are instruments, of X = Z Π + V.
 
     - `matrix`: (r, c), regressor X: only the columns that are not structurally zero for this joint
     - `torque`: (r,) N m (N for a prismatic joint), y
@@ -55,7 +55,7 @@ class JointRows:
 
     @property
     def instruments(self) -> FloatArray:
-        """(r, c) Z, or X where there are no others."""
+        """Instruments Z (r, c); the regressor X where it is its own instrument."""
         return self.matrix if self.instrument_matrix is None else self.instrument_matrix
 
     @property
@@ -68,15 +68,15 @@ class JointRows:
         return self.matrix @ parameters[self.columns]
 
     def residual(self, parameters: FloatArray) -> FloatArray:
-        """(r,) y − X β; `parameters` (b,)."""
+        """Residual y − X β (r,) at base parameters (b,)."""
         return self.torque - self.prediction(parameters)
 
     def with_instruments(self, matrix: FloatArray) -> "JointRows":
-        """Return the same rows with Z (r, c)."""
+        """Return the rows with other instruments Z (r, c)."""
         return replace(self, instrument_matrix=None if matrix is self.matrix else matrix)
 
     def whitened(self, model: AutoregressiveModel) -> "JointRows":
-        """Return the same rows with Ĉ(z⁻¹) applied to each of y, X and Z."""
+        """Return the rows with y, X and Z filtered by Ĉ(z⁻¹), the prediction error of `model`."""
         return self._of(model.whiten(self._table(slice(None)), self.segments))
 
     def with_columns(self, columns: FloatArray, places: IntArray) -> "JointRows":
@@ -107,7 +107,7 @@ class JointRows:
 
     @cached_property
     def r_factor(self) -> FloatArray:
-        """R factor (≤ c + 1, c + 1) of [X y]."""
+        """Upper triangle R (≤ c + 1, c + 1) of the QR decomposition of [X y]."""
         rows = self if self.instrument_matrix is None else replace(self, instrument_matrix=None)
         reduced = rows.reduced
         return np.column_stack([reduced.matrix, reduced.torque])
@@ -125,7 +125,7 @@ class JointRows:
 
     @cached_property
     def _by_columns(self) -> FloatArray:
-        """[X y], each column contiguous: filtered many times."""
+        """[X y] (r, c + 1) with contiguous columns, which are filtered many times."""
         return np.asfortranarray(np.column_stack([self.matrix, self.torque]))
 
     @cached_property
@@ -137,12 +137,12 @@ class JointRows:
             yield self._table(slice(start, start + BLOCK))
 
     def _table(self, rows: slice) -> FloatArray:
-        """[Z X y] of some rows, [X y] where Z is X."""
+        """Columns of some rows, to be filtered or reduced together: [Z X y], [X y] where Z is X."""
         z = [] if self.instrument_matrix is None else [self.instrument_matrix[rows]]
         return np.column_stack([*z, self.matrix[rows], self.torque[rows]])
 
     def _of(self, table: FloatArray) -> "JointRows":
-        """Rows with the columns of `_table`."""
+        """Return rows of this joint made of columns in the order of `_table`."""
         width = len(self.columns)
         z = None if self.instrument_matrix is None else table[:, :width]
         return replace(

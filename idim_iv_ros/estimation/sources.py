@@ -55,14 +55,14 @@ class FixedMotion:
 
     @property
     def name(self) -> str:
-        """What the positions are."""
+        """Which positions the instruments are made of, in words for the report."""
         return self._made[1]
 
     def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
         """None: nothing is simulated at the parameters."""
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Differentiate the positions."""
+        """Instruments from the differentiated positions, the same at any parameters."""
         states = tuple(
             partial(motion.derivatives_of, position)
             for position, motion in zip(self._made[0], self.motions, strict=True)

@@ -86,7 +86,7 @@ class ExcitationCost:
         return value, slope
 
     def _regressors(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Base regressor (n_samples, n_joints, b), and its differences by each state."""
+        """Base regressor (n_samples, n_joints, b), and its derivatives by q, dq and ddq."""
         _, samples, joints = states.shape
         states = np.tile(states, (1, 1 + 3 * joints, 1))
         states = states.reshape(3, 1 + 3 * joints, samples, joints)
@@ -150,7 +150,7 @@ class ExcitationCost:
         return self._penalty(values, box[:, None])
 
     def _penalty(self, values: FloatArray, limit: FloatArray) -> tuple[float, FloatArray]:
-        """What it costs to pass a limit, and the derivative by each value."""
+        """Penalty for values beyond their limit, and its derivatives by the values."""
         allowed = self.limits.margin * limit
         excess = np.maximum(np.abs(values) / allowed - 1.0, 0.0)
         slope = 2.0 * self.weight * excess * np.sign(values) / allowed
@@ -231,7 +231,7 @@ def condition_numbers(
 
 @dataclass(frozen=True)
 class PredictedParameter:
-    """One base parameter."""
+    """What a designed motion will show of a base parameter."""
 
     name: str
     unit: str

@@ -147,7 +147,7 @@ class DiagnosisPlanner:
             yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
 
     def _plateaus(self, seconds: float) -> Iterator[Segment]:
-        """At each posture the fastest first: the slower ones stay on its way."""
+        """Constant speeds at two postures, the fastest first: the way of slower ones is shorter."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
         shift = 0.4 * self.limits.room(self.posture) * self._pattern(True)
         fastest = self.limits.margin * self.limits.velocity
@@ -195,7 +195,7 @@ class DiagnosisPlanner:
         return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
 
     def _sized(self, plan: Segment) -> Segment:
-        """A segment about the posture, as large as the limits let it be, at most as it is."""
+        """The segment about the posture, made smaller where it would pass a limit."""
 
         def make(size: float) -> Segment:
             assert plan.amplitude is not None
@@ -214,7 +214,7 @@ UNKNOWN_BANDWIDTH = 6.0  # Hz, where the controller is not known
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A motion for diagnosis."""
+    """A motion whose segments separate the causes of a gap, and what it uses of the limits."""
 
     trajectory: Trajectory
     segments: tuple[Segment, ...]
@@ -224,7 +224,7 @@ class Diagnosis:
 
     @property
     def highest_frequency(self) -> float:
-        """Of the multisine and the reversals, Hz."""
+        """Highest frequency of all segments (multisine and reversals), Hz."""
         return max(s.frequency[1] for s in self.segments if s.frequency is not None)
 
 
@@ -271,7 +271,7 @@ def design_diagnosis(
 
 
 def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[FloatArray, bool]:
-    """Bandwidth of the position loops (n_joints,) Hz, and whether it is known.
+    """Bandwidth of the position loops (n_joints,) Hz, and whether a configured law gives it.
 
     pd: √(kp / inertia) / 2π; cascade: kp / 2π; unknown controllers: 6 Hz.
     """

@@ -35,7 +35,7 @@ class FourierBasis:
 
     @property
     def size(self) -> int:
-        """Number of shapes of each joint."""
+        """Number of basis functions from which the motion of a joint is made."""
         return 2 * self.harmonics - 2
 
     def shapes(self, time: FloatArray) -> FloatArray:

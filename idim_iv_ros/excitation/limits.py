@@ -43,17 +43,17 @@ class MotionLimits:
 
     @property
     def middle(self) -> FloatArray:
-        """Middle of each position range (n_joints,)."""
+        """Middles of the position ranges (n_joints,), rad (m)."""
         return 0.5 * (self.lower + self.upper)
 
     @property
     def half_range(self) -> FloatArray:
-        """Half of each position range (n_joints,), without margin."""
+        """Halves of the position ranges (n_joints,) without margin, rad (m)."""
         return 0.5 * (self.upper - self.lower)
 
     @property
     def reach(self) -> FloatArray:
-        """How far from the middle each joint may go, with margin (n_joints,)."""
+        """Distances from the middle (n_joints,) that a motion may go, with margin, rad (m)."""
         return self.margin * self.half_range
 
     def narrowed(self) -> "MotionLimits":
@@ -61,7 +61,7 @@ class MotionLimits:
         return replace(self, margin=_INSIDE * self.margin)
 
     def room(self, posture: FloatArray) -> FloatArray:
-        """Distance from a posture (n_joints,) to the nearer end of each range, with margin."""
+        """Distances from a posture (n_joints,) to the nearer ends of the ranges, with margin."""
         return np.asarray(self.reach - np.abs(posture - self.middle))
 
 
@@ -86,7 +86,7 @@ class LimitUse:
 
 
 def limit_use(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> LimitUse:
-    """Look at every sample of a motion."""
+    """How much of the limits a motion uses, over all of its samples."""
     frames = moving_frames(robot)
     blocks = [slice(s, s + _BLOCK) for s in range(0, len(motion.position), _BLOCK)]
     lowest = np.min([frames.heights(motion.position[b]).min(axis=0) for b in blocks], axis=0)

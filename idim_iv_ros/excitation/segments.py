@@ -40,7 +40,7 @@ _NO_MOTION = {
 
 @dataclass(frozen=True)
 class Segment:
-    """A labelled stretch of the motion."""
+    """A stretch of a motion for diagnosis, with the effects that it reveals."""
 
     name: str
     kind: str
@@ -57,7 +57,7 @@ class Segment:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects that it reveals on a robot with so many joints."""
+        """Effects that the segment reveals on a robot with this number of joints."""
         joints = len(self.offset)
         return tuple(name for name in EFFECTS[self.kind] if joints >= BY_NAME[name].joints_needed)
 

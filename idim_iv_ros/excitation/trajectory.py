@@ -71,7 +71,7 @@ class Trajectory:
 
     @property
     def signals(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, velocity and acceleration."""
+        """Position, velocity and acceleration, (n_samples, n_joints)."""
         return self.position, self.velocity, self.acceleration
 
 

@@ -18,7 +18,7 @@ _AWAY = 0.05  # rad or m
 
 @dataclass(frozen=True)
 class JointChoice:
-    """The joints of a configuration."""
+    """Joints that a first configuration names, and those that it leaves out."""
 
     joints: tuple[str, ...]  # From the base to the tool
     # Movable joints of the URDF and joints of the bag that are left out, and why

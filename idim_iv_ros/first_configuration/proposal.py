@@ -54,7 +54,7 @@ SECTIONS: dict[str, type[Section]] = {
 
 @dataclass(frozen=True)
 class Proposal:
-    """A first configuration."""
+    """A first configuration of a robot, with the reasons for its values."""
 
     bags: tuple[Path, ...]
     joints: tuple[str, ...]  # Those that are identified
@@ -224,7 +224,7 @@ _UNIT_WARNING = (
 
 
 def _description(contents: list[BagContents], urdf: Path | None) -> tuple[str, str]:
-    """Text of the URDF, and what to call it."""
+    """Text of the robot's URDF, and its name for messages."""
     if urdf is not None:
         return read_urdf_file(urdf), str(urdf)
     for bag in contents:
@@ -284,7 +284,7 @@ def write_configuration(proposal: Proposal, out: FilePath, *, force: bool = Fals
 def _line(
     proposal: Proposal, section: str, name: str, field: FieldInfo, given: dict[str, object]
 ) -> str:
-    """One key with its value, or as a comment with its example."""
+    """A line of YAML for a key: with its value, or commented out with an example."""
     words, reason = field.json_schema_extra, proposal.reasons.get((section, name), "")
     assert isinstance(words, dict)
     about = f"{field.description}; default: {words['without']}" + (f". {reason}" if reason else "")

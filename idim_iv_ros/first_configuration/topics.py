@@ -46,7 +46,7 @@ class JointContents:
 
 @dataclass(frozen=True)
 class TopicContents:
-    """One topic of a bag that can hold joint quantities."""
+    """A topic of a bag that can hold joint quantities, and what it holds."""
 
     name: str
     messages: int
@@ -59,17 +59,17 @@ class TopicContents:
     asked: bool = False
 
     def with_position(self) -> set[str]:
-        """Joints of which there are positions."""
+        """Names of joints of which the topic has positions."""
         return {name for name, joint in self.joints.items() if joint.lowest is not None}
 
     def with_effort(self) -> set[str]:
-        """Joints of which some effort is not zero."""
+        """Names of joints of which the topic has an effort that is not zero."""
         return {name for name, joint in self.joints.items() if joint.largest_effort}
 
 
 @dataclass(frozen=True)
 class BagContents:
-    """Topics of one bag."""
+    """What a bag has for a first configuration: topics and a robot description."""
 
     path: Path
     topics: tuple[TopicContents, ...]
@@ -138,7 +138,7 @@ def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:
 def _joints(
     bag: Bag, names: dict[str, tuple[str, ...]]
 ) -> dict[tuple[str, bool], dict[str, JointContents]]:
-    """Contents of each topic: what was measured and, of a controller, what it was asked for."""
+    """Contents of the topics: what was measured, and what controllers were asked for."""
     readers: dict[tuple[str, bool], JointMessageReader] = {}
     for topic, name in names.items():
         controller = bag.topics[topic] in (CONTROLLER_STATE, MANY_STATES)
@@ -172,7 +172,7 @@ def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
 
 @dataclass(frozen=True)
 class TopicChoice:
-    """The topics of a configuration, and why."""
+    """Topics that a first configuration names, and why."""
 
     states: TopicContents  # Of the first bag
     # effort, reference: Of the first bag; None where efforts are on `states`, and where there

@@ -74,7 +74,7 @@ class Identified:
 def assemble_result(
     identified: Identified, physical: tuple[PhysicalParameters | None, str] = (None, "")
 ) -> IdentificationResult:
-    """Gather everything that a user is shown."""
+    """Gather all that a user is shown of an identification in its result."""
     prepared, validation = identified.prepared, identified.validation
     rows, linear, refined = identified.rows, identified.linear, identified.refined
     estimate, sources = identified.iteration, identified.sources

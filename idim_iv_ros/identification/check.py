@@ -44,7 +44,7 @@ _WELL_SEEN, _SEEN = 10.0, 30.0  # relative deviation in percent
 
 @dataclass(frozen=True)
 class Finding:
-    """One sentence on a recording or a joint, and how much it limits the identification."""
+    """A sentence on a recording or a joint, and how much it limits the identification."""
 
     where: str
     level: Level

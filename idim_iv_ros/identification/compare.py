@@ -14,7 +14,7 @@ _MOST_NAMES = 3  # in the sentence
 
 @dataclass(frozen=True)
 class ParameterPair:
-    """One base parameter in both results.
+    """A base parameter in two results of identifications, and its difference.
 
     `words`: what the parameter of its name is; `deviations`: second less first, in standard
     deviations of the difference (`in_deviations`); `differs`: whether that is beyond what chance
@@ -51,7 +51,7 @@ class ParameterComparison:
 
     @property
     def sentence(self) -> str:
-        """The answer."""
+        """Whether the parameters of two results differ, and which, in a sentence."""
         differing = [
             f"{pair.words} ({abs(pair.deviations):.2g} σ)" for pair in self.pairs if pair.differs
         ]

@@ -34,7 +34,7 @@ _LEAST_OF_A_SIGN = 0.05  # of the rows
 
 @dataclass(frozen=True)
 class Share:
-    """Coefficient of one column of a regression.
+    """Coefficient of a column of a regression, and the variance that it explains.
 
     `value`, `deviation`: the standard deviation is that of batch means: residuals may be
     autocorrelated; `of_variance`: share of the effort's variance that it explains; `of_rest`: share
@@ -48,7 +48,7 @@ class Share:
 
     @property
     def certainty(self) -> float:
-        """Value over standard deviation."""
+        """Ratio of the coefficient to its standard deviation."""
         return self.value / self.deviation if self.deviation > 0.0 else inf * np.sign(self.value)
 
 
@@ -206,14 +206,14 @@ def _statistics(
 
 
 def _span(*columns: FloatArray) -> Basis:
-    """What columns (r, c) can explain."""
+    """Orthonormal basis of the space that columns (r, c) span."""
     return independent_basis(np.column_stack(columns))
 
 
 def _share(column: FloatArray, others: Basis, effort: FloatArray) -> Share | None:
-    """Coefficient of a column (r,) beside others (Frisch and Waugh's partial regression).
+    """Coefficient of a column (r,) in a regression on it and others (Frisch and Waugh).
 
-    None where the others hold the column.
+    None where the column is a combination of the others.
     """
     alone, rest = others.remove(column), others.remove(effort)
     energy = float(alone @ alone)

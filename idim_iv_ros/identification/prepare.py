@@ -81,7 +81,7 @@ class PreparedRegression:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What makes the nominal model hard to believe, a sentence each."""
+        """Sentences on what makes the nominal model hard to believe."""
         missing = (ARMATURE_MISSING,) if self.armature_missing else ()
         return (*self.model.robot.doubts, *missing)
 
@@ -93,7 +93,7 @@ class PreparedRegression:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Doubts and what is wrong with the signals, a sentence each."""
+        """Sentences of doubt about the nominal model, and on what is wrong with the signals."""
         joints = self.configuration.robot.joints
         return self.doubts + tuple(
             f"{joints[joint_finding.joint]}: {joint_finding.sentence}"

@@ -112,7 +112,7 @@ class InstrumentReport:
 
 @dataclass(frozen=True, kw_only=True)
 class JointTests:
-    """One kind of test at every joint.
+    """Outcomes of a statistical test at all joints, and over all rows.
 
     - `accepted`: the outcome over all rows, whatever is given; None where there is none
     """
@@ -145,7 +145,7 @@ class JointResidual(ResidualDiagnosis):
 
 @dataclass(frozen=True)
 class FittedGain:
-    """One gain of a control law that was fitted to the recording."""
+    """A gain of a control law that was fitted to the recording."""
 
     joint: str
     term: str
@@ -179,7 +179,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class BagSummary:
-    """One recording: what was in it and what was dropped.
+    """What was read of a recording, and what was dropped.
 
     - `rate`, `duration`: Hz, s
     - `session_start`: of this recording in the time of the session, s

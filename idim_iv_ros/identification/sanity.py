@@ -103,7 +103,7 @@ def _too_few_rows(
 
 
 class _Signals:
-    """The signals of one joint of all recordings."""
+    """Positions, speeds and efforts of a joint in all recordings, and the tests of them."""
 
     def __init__(
         self, model: InverseModel, motions: Sequence[Motion], joint: int, effort_unit: str
@@ -120,7 +120,7 @@ class _Signals:
         self.effort = np.concatenate([motion.signals.torque[:, joint] for motion in motions])
 
     def positions(self) -> Iterator[JointFinding]:
-        """Positions and speeds that the URDF excludes."""
+        """Findings on positions and speeds beyond the limits of the URDF."""
         limits = self.robot.limits
         lower, upper = float(limits.lower[self.joint]), float(limits.upper[self.joint])
         fastest = float(limits.velocity[self.joint]) or np.inf
@@ -159,7 +159,7 @@ class _Signals:
             yield JointFinding(self.joint, "limited", sentence)
 
     def outliers(self) -> Iterator[JointFinding]:
-        """Efforts far above all others."""
+        """A finding where some efforts are far above all others."""
         size = np.abs(self.effort)
         usual = float(np.quantile(size, 1.0 - TAIL))
         count = int(np.count_nonzero(size > _OUTLIER * usual))

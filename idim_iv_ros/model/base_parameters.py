@@ -73,7 +73,7 @@ class BaseParameters:
         return standard
 
     def without(self, names: Collection[str]) -> "BaseParameters":
-        """The base set without these of its parameters: they are zero in the reduced model."""
+        """Base parameters without some of them, which are zero in the reduced model."""
         kept = np.array([name not in names for name in self.names], dtype=bool)
         return replace(
             self,

@@ -19,14 +19,14 @@ _BLOCK = 256
 
 @dataclass(frozen=True)
 class InverseModel:
-    """Equation 3 in base parameters."""
+    """Torque of the joints as a linear function of base parameters (equation 3)."""
 
     robot: RobotModel
     regressor: StandardRegressor
     base: BaseParameters
 
     def matrix(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """Base regressor (n_samples, n_joints, b) at states of (n_samples, n_joints) each."""
+        """Base regressor (n_samples, n_joints, b) at states, (n_samples, n_joints)."""
         standard = self.regressor(q, dq, ddq)
         return np.asarray(standard[:, :, self.base.columns])
 

@@ -30,7 +30,7 @@ def native_elements(mujoco: Any, model: Any) -> dict[str, list[int]]:
 
 
 def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
-    """Say of each joint that is no hinge or slide of its own what it is or what ties it."""
+    """Free and ball joints, and joints that something ties, by number: what it is, in words."""
     reasons: dict[int, list[str]] = {}
 
     def tie(joints: Iterable[int], words: str) -> None:
@@ -148,7 +148,7 @@ def _poly(model: Any, name: str, index: int) -> Any:
 
 
 def notes(mujoco: Any, model: Any) -> list[str]:
-    """What holds for the whole file and is no part of the nominal model, a sentence each."""
+    """Sentences on what the file has and the nominal model leaves out (effects, contacts)."""
     sentences = []
     for effect, elements in native_elements(mujoco, model).items():
         one = model.tendon if effect == COUPLING else model.joint

@@ -117,7 +117,7 @@ class DynamicParameters:
 
     @property
     def of_bodies(self) -> FloatArray:
-        """XX … M of each link, (n_joints, 10)."""
+        """Inertial parameters XX … M of all links in the order of the regressor, (n_joints, 10)."""
         return np.asarray(self.inertial[:, list(REGRESSOR_ORDER)])
 
     @property
@@ -140,7 +140,7 @@ class DynamicParameters:
 
     @property
     def of_drives(self) -> dict[str, FloatArray]:
-        """Terms of the drives by the kind of their parameters, (n_joints,) each."""
+        """Inertia, friction and offset (n_joints,) of the drives by the names of parameters."""
         return {
             "Ia": self.drive_inertia,
             "Fv": self.viscous,

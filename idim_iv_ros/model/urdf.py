@@ -47,7 +47,7 @@ class Inertial:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """One joint element."""
+    """A joint element of a URDF."""
 
     name: str
     type: str

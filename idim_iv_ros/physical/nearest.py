@@ -208,7 +208,7 @@ def nearest_body(
 def _scales(
     base: BaseParameters, drives: IntArray, nominal: FloatArray, values: FloatArray
 ) -> FloatArray:
-    """How far each parameter of drives and friction may be from the nominal one for λ: (k,).
+    """Expected distances (k,) of parameters of drives and friction from the nominal ones.
 
     Infinite where the recording shows it alone. In a sum it is as large as the nominal one or the
     sum itself: a drive without a given inertia may take all of what it shares with a link.
@@ -232,7 +232,7 @@ def _links(
     values: FloatArray,
     x: FloatArray,
 ) -> tuple[LinkInertia, ...]:
-    """Eigenvalues of each link before and after."""
+    """Eigenvalues of the links' pseudo-inertias, of the estimate and of the nearest bodies."""
     start = coordinates.reference
     # Drives and friction keep their place: only what links have in common with them is split.
     start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
@@ -294,7 +294,7 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
 
 
 def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:
-    """σ of the best known sum that each of drives and friction is part of: (k,)."""
+    """Smallest σ (k,) of the base parameters in which a drive or friction parameter appears."""
     parts = base.grouping[:, drives] != 0.0
     shown = np.where(parts & (std > 0.0)[:, None], std[:, None], np.inf).min(axis=0)
     return np.where(np.isfinite(shown), shown, 0.0)

@@ -42,7 +42,7 @@ for _place, (_row, _column) in enumerate(TRIANGLE):
 
 
 def _basis() -> FloatArray:
-    """J of each unit parameter: (4, 4, 10) in the order of `INERTIAL`."""
+    """Pseudo-inertias (4, 4, 10) of unit parameters, in the order of `INERTIAL`."""
     basis = np.zeros((4, 4, 10))
     for place, name in enumerate(INERTIAL):
         if name == "M":
@@ -64,12 +64,12 @@ BASIS = _basis()
 
 
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:
-    """J (4, 4) of XX … M (10,), kg m², kg m, kg."""
+    """Pseudo-inertia J (4, 4) of a body's parameters XX … M (10,), kg m², kg m, kg."""
     return np.asarray(BASIS @ parameters)
 
 
 def inertial_parameters(matrix: FloatArray) -> FloatArray:
-    """XX … M (10,) of J (4, 4)."""
+    """Parameters XX … M (10,) of a body with the pseudo-inertia J (4, 4)."""
     second, trace = matrix[:3, :3], float(np.trace(matrix[:3, :3]))
     parameters = np.zeros(10)
     for place, name in enumerate(INERTIAL):
@@ -181,7 +181,7 @@ class Coordinates:
 
     @property
     def reference(self) -> FloatArray:
-        """X of the reference bodies; drives at zero."""
+        """Coordinates x (10 n + k,) of the reference bodies, with drives at zero."""
         x = np.zeros(self.to_standard.shape[1])
         diagonal = [float(row == column) for row, column in TRIANGLE]
         x[: 10 * len(self.links)] = np.tile(diagonal, len(self.links))
@@ -206,7 +206,7 @@ _ROOT = float(np.sqrt(2.0))
 
 @dataclass(frozen=True)
 class ConicProblem:
-    """See the module."""
+    """The semidefinite problem at the head of this module, with its names."""
 
     matrix: FloatArray  # (r, 10 n + k): A
     right: FloatArray  # (r,): a
@@ -219,7 +219,7 @@ class ConicProblem:
     least: float  # ε
 
     def solve(self) -> FloatArray:
-        """(10 n + k,) x.
+        """Return the x (10 n + k,) that solves the problem.
 
         Raises DataError: the solver found no solution; ImportError: clarabel is not installed.
         """
@@ -255,7 +255,7 @@ class ConicProblem:
         return int(unknowns + shown + self.links * (_SIZE + 4))
 
     def _objective(self, unknowns: int, shown: int) -> tuple[sparse.csc_matrix, FloatArray]:
-        """P and q of ½ xᵀ P x + qᵀ x."""
+        """Matrix P and vector q of the objective ½ xᵀ P x + qᵀ x in all variables."""
         diagonal, linear = np.zeros(self._variables), np.zeros(self._variables)
         diagonal[unknowns : unknowns + shown] = 2.0
         start = _SIZE * self.links
@@ -271,7 +271,7 @@ class ConicProblem:
         return sparse.diags(diagonal, format="csc"), linear
 
     def _link(self, rows: "_Rows", link: int) -> None:
-        """J̃ ≽ ε 1, and its log det."""
+        """Add the constraints of a link: J̃ ≽ ε 1, and the variables whose sum is log det J̃."""
         shown, unknowns = self.matrix.shape
         first, roots = _SIZE * link, unknowns + shown + link * (_SIZE + 4)
         place = {pair: k for k, pair in enumerate(TRIANGLE)}
@@ -310,7 +310,7 @@ class _Rows:
         self.cones.append(("ZeroConeT", len(right)))
 
     def not_negative(self, variable: int) -> None:
-        """The variable is not below zero."""
+        """Add the constraint that a variable is not negative."""
         self._put(variable, -1.0)
         self.right.append(0.0)
         self.cones.append(("NonnegativeConeT", 1))
@@ -318,7 +318,7 @@ class _Rows:
     def semidefinite(
         self, size: int, entry: Callable[[int, int], int | None], diagonal: float
     ) -> None:
-        """The matrix of variables, plus `diagonal` times 1: its upper triangle, by columns."""
+        """Add the constraint that a matrix of variables plus `diagonal` times 1 is semidefinite."""
         for column in range(size):
             for row in range(column + 1):
                 variable = entry(row, column)
@@ -328,7 +328,7 @@ class _Rows:
         self.cones.append(("PSDTriangleConeT", size))
 
     def exponential(self, logarithm: int, argument: int) -> None:
-        """(t, 1, z) with exp t ≤ z."""
+        """Add the constraint t ≤ log z for two variables t and z."""
         self._put(logarithm, -1.0)
         self.right += [0.0, 1.0]
         self._put(argument, -1.0)
@@ -342,7 +342,7 @@ class _Rows:
         self.values.append(value)
 
     def build(self, clarabel: ModuleType) -> tuple[sparse.csc_matrix, FloatArray, list[Any]]:
-        """A, b and the cones."""
+        """Constraints as the solver takes them: matrix, right side and cones."""
         shape = (len(self.right), self.variables)
         matrix = sparse.csc_matrix((self.values, (self.rows, self.columns)), shape=shape)
         cones = [

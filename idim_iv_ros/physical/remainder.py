@@ -39,7 +39,7 @@ _MOST_STEPS = 300
 
 @dataclass(frozen=True)
 class Remainder:
-    """The maximum of the posterior."""
+    """Numbers of links, loads and drives of greatest posterior probability."""
 
     standard: FloatArray  # (p,): standard parameters of the robot without its loads
     loads: tuple[FloatArray, ...]  # XX … M of each
@@ -75,7 +75,7 @@ class _Prior:
     free: NDArray[np.bool_]  # (q,)
 
     def variances(self, sizes: FloatArray) -> FloatArray:
-        """(q,)."""
+        """Prior variances (q,) of all coordinates at relative sizes of their groups."""
         return np.asarray(self.units * np.where(self.free, _FREE, sizes[self.groups]) ** 2)
 
 

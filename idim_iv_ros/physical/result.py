@@ -13,7 +13,7 @@ Source = Literal["recording", "recording and nominal model", "nominal model"]
 
 @dataclass(frozen=True)
 class StandardValue:
-    """One standard parameter of the physically consistent set.
+    """A standard parameter of the physically consistent set.
 
     - `std`: of `value`, to first order; None where the nominal model has a part in it, for how it
       splits a sum has no known error
@@ -51,7 +51,7 @@ class LinkInertia:
 
 @dataclass(frozen=True)
 class BaseChange:
-    """One base parameter: estimate, consistent value, and their difference in σ of the estimate."""
+    """A base parameter: estimate, consistent value, and their difference in σ of the estimate."""
 
     name: str
     estimate: Number
@@ -105,5 +105,5 @@ class PhysicalParameters:
 
     @property
     def values(self) -> dict[str, float]:
-        """Standard parameters by name."""
+        """Values of the standard parameters by name."""
         return {parameter.name: parameter.value for parameter in self.parameters}

@@ -44,7 +44,7 @@ class Judge:
         )
 
     def _held_out(self) -> list[FloatArray]:
-        """Estimates (b,) without each quarter; none where one is needed for all parameters."""
+        """Estimates (b,) without one quarter of the rows; none if a quarter is indispensable."""
         estimates = []
         for left_out in range(_PARTS):
             others = [part for k, part in enumerate(self._parts) if k != left_out]
@@ -57,7 +57,7 @@ class Judge:
         return estimates
 
     def _error(self, estimates: Sequence[FloatArray]) -> float:
-        """Relative torque error of one estimate for each quarter, %."""
+        """Relative torque error, %, over all quarters, with an estimate for every quarter."""
         error = torque = 0.0
         for part, values in zip(self._parts, estimates, strict=True):
             for rows, sigma in zip(part, self._sigma, strict=True):
@@ -67,7 +67,7 @@ class Judge:
 
 
 def _part(rows: JointRows, number: int) -> JointRows:
-    """R factor of one quarter of the rows."""
+    """Quarter `number` of a joint's rows, reduced to its R factor."""
     bounds = np.linspace(0, len(rows.torque), _PARTS + 1).astype(int)
     quarter = slice(bounds[number], bounds[number + 1])
     z = rows.instrument_matrix

@@ -40,7 +40,7 @@ class Sampled:
 
     @property
     def used(self) -> BoolArray:
-        """Samples (n_samples, …) that are compared."""
+        """Which samples (n_samples, …) count in the fit: measured, and after the start."""
         used = self.valid.copy()
         used[: int(np.ceil(_STARTING * self.rate))] = False
         return used
@@ -48,14 +48,14 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Run(Sampled):
-    """One joint in one recording."""
+    """Commands, positions and load of a joint in a recording."""
 
     load: Load  # What the rigid body asks along the motion, (n_samples · finer,) each
     gain: float = 1.0  # Of the loop, in parts of that for which K is asked
 
     @property
     def finer(self) -> int:
-        """Samples of the load in one of the recording."""
+        """How many samples of the load there are to a sample of the recording."""
         return len(self.load.torque) // len(self.command)
 
     def simulated(self, drive: Drive) -> FloatArray:
@@ -114,7 +114,7 @@ class DriveEstimate:
 
     @property
     def free(self) -> list[str]:
-        """Parameters that were fitted."""
+        """Names of the parameters of the drive that were fitted."""
         fitted = np.diag(self.covariance) > 0.0
         return [name for name, free in zip(PARAMETERS, fitted, strict=True) if free]
 
@@ -183,13 +183,13 @@ def fit_drive(
 
 
 def _used_labels(runs: Sequence[Run]) -> IntArray:
-    """Blocks of the samples that are compared."""
+    """Numbers of the blocks of time of all samples that count in the fit."""
     labels = zip(block_labels(runs), runs, strict=True)
     return np.concatenate([label[run.used] for label, run in labels])
 
 
 def block_labels(runs: Sequence[Sampled]) -> list[IntArray]:
-    """Number of the block of every sample, (n_samples,) for each run."""
+    """Number (n_samples,) of the block of time to which every sample belongs, by run."""
     labels, count = [], 0
     for run in runs:
         label = count + np.arange(len(run.command)) // max(int(_BLOCK * run.rate), 1)
@@ -228,8 +228,7 @@ def block_covariance(
 
 
 def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
-    """Factor of the gain or of the load of one run that suits a drive found on others.
-
+    """Factor of a run's gain or load with which a drive fitted to other runs suits it best.
 
     Returns the factor and its standard deviation, which allows for the uncertainty of the drive.
     """
@@ -330,7 +329,7 @@ def asked_torque(run: Run, position: FloatArray, acceleration: FloatArray) -> Fl
 
 
 def scales(runs: Sequence[Run]) -> FloatArray:
-    """What is large for each parameter of a drive, (8,), in the order of `PARAMETERS`."""
+    """Sizes (8,) that the parameters of a drive may have, in the order of `PARAMETERS`."""
     error = torque = speed = acceleration = 1e-12
     for run in runs:
         q, v, a = smooth_motion(run.position, run.rate)

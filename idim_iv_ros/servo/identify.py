@@ -155,7 +155,7 @@ def _require_servo(where: str, motion: Motion, column: int) -> None:
 def _joint(
     robot: RobotModel, number: int, runs: Sequence[Run], answer: DriveEstimate, model_error: float
 ) -> ServoJoint:
-    """Numbers and errors of one joint."""
+    """The result for a joint: numbers of its servo with intervals, and errors of position."""
     absolute = is_absolute(answer)
     reason = ""
     if not absolute:
@@ -184,7 +184,7 @@ def _joint(
 
 
 def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
-    """Error, rad, at each half of the recordings of what was fitted to the other half alone."""
+    """Rms error of position, rad, at half the recordings after a fit to the other half."""
     early = [np.arange(len(run.position)) < len(run.position) // 2 for run in runs]
     errors = []
     for halves in (early, [~half for half in early]):
@@ -208,7 +208,7 @@ def _gain_checks(
     answer: DriveEstimate,
     settings: Sequence[float],
 ) -> list[GainCheck]:
-    """Compare the gain of each recording with what the others make of it."""
+    """Compare the given gain of a recording with its estimate from all other recordings."""
     checks = []
     for number, (motion, given) in enumerate(zip(motions, settings, strict=True)):
         others = [run for k, run in enumerate(runs) if k != number]
@@ -276,7 +276,7 @@ def _series(
     motions: Sequence[Motion],
     fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
 ) -> tuple[ServoSeries, ...]:
-    """The first recording of every joint, thinned."""
+    """Measured and simulated positions of the first recording, thinned for figures, by joint."""
     series = []
     for joint, (runs, answer) in zip(robot.joints, fitted, strict=True):
         run = runs[0]

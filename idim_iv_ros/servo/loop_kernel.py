@@ -14,7 +14,7 @@ _SWEEPS = 6  # of the joints of a step, which begin where the step before ended
 
 
 class Drive(NamedTuple):
-    """What a servo is, divided by its stiffness K."""
+    """Parameters of a servo and its loop, divided by its stiffness K."""
 
     compliance: float  # 1 / K, rad/(N m): what the rigid body's torques are multiplied with
     inertia: float  # Of the drive, s²
@@ -28,7 +28,7 @@ class Drive(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What the rigid body asks of one joint along a motion, (n_samples,) each."""
+    """Torques (n_samples,) that the rigid bodies ask of a joint along a motion."""
 
     inertia: FloatArray  # kg m², the joint's entry on the diagonal of the mass matrix
     torque: FloatArray  # N m, gravity, Coriolis and the accelerations of the other joints
@@ -38,7 +38,7 @@ class Load(NamedTuple):
 
 @kernel
 def mean_command(command: FloatArray, rate: float, start: float, duration: float) -> float:
-    """Mean of the held command over `duration` s, at most one sample, from `start` s."""
+    """Mean of a command, constant between samples, over `duration` s from `start` s."""
     last = command.shape[0] - 1
     first = min(max(math.floor(start * rate), 0), last)
     after = min(max(math.floor((start + duration) * rate), 0), last)

@@ -75,7 +75,7 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
 
 
 def ratio_numbers(answer: DriveEstimate, *, with_links: bool) -> tuple[ServoNumber, ...]:
-    """What is known without a torque.
+    """Numbers of a servo that need no torque: ratios to its stiffness.
 
     - `with_links`: whether the inertia is that of the links, too, because they were not told apart
     """
@@ -109,7 +109,7 @@ def _number(
     covariance: FloatArray,
     width: float,
 ) -> ServoNumber:
-    """One number whose derivatives (7,) by the parameters are given."""
+    """A number with its interval, from its derivatives by the parameters."""
     half = width * float(np.sqrt(slope @ covariance @ slope))
     if not np.isfinite(value):
         return ServoNumber(name=name, unit=unit, value=np.nan, low=np.nan, high=np.inf, shown=False)

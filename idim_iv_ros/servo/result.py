@@ -10,7 +10,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ServoNumber:
-    """One number of a servo with its 95 % interval.
+    """A number of a servo with its 95 % interval.
 
     - `shown`: whether the recording tells it from zero (of a limit: whether it was reached).
       Otherwise `high` (of a limit: `low`) bounds it, and `value` is where the fit ended.

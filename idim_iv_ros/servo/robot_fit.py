@@ -41,7 +41,7 @@ Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 @dataclass(frozen=True)
 class Motion(Sampled):
-    """One recording of all joints."""
+    """Commands and positions of all joints in a recording."""
 
     name: str
     gain: float = 1.0  # Of the loops, in parts of that for which K is asked
@@ -207,7 +207,7 @@ def _residual(
 
 
 def _weights(motions: Sequence[Motion], residual: FloatArray) -> FloatArray:
-    """One over the mean square of the residuals of a value's joint, (n,)."""
+    """Weights (n,) of residuals: one over the mean square of all those of their joint."""
     owner = np.concatenate([np.argwhere(motion.used)[:, 1] for motion in motions])
     square = np.bincount(owner, residual**2) / np.maximum(np.bincount(owner), 1)
     return np.asarray(1.0 / np.maximum(square[owner], 1e-18))
@@ -265,7 +265,7 @@ def _simulated(load: RigidLoad, drives: FloatArray, motion: Motion) -> Trajector
 
 
 def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> list[Run]:
-    """Return what one joint did in all motions."""
+    """Commands, positions and loads of a joint in all motions."""
     return [
         Run(
             motion.rate,
@@ -311,7 +311,7 @@ def fit_joint(
 
 
 def present_parameters(drive: Drive) -> list[str]:
-    """Parameters that a drive has."""
+    """Names of the parameters that a drive has: a limit or load friction only if it is there."""
     present = list(_ALWAYS)
     if np.isfinite(drive.limit):
         present.append("limit")

@@ -24,7 +24,7 @@ class Segments(tuple[slice, ...]):
 
     @cached_property
     def starts(self) -> IntArray:
-        """(m + 1,) first row of each run, and the end of the last.
+        """First rows of all runs, and at the end that of the last (m + 1,).
 
         Raises ValueError: runs that overlap or leave rows out.
         """
@@ -51,12 +51,12 @@ class AutoregressiveModel:
 
     @property
     def order(self) -> int:
-        """The order p."""
+        """Order p of the model, the number of its coefficients."""
         return len(self.reflections)
 
     @cached_property
     def coefficients(self) -> FloatArray:
-        """(p,) c₁ … c_p, in the paper's sign."""
+        """Coefficients c₁ … c_p (p,) of C(z⁻¹), with the signs of the paper."""
         return self._predictors[-1][1:]
 
     @property
@@ -71,7 +71,7 @@ class AutoregressiveModel:
 
     @property
     def predictable_share(self) -> float:
-        """Share of the variance that the residual's own past predicts, 1 − σ²_N / σ²_ε."""
+        """Share of a residual's variance that its past predicts, 1 − σ²_N / σ²_ε."""
         return 1.0 - float(np.prod(1.0 - self.reflections**2))
 
     def with_white_noise(self, share: float) -> "AutoregressiveModel":
@@ -264,13 +264,13 @@ def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) 
 
 
 def _place_in_segment(segments: Sequence[slice], n_rows: int) -> IntArray:
-    """(r,) how many predecessors each row has in its segment."""
+    """Number (r,) of predecessors that a row has in its segment, of all rows."""
     starts = _starts(segments, n_rows)
     return np.arange(n_rows) - np.repeat(starts[:-1], np.diff(starts))
 
 
 def _starts(segments: Sequence[slice], n_rows: int) -> IntArray:
-    """(m + 1,) first row of each segment, and the number of rows.
+    """First rows of all segments, and at the end the number of rows (m + 1,).
 
     Runs that overlap or leave rows out would silently mix or lose rows.
     """

@@ -18,7 +18,7 @@ _TORQUES = (1e-9, 1e9)
 
 @dataclass(frozen=True)
 class JointSignals:
-    """One recording in joint coordinates, on its uniform grid.
+    """A recording in joint coordinates, on its uniform grid.
 
     - `rate`: Hz
     - `position`: (n_samples, n_joints), measured, unfiltered, rad or m

@@ -33,7 +33,7 @@ _ABOVE = 3.0  # times the decimation cut-off, where only noise is left
 
 @dataclass(frozen=True)
 class Motion:
-    """One recording, filtered and trimmed.
+    """A recording whose positions are filtered and whose ends are trimmed.
 
     - `cutoff`: of the position filter, Hz
     - `order`: of one pass of the position filter
@@ -53,7 +53,7 @@ class Motion:
     dropped: dict[str, int]
 
     def derivatives(self, first: int, last: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q, dq, ddq of samples `first` … `last` of the span, each (last - first, n_joints)."""
+        """States q, dq, ddq, (last - first, n_joints), of samples `first` … `last` of the span."""
         return self.derivatives_of(self.position, first, last)
 
     def derivatives_of(

@@ -43,7 +43,7 @@ class JointContributions:
     items: tuple[tuple[int, int, Contribution], ...]
 
     def of(self, kind: type[_Kind]) -> Iterator[tuple[int, _Kind]]:
-        """Those of one kind, each after its joint."""
+        """Pairs of a joint and its contribution, of all contributions of a kind."""
         return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
 
     @property
@@ -53,7 +53,7 @@ class JointContributions:
 
     @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
-        """Those between two joints."""
+        """Couplings with the two joints between which they act."""
         return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
 
 

@@ -130,7 +130,7 @@ def too_fast(dq: FloatArray) -> int:
 
 @kernel
 def copy(source: FloatArray, target: FloatArray) -> None:
-    """Copy values; a slice that is assigned to takes numba a second to compile, each."""
+    """Copy values: numba takes a second to compile the assignment of a slice."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 

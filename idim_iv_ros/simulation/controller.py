@@ -263,7 +263,7 @@ def _derivatives(
 
 
 def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_]) -> int:
-    """Delay with the least residual energy, each joint's in units of its torque's."""
+    """Delay with the least sum of residual energies, relative to those of the torques."""
     energies = []
     for delay in range(LONGEST_DELAY + 1):
         shifted, total = np.roll(stack, delay, axis=0), 0.0

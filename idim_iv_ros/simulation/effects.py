@@ -19,7 +19,7 @@ from idim_iv_ros.errors import UsageError
 
 @dataclass(frozen=True)
 class SimulatedEffect:
-    """One effect at one joint."""
+    """An effect of the catalogue with the joint and the numbers with which it is simulated."""
 
     effect: str  # Name in the gap catalogue
     # None only where the effect may be at all joints (`Cause.everywhere`), or is in the base

@@ -20,7 +20,7 @@ _DISTURBANCE, _JITTER = 1, 2
 
 @dataclass(frozen=True)
 class SimulatedRecording:
-    """Signals (n_samples, n_joints) as recorded, and the noise-free truth beside them."""
+    """Signals (n_samples, n_joints) as recorded, and the same without noise."""
 
     rate: float  # Hz
     # (n_samples,): stamps, s, from about 0; with jitter they are not when the samples were taken
@@ -149,10 +149,10 @@ def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
 
 
 def _centred_mean(command: FloatArray, ratio: int) -> FloatArray:
-    """Mean of a held command over the sample period centred on each sample.
+    """Mean of a command, constant between instants, over the period about every sample.
 
-    `held[i]` acts from control instant i to the next; before the first, it is taken to have been
-    held. Half a period is ratio/2 control periods on either side.
+    `command[i]` acts from control instant i to the next, and the first one before it, too. Half a
+    period is ratio/2 control periods on either side.
     """
     whole, half = ratio // 2, ratio % 2
     padded = np.concatenate([np.repeat(command[:1], whole + 1, axis=0), command])

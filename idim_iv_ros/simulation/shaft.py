@@ -36,7 +36,7 @@ class Shaft:
 
 
 def joined_shafts(parts: Iterable[tuple[int, ShaftPart]]) -> tuple[Shaft, ...]:
-    """One shaft for each joint with parts of one; beside a shaft, flanks are rigid."""
+    """Shafts of the joints, made of their parts; with an elasticity, flanks of a gap are rigid."""
     shafts: dict[int, Shaft] = {}
     for joint, part in sorted(parts, key=lambda item: not item[1].flanks):
         gap = part.gap + (shafts[joint].gap if joint in shafts else 0.0)

@@ -10,7 +10,7 @@ Estimate = tuple[float, float]  # value and standard deviation
 
 @dataclass(frozen=True)
 class Drift:
-    """A parameter of the last identification beside its first estimate.
+    """A parameter of the last identification, compared with its first estimate.
 
     - `statistic`: see `in_deviations`: standard normal if the parameter has not changed
     - `limit`: what its magnitude exceeds by chance with the probability that was asked for, shared
@@ -26,7 +26,7 @@ class Drift:
 
     @property
     def drifts(self) -> bool:
-        """Whether the difference is more than chance."""
+        """Whether the last estimate differs from the first by more than chance allows."""
         return abs(self.statistic) > self.limit
 
 

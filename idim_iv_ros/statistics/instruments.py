@@ -75,7 +75,7 @@ def wald_test_of_instruments(
 
 
 def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
-    """Why this joint cannot be tested, or None."""
+    """Why the instruments of a joint cannot be tested, or None."""
     n_rows, width = rows.instruments.shape
     if width == 0:
         return "no parameter acts on this joint"
@@ -128,7 +128,7 @@ def _both(rows: JointRows) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Fit:
-    """One joint: its rows, the regression, and the R factor of whitened [Z, (X − Z) β̂, draws]."""
+    """Regression of a joint's v on Z, and the R factor of whitened [Z, (X − Z) β̂, draws]."""
 
     rows: JointRows
     regression: GlsRegression

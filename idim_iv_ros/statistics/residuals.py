@@ -31,7 +31,7 @@ def beyond_noise(share: float, size: float, noise: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualDiagnosis:
-    """The residual of one joint.
+    """How large the residual of a joint is, and whether it is white.
 
     - `rms`: N m (N for a prismatic joint)
     - `relative_percent`: 100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque

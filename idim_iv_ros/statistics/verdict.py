@@ -128,7 +128,7 @@ def _verdict_of(
 
 
 def _percent(test: HypothesisTest) -> float:
-    """Size of what a test rejects for, in percent of the torque; 0 where it is not known."""
+    """Size of what a test rejects for, in percent of the torque; 0 where the test has none."""
     return test.torque_deviation_percent or 0.0
 
 

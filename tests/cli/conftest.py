@@ -107,8 +107,22 @@ def diagnose(config, tmp_path: Path, monkeypatch) -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def record():
-    """Ten seconds of the two-joint arm."""
-    return simulated_arms.record(simulated_arms.arm2(), 1)
+    """Six seconds of the two-joint arm."""
+    return simulated_arms.record(simulated_arms.arm2(seconds=6.0), 1)
+
+
+@pytest.fixture
+def columns(record, tmp_path: Path) -> Path:
+    """A table of the record and its map."""
+    arrays = {"q": record.position, "tau": record.effort, "ref": record.position_reference}
+    np.savez(tmp_path / "run.npz", **arrays)
+    path = tmp_path / "map.yaml"
+    path.write_text(
+        "file: run.npz\nrate: 1000.0\njoints:\n"
+        "  joint_1: {position: 'q[0]', effort: 'tau[0]', reference: 'ref[0]'}\n"
+        "  joint_2: {position: 'q[1]', effort: 'tau[1]', reference: 'ref[1]'}\n"
+    )
+    return path
 
 
 @pytest.fixture(scope="session")

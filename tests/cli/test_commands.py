@@ -16,17 +16,10 @@ from idim_iv_ros.recording import read_recordings
 from tests.report.sample_result import sample_result
 
 
-def test_table_becomes_a_bag_is_checked_and_identified(run, config, record, tmp_path: Path) -> None:
-    table, bag, out = tmp_path / "run.npz", tmp_path / "run.mcap", tmp_path / "results"
-    np.savez(table, q=record.position, tau=record.effort, ref=record.position_reference)
-    (tmp_path / "map.yaml").write_text(
-        "file: run.npz\nrate: 1000.0\njoints:\n"
-        "  joint_1: {position: 'q[0]', effort: 'tau[0]', reference: 'ref[0]'}\n"
-        "  joint_2: {position: 'q[1]', effort: 'tau[1]', reference: 'ref[1]'}\n"
-    )
-    imported = run("import", bag, "--columns", tmp_path / "map.yaml")
-    assert imported.status == 0, imported.error
-    assert "10000 samples" in imported.out
+def test_table_becomes_a_bag_is_checked_and_identified(run, config, columns, tmp_path) -> None:
+    bag, out = tmp_path / "run.mcap", tmp_path / "results"
+    imported = run("import", bag, "--columns", columns, status=0)
+    assert "6000 samples" in imported.out
     checked = run("check", bag, "--config", config(), status=0)
     assert "Usable" in checked.out
     identified = run("identify", bag, "--config", config(), "--out", out, status=0)

@@ -22,7 +22,7 @@ NO_OFFSETS = {"off1": 0.0, "off2": 0.0}
 def rippled(run, tmp_path: Path):
     """Bags of an arm with ripple of 1.5 N m at joint 1, one for each seed of the noise."""
 
-    def make(*seeds: int, seconds: int = 12) -> list[Path]:
+    def make(*seeds: int, seconds: int = 8) -> list[Path]:
         gap = gap_file(tmp_path / "truth.json", RIPPLE, parameters=NO_OFFSETS)
         bag = tmp_path / "arm.mcap"
         options = [word for seed in seeds for word in ("--seed", seed)]

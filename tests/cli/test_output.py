@@ -12,20 +12,6 @@ from idim_iv_ros.cli import output
 from tests.cli.conftest import refused, write_arm
 
 
-@pytest.fixture
-def columns(record, tmp_path: Path) -> Path:
-    """A table and its map."""
-    arrays = {"q": record.position, "tau": record.effort, "ref": record.position_reference}
-    np.savez(tmp_path / "run.npz", **arrays)
-    path = tmp_path / "map.yaml"
-    path.write_text(
-        "file: run.npz\nrate: 1000.0\njoints:\n"
-        "  joint_1: {position: 'q[0]', effort: 'tau[0]', reference: 'ref[0]'}\n"
-        "  joint_2: {position: 'q[1]', effort: 'tau[1]', reference: 'ref[1]'}\n"
-    )
-    return path
-
-
 def test_json_is_all_that_is_on_stdout(run, config, bag, columns, tmp_path: Path) -> None:
     out, simulated = tmp_path / "results", tmp_path / "simulated.mcap"
     requests = {

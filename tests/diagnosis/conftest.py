@@ -9,10 +9,10 @@ from tests.diagnosis.motions import arm2_session
 
 @pytest.fixture(scope="module")
 def arm() -> SimulatedArm:
-    return arm2(seconds=12.0)
+    return arm2(seconds=10.0)
 
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    """One recording of 12 s, refitted; what the arm really is differs from its configuration."""
-    return arm2_session(12.0)
+    """One recording of that arm, refitted; what it really is differs from its configuration."""
+    return arm2_session(10.0, 1000.0)

@@ -65,10 +65,16 @@ def smooth_motion(
     )
 
 
+def gravity_and_coriolis(motion: SmoothMotion, joint: int) -> np.ndarray:
+    """Torque (s,) of the links without mass matrix times accelerations, N m."""
+    inertial = np.einsum("sj,sj->s", motion.inertia[:, joint], motion.acceleration)
+    return np.asarray(motion.load[:, joint] - inertial)
+
+
 @cache
-def arm2_session(seconds: float) -> Baseline:
+def arm2_session(seconds: float, rate: float = RATE) -> Baseline:
     """One recording, refitted; what the arm really is differs from its configuration."""
-    arm = arm2(seconds=seconds)
+    arm = arm2(seconds=seconds, rate=rate)
     return baseline([recorded(arm, 1)], arm.configuration)
 
 

@@ -31,7 +31,7 @@ STRIBECK = SimulatedEffect("stribeck", "joint_1", {"excess": 3.0, "speed": 0.1, 
 
 @cache
 def arm(motion: int) -> SimulatedArm:
-    return arm2(seconds=SECONDS, seed=motion)
+    return arm2(seconds=SECONDS, rate=500.0, seed=motion)
 
 
 def loaded(mass: float, x: float, z: float) -> DynamicParameters:
@@ -185,7 +185,7 @@ NOISE = (0.15, 0.05)  # N m, of a row
 
 @pytest.fixture(scope="module")
 def data() -> Baseline:
-    arm = arm2(seconds=8.0)
+    arm = arm2(seconds=SECONDS, rate=500.0)
     return baseline([recorded(arm, seed) for seed in (1, 2, 3)], arm.configuration)
 
 
@@ -246,7 +246,7 @@ def test_the_recording_with_another_load_is_named_with_the_difference(data, numb
 
 
 def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
-    arm = arm2(seconds=8.0)
+    arm = arm2(seconds=SECONDS, rate=500.0)
     five = baseline([recorded(arm, seed) for seed in (1, 2, 3, 4, 5)], arm.configuration)
     agreements = differing(
         five, 0, {number: torques_of_a_load(five, number, 0.5) for number in (3, 4)}

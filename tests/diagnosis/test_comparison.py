@@ -23,7 +23,7 @@ from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from tests.diagnosis.motions import arm2_session
+from tests.diagnosis.motions import arm2_session, gravity_and_coriolis
 from tests.diagnosis.worlds import NOISE, PULSES, SINGLE, Torque, pulses, world
 from tests.estimation.test_simulated_arms import recorded
 
@@ -120,14 +120,9 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
     assert hints.count("spring") == one_sided
 
 
-def gravity_and_coriolis(motion: SmoothMotion) -> np.ndarray:
-    """Of joint 1: what is left of the load without mass matrix times accelerations."""
-    inertial = np.einsum("sj,sj->s", motion.inertia[:, 0], motion.acceleration)
-    return np.asarray(motion.load[:, 0] - inertial)
-
-
 @pytest.mark.parametrize(
-    ("load", "torque"), [(Load.STATIC, gravity_and_coriolis), (Load.LINKS, lambda m: m.load[:, 0])]
+    ("load", "torque"),
+    [(Load.STATIC, lambda m: gravity_and_coriolis(m, 0)), (Load.LINKS, lambda m: m.load[:, 0])],
 )
 def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torque: Torque) -> None:
     rows = world(data, 5, 0, lambda m: 0.1 * abs(torque(m)) * m.slip[:, 0])
@@ -139,7 +134,7 @@ def test_friction_says_which_torque_is_its_load(data: Baseline, load: Load, torq
 @pytest.fixture(scope="module")
 def two_recordings() -> Baseline:
     """Of 10 s, the second a minute after the first."""
-    arms = [arm2(seconds=10.0, seed=seed) for seed in (1, 2)]
+    arms = [arm2(seconds=10.0, rate=500.0, seed=seed) for seed in (1, 2)]
     records = [replace(recorded(arm, 1), start=70.0 * k) for k, arm in enumerate(arms)]
     return baseline(records, arms[0].configuration)
 

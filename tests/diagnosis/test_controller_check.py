@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from bags.simulated_arms import SimulatedArm
 from idim_iv_ros.diagnosis.controller import check_law, law_change
@@ -126,16 +127,10 @@ def commands(
     arm: SimulatedArm, signals: JointSignals, factor: float, *, scale: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Commands of a PD law whose speed is a filtered backward difference, and that speed."""
-    position, speeds, efforts = signals.position, [], []
-    speed = np.zeros(position.shape[1])
-    for k in range(len(position)):
-        difference = (position[k] - position[max(k - 1, 0)]) * signals.rate
-        speed = speed + factor * (difference - speed)
-        error = signals.position_reference[k] - position[k]
-        slip = signals.velocity_reference[k] - speed
-        efforts.append(arm.law.kp * error + scale * arm.law.kd * slip)
-        speeds.append(speed)
-    return np.array(efforts), np.array(speeds)
+    difference = np.diff(signals.position, axis=0, prepend=signals.position[:1]) * signals.rate
+    speed = lfilter([factor], [1.0, factor - 1.0], difference, axis=0)
+    error = signals.position_reference - signals.position
+    return arm.law.kp * error + scale * arm.law.kd * (signals.velocity_reference - speed), speed
 
 
 @pytest.mark.parametrize(

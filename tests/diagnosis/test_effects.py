@@ -36,7 +36,7 @@ from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.simulation import inverse_dynamics
-from tests.diagnosis.motions import synthetic
+from tests.diagnosis.motions import gravity_and_coriolis, synthetic
 
 BY_NAME: dict[str, Effect] = {effect.name: effect for effect in STRUCTURAL}
 FloatArray = np.ndarray
@@ -66,12 +66,6 @@ def total(
     return {j: rows @ np.asarray(values) for j, rows in columns.items()}
 
 
-def gravity_and_coriolis(motion: SmoothMotion) -> FloatArray:
-    """Of joint 2: what is left of the load without mass matrix times accelerations."""
-    inertial = np.einsum("sj,sj->s", motion.inertia[:, 1], motion.acceleration)
-    return np.asarray(motion.load[:, 1] - inertial)
-
-
 Formula = Callable[[SmoothMotion, FloatArray, FloatArray], FloatArray]
 # Name, shape, coefficients, torque at joint 2 from motion, position and velocity.
 FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
@@ -88,8 +82,8 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
      lambda m, q, v: np.where(m.torque[:, 1] * v > 0, 0.1, 0.2) * np.sign(v)
      * 5.0 * (abs(m.torque[:, 1]) / 5.0) ** 0.8),
     ("load_dependent_friction", LoadShape(1.3, 5.0, True, Load.STATIC), [0.1, 0.2],
-     lambda m, q, v: np.where(gravity_and_coriolis(m) * v > 0, 0.1, 0.2) * np.sign(v)
-     * 5.0 * (abs(gravity_and_coriolis(m)) / 5.0) ** 1.3),
+     lambda m, q, v: np.where(gravity_and_coriolis(m, 1) * v > 0, 0.1, 0.2) * np.sign(v)
+     * 5.0 * (abs(gravity_and_coriolis(m, 1)) / 5.0) ** 1.3),
     ("position_dependent_friction", Waves((7.0,)), [0.3, 0.4],
      lambda m, q, v: np.sign(v) * 0.5 * np.cos(7.0 * q - np.arctan2(0.3, 0.4))),
     ("position_dependent_friction", TightSpot(0.2, 0.1), [0.6],

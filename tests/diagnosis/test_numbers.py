@@ -20,9 +20,15 @@ from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result import Cause
+from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
 from tests.inputs import changed
+
+
+@pytest.fixture(scope="module")
+def data() -> Baseline:
+    return arm2_session(12.0)
 
 
 def explanation_of(data: Baseline, regression: Regression) -> Explained:
@@ -79,7 +85,7 @@ def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
 
 def test_gravity_that_is_configured_as_zero_is_found_with_its_size() -> None:
     """A planar arm feels nothing of what pulls it out of its plane."""
-    arm = arm2(seconds=8.0)
+    arm = arm2(seconds=8.0, rate=500.0)
     weightless = changed(arm.configuration, "robot", gravity=[0.0, 0.0, 0.0])
     data = baseline([recorded(arm, 1)], weightless)
     gravity = missing_gravity(data)
@@ -160,7 +166,7 @@ def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
     make: Callable[..., SimulatedArm], tmp_path: Path
 ) -> None:
     """With its true size, and nothing else: neither Stribeck friction nor a link."""
-    arm, bare = make(seconds=10.0), tmp_path / "bare.urdf"
+    arm, bare = make(seconds=10.0, rate=500.0), tmp_path / "bare.urdf"
     text = arm.configuration.robot.urdf.read_text()
     bare.write_text(re.sub("<dynamics [^>]*/>", "", text))
     data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))
@@ -181,7 +187,7 @@ ROW_NOISE = {2: (0.15, 0.05), 6: (0.2, 0.25, 0.13, 0.05, 0.04, 0.02)}  # N m
 @pytest.fixture(scope="module")
 def bare(request: pytest.FixtureRequest) -> Baseline:
     """An arm whose configuration says nothing of drive inertia."""
-    arm = arm2(seconds=12.0) if request.param == 2 else arm6(seconds=15.0)
+    arm = (arm2 if request.param == 2 else arm6)(seconds=15.0, rate=500.0)
     configuration = changed(arm.configuration, "simulator", armature=None)
     return baseline([recorded(arm, 1)], configuration)
 

@@ -150,7 +150,7 @@ def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(data: Baseli
 
 @pytest.fixture(scope="module")
 def base() -> Baseline:
-    arm = arm2(seconds=10.0)
+    arm = arm2(seconds=10.0, rate=500.0)
     return baseline([recorded(arm, seed) for seed in (1, 2)], arm.configuration)
 
 

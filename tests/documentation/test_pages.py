@@ -74,7 +74,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
     for name in ("bags", "config"):
         (folder / name).symlink_to(ROOT / name)
-    arm = simulated_arms.arm2(seconds=6.0)
+    arm = simulated_arms.arm2(seconds=6.0, rate=500.0)
     urdf = (ROOT / "config" / "arm2.urdf").read_text(encoding="utf-8")
     (folder / "my_arm.urdf").write_text(urdf, encoding="utf-8")
     for seed in (1, 2, 3):

@@ -89,8 +89,13 @@ def arm6() -> SimulatedArm:
 
 
 @pytest.fixture(scope="module")
-def result(arm6: SimulatedArm) -> IdentificationResult:
-    return identify_recordings([recorded(arm6, 1)], arm6.configuration)
+def recording(arm6: SimulatedArm) -> Recording:
+    return recorded(arm6, 1)
+
+
+@pytest.fixture(scope="module")
+def result(arm6: SimulatedArm, recording: Recording) -> IdentificationResult:
+    return identify_recordings([recording], arm6.configuration)
 
 
 def test_six_joint_arm_is_identified_from_wrong_given_values(arm6, result) -> None:
@@ -113,20 +118,22 @@ def test_refined_estimates_are_right_too(arm6, result) -> None:
     assert np.mean(np.abs(deviations) < 3.0) >= 0.95
 
 
-def test_regular_start_leads_to_the_same_estimate(arm6, result) -> None:
+def test_regular_start_leads_to_the_same_estimate(arm6, recording, result) -> None:
     configuration = arm6.configuration
     regular = identify_recordings(
-        [recorded(arm6, 1)], changed(configuration, "identification", start="regular")
+        [recording], changed(configuration, "identification", start="regular")
     )
     assert regular.converged
     for ours, other in zip(regular.parameters, result.parameters, strict=True):
         assert ours.value == pytest.approx(other.value, abs=0.2 * other.std)
 
 
-def test_gravity_left_out_is_rejected_where_it_acts_and_accepted_at_the_flange(arm6) -> None:
+def test_gravity_left_out_is_rejected_where_it_acts_and_accepted_at_the_flange(
+    arm6, recording
+) -> None:
     """As in the paper, section V.D; joint 4 of this arm is at the edge, p = 0.005 of 0.004."""
     configuration = without_gravity(arm6.configuration)
-    result = identify_recordings([recorded(arm6, 1)], configuration)
+    result = identify_recordings([recording], configuration)
     everything, *joints = result.instruments.tests
     assert everything.accepted is False
     assert [test.accepted for test in joints[:3]] == [False] * 3
@@ -143,17 +150,17 @@ def test_noisy_positions_bias_least_squares_and_not_the_instruments(arm6) -> Non
     assert np.mean(np.abs(ls_off_by(result, truth)) > 3.0) > 0.1
 
 
-def test_recording_without_references_says_what_it_costs(arm6) -> None:
-    record = replace(recorded(arm6, 1), position_reference=None, velocity_reference=None)
+def test_recording_without_references_says_what_it_costs(arm6, recording) -> None:
+    record = replace(recording, position_reference=None, velocity_reference=None)
     result = identify_recordings([record], arm6.configuration)
     assert "smoothed" in result.instruments.source
     assert result.instruments.accepted is None
     assert all(verdict.verdict == "inconclusive" for verdict in result.residuals)
 
 
-def test_unknown_control_law_is_recovered_from_the_recording(arm6) -> None:
+def test_unknown_control_law_is_recovered_from_the_recording(arm6, recording) -> None:
     configuration = changed(arm6.configuration, "controller", type="unknown", kp=None, kd=None)
-    result = identify_recordings([recorded(arm6, 1)], configuration)
+    result = identify_recordings([recording], configuration)
     assert "fitted control law" in result.instruments.source
     gains = {(gain.joint, gain.term): gain.value for gain in result.fitted_gains}
     for joint, kp in zip(arm6.configuration.robot.joints, arm6.law.kp, strict=True):

@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 
 JOINTS = ["joint_1", "joint_2"]
-PERIOD = 0.01  # s
+PERIOD = 0.02  # s
 STATUS = 0.2  # s
 
 
