@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 
@@ -79,6 +80,16 @@ class Candidate:
     def options(self) -> int:
         """How many shapes there are."""
         return max(len(self.shapes), 1)
+
+    @cached_property
+    def ranges(self) -> dict[tuple[type[Shape], int], tuple[FloatArray, FloatArray]]:
+        """Least and largest numbers of the shapes of one type and count of numbers."""
+        alike: dict[tuple[type[Shape], int], list[tuple[float, ...]]] = {}
+        for shape in self.shapes:
+            alike.setdefault((type(shape), len(shape.numbers)), []).append(shape.numbers)
+        return {
+            kind: (np.min(table, axis=0), np.max(table, axis=0)) for kind, table in alike.items()
+        }
 
     @property
     def joints(self) -> tuple[int, ...]:

@@ -83,14 +83,10 @@ def _best_of(
 
 def _within_grid(term: Term, shape: Shape) -> bool:
     """Whether the numbers of a shape are those of the grid, or little beyond its ends."""
-    grid = [
-        other.numbers
-        for other in term.candidate.shapes
-        if type(other) is type(shape) and len(other.numbers) == len(shape.numbers)
-    ]
-    if not grid:
+    grid = term.candidate.ranges.get((type(shape), len(shape.numbers)))
+    if grid is None:
         return True
-    low, high = np.min(grid, axis=0), np.max(grid, axis=0)
+    low, high = grid
     room = _BEYOND_GRID * np.maximum(np.abs(low), np.abs(high))
     numbers = np.array(shape.numbers)
     ratio = np.where((low > 0.0) & (numbers > 0.0), low / np.maximum(numbers, 1e-300), 0.0)
