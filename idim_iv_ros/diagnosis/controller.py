@@ -28,14 +28,13 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     LawSpeed,
     away_from_events,
     events_in,
-    rows_of_late_command,
 )
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
-from idim_iv_ros.simulation import ControlLaw, control_law, control_period
+from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
@@ -257,19 +256,18 @@ class ShownLaw:
 
 def shown_law(data: Baseline) -> ShownLaw:
     """Compare the commands of every usable joint with the configured law."""
-    section, motions = data.prepared.configuration.controller, data.prepared.motions
-    law = control_law(section, len(data.joints))
-    period = control_period(section, [motion.signals.rate for motion in motions])
-    speed = law_speed(motions, law)
-    findings, joints = data.prepared.joint_findings, {}
+    commands = data.commands
+    assert commands is not None
+    speed, joints = law_speed(commands), {}
+    findings = data.prepared.joint_findings
     wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
-        rows = rows_of_late_command(motions, law, joint, speed, period)
+        rows = commands.late(joint, speed)
         if rows is not None:
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))
-    interval = 1.0 / min(motion.signals.rate for motion in motions)
-    return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)
+    resolution = max(commands.period, 0.5 * commands.interval)
+    return ShownLaw(commands.law, speed, commands.period, resolution, joints)
 
 
 def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:

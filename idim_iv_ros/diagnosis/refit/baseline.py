@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
@@ -41,6 +42,7 @@ class Baseline:
     The model has torque offsets, whatever the configuration says: what is constant is a number of
     the nominal model (zero there), and no physics that it lacks.
 
+    `commands`: recorded, beside the configured law; None where they cannot be compared;
     `sticking`: whether it is known where joints stick: the closed loop of every recording is
     simulated; `regression`: of the torque on the smooth motion; `shift`: s by which the effort of
     the rows is later than recorded.
@@ -50,6 +52,7 @@ class Baseline:
     rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
+    commands: LawCommands | None
     motions: tuple[SmoothMotion, ...]
     sticking: bool
     regression: Regression
@@ -179,7 +182,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     if shift != 0.0:
         rows = later(rows, prepared.motions, shift)
     require_excitation(prepared, rows)
-    sources = with_law_speed(
+    sources, commands = with_law_speed(
         instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
     )
     estimate = idim_iv(
@@ -192,7 +195,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     links, whole = _parameters(prepared, estimate.linear.values)
     motions, sticking = smooth_motions(prepared, estimate, links, whole)
     measured = Regression(rows, len(prepared.model.base.columns))
-    made = Baseline(prepared, rows, estimate, sources, motions, sticking, measured, shift)
+    made = Baseline(prepared, rows, estimate, sources, commands, motions, sticking, measured, shift)
     return made.on(motions)
 
 
