@@ -141,6 +141,7 @@ class LawCommands:
     def __init__(self, motions: Sequence[Motion], law: ControlLaw) -> None:
         self.motions, self.law = tuple(motions), law
         self._late: dict[tuple[int, LawSpeed], CommandRows | None] = {}
+        self._faster: dict[tuple[int, LawSpeed, float], FloatArray] = {}
 
     @property
     def interval(self) -> float:
@@ -199,6 +200,20 @@ class LawCommands:
             rows = self.rows(joint, speed)
             self._late[joint, speed] = rows and self._later(joint, speed, rows)
         return self._late[joint, speed]
+
+    def faster(self, joint: int, speeds: Sequence[LawSpeed], lag: float) -> list[FloatArray]:
+        """Rows (r,) by which other speeds are above the plain one where no limit acts, s later."""
+        new = [speed for speed in speeds if (joint, speed, lag) not in self._faster]
+        parts = []
+        for motion in self.motions if new else ():
+            signals, (_, free) = motion.signals, evaluated(motion, self.law, joint, LawSpeed())
+            plain = LawSpeed().of(signals, joint)
+            changes = np.stack([(speed.of(signals, joint) - plain) * free for speed in new])
+            moved = shifted(changes.T, lag, signals.rate)[motion.span]
+            parts.append(motion.decimation.whole(moved)[comparable(motion, self.law, joint)])
+        for speed, *rows in zip(new, *(part.T for part in parts), strict=True):
+            self._faster[joint, speed, lag] = np.concatenate(rows)
+        return [self._faster[joint, speed, lag] for speed in speeds]
 
     def _later(self, joint: int, speed: LawSpeed, rows: CommandRows) -> CommandRows:
         step, rest = _lag_alone(rows)

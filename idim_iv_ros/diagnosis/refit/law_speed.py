@@ -20,15 +20,11 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     LawCommands,
     LawSpeed,
     away_from_events,
-    comparable,
-    evaluated,
 )
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.sources import InstrumentSources
-from idim_iv_ros.signals import shifted
 from idim_iv_ros.simulation import factor_of_lateness
-from idim_iv_ros.types import FloatArray
 
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
 # is twenty samples late.
@@ -68,24 +64,29 @@ def _chosen(commands: LawCommands, before: LawSpeed, *, recorded: bool) -> LawSp
         return LawSpeed()
     plainly = [_JointCommands(commands, *pair, ["kp"]) for pair in usable]
 
-    def score(speed: LawSpeed, joints: Sequence[_JointCommands] = plainly) -> float:
-        """What a speed leaves of the commands: geometric mean over joints.
+    def scores(
+        speeds: Sequence[LawSpeed], joints: Sequence[_JointCommands] = plainly
+    ) -> dict[LawSpeed, float]:
+        """What speeds leave of the commands: geometric mean over joints.
 
         Each joint counts by its own noise, as in a likelihood: one whose efforts are much off,
         whatever the speed, would decide in a mean of squares.
         """
-        left = [joint.left(speed) for joint in joints]
-        return float(np.exp(0.5 * np.mean(np.log(np.maximum(left, 1e-30)))))
+        left = np.maximum([joint.left(speeds) for joint in joints], 1e-30)
+        means = np.exp(0.5 * np.mean(np.log(left), axis=0))
+        return dict(zip(speeds, means.tolist(), strict=True))
+
+    def score(factor: float) -> float:
+        speed = LawSpeed("filtered", float(factor))
+        return scores([speed])[speed]
 
     early = [LawSpeed(), LawSpeed("recorded")] if recorded else [LawSpeed()]
-    options = {speed: score(speed) for speed in early + [LawSpeed("filtered", f) for f in FACTORS]}
+    options = scores(early + [LawSpeed("filtered", factor) for factor in FACTORS])
     plain, chosen = options[LawSpeed()], min(options, key=lambda speed: options[speed])
     if chosen.kind == "filtered" and 0 < (place := FACTORS.index(chosen.factor)) < len(FACTORS) - 1:
+        bounds = FACTORS[place + 1], FACTORS[place - 1]
         near = scipy.optimize.minimize_scalar(
-            lambda factor: score(LawSpeed("filtered", float(factor))),
-            bounds=(FACTORS[place + 1], FACTORS[place - 1]),
-            method="bounded",
-            options={"xatol": 1e-3},
+            score, bounds=bounds, method="bounded", options={"xatol": 1e-3}
         )
         if near.fun < options[chosen]:
             chosen = LawSpeed("filtered", float(near.x))
@@ -96,11 +97,9 @@ def _chosen(commands: LawCommands, before: LawSpeed, *, recorded: bool) -> LawSp
         return chosen
     # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
     groups = ["kp", "feedforward_acceleration"]
-    beside_one = [_JointCommands(commands, *pair, groups) for pair in usable]
-    late = score(chosen, beside_one)
-    others = {speed: score(speed, beside_one) for speed in early}
-    best = min(others, key=lambda speed: others[speed])
-    return best if others[best] < (1.0 - settings.LAW_SPEED_GAIN) * late else chosen
+    left = scores([*early, chosen], [_JointCommands(commands, *pair, groups) for pair in usable])
+    best = min(early, key=lambda speed: left[speed])
+    return best if left[best] < (1.0 - settings.LAW_SPEED_GAIN) * left[chosen] else chosen
 
 
 class _JointCommands:
@@ -109,35 +108,23 @@ class _JointCommands:
     def __init__(
         self, commands: LawCommands, joint: int, rows: CommandRows, groups: Sequence[str]
     ) -> None:
-        law, self.joint, self.rows = commands.law, joint, rows
-        self.gain = float(law.torque_gains[1][joint])
+        self.commands, self.joint, self.rows = commands, joint, rows
+        self.gain = float(commands.law.torque_gains[1][joint])
         others = [rows.groups[name] for name in groups]
         self.plain = np.column_stack([rows.constants, rows.errors[:, 0], *others])
         with_plain_speed = np.column_stack([self.plain, rows.groups["kd"]])
         rest = independent_basis(with_plain_speed).remove(rows.rest)
         self.steady = away_from_events(rest, rows.recording, rows.time)
-        self.parts = [
-            (motion, evaluated(motion, law, joint, LawSpeed())[1], comparable(motion, law, joint))
-            for motion in commands.motions
-        ]
 
-    def left(self, speed: LawSpeed) -> float:
-        """Share of the energy of the command that the law with a speed leaves."""
-        change = self._change(speed)
-        matrix = np.column_stack([self.plain, self.rows.groups["kd"] - change])[self.steady]
-        rest = (self.rows.rest + self.gain * change)[self.steady]
-        energy = float(np.sum(independent_basis(matrix).remove(rest) ** 2))
-        return energy / max(len(rest) * self.rows.size**2, 1e-300)
-
-    def _change(self, speed: LawSpeed) -> FloatArray:
-        """Rows (r,) by which a speed is larger than the plain one, where no limit acts."""
+    def left(self, speeds: Sequence[LawSpeed]) -> list[float]:
+        """Share of the energy of the command that the law leaves with each of the speeds."""
         made = []
-        for motion, free, kept in self.parts:
-            signals = motion.signals
-            change = speed.of(signals, self.joint) - LawSpeed().of(signals, self.joint)
-            change = shifted((change * free)[:, None], self.rows.lag, signals.rate)
-            made.append(motion.decimation.whole(change[motion.span])[kept, 0])
-        return np.concatenate(made)
+        for change in self.commands.faster(self.joint, speeds, self.rows.lag):
+            matrix = np.column_stack([self.plain, self.rows.groups["kd"] - change])[self.steady]
+            rest = (self.rows.rest + self.gain * change)[self.steady]
+            energy = float(np.sum(independent_basis(matrix).remove(rest) ** 2))
+            made.append(energy / max(len(rest) * self.rows.size**2, 1e-300))
+        return made
 
 
 def with_law_speed(sources: InstrumentSources) -> tuple[InstrumentSources, LawCommands | None]:
