@@ -13,6 +13,7 @@ for the solver's, and its friction put in the place of the one that sticks.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -89,6 +90,7 @@ def soft_friction(data: Baseline) -> SoftFriction | None:
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, width)
 
+    @cache
     def same_everywhere(crossing: Crossing) -> float:
         return float(tried.gains(dict.fromkeys(every, crossing)).sum())
 
