@@ -122,7 +122,7 @@ class _Tried:
 
     def __init__(self, data: Baseline, width: FloatArray) -> None:
         self.data, self.width = data, width
-        self.fit: Fit = data.regression.fit()
+        self.fit: Fit = data.regression.fitted
         self.fine = [_fine(motion) for motion in data.motions]
         self.columns: dict[tuple[int, Crossing], FloatArray] = {}
 
