@@ -13,7 +13,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
-from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
+from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
 from idim_iv_ros.diagnosis.result import JointChange
 from idim_iv_ros.effects.cause import Parameters
@@ -26,7 +26,7 @@ from idim_iv_ros.identification.prepare import PreparedRegression, prepare, requ
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN, Motion, shifted
+from idim_iv_ros.signals import Motion, shifted
 from idim_iv_ros.types import FloatArray, IntArray
 
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
@@ -159,13 +159,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         refit = refit_of(prepare(recordings, section))
         if refit.sticking:
             break
-    given = section.processing.reversal_margin
-    margin = REVERSAL_MARGIN if given is None else given
-    reason = reason_for_margin(configuration, margin, refit.estimate, sticking=refit.sticking)
-    if not reason:
-        return refit
-    reasons = (*refit.prepared.reasons, reason)
-    return replace(refit, prepared=replace(refit.prepared, reasons=reasons))
+    return refit
 
 
 def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:

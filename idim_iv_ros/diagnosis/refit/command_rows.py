@@ -159,13 +159,13 @@ class LawCommands:
         `lag`: by which what the law gives is taken later, s. What the law sees, and is recorded, is
         about as late as a period of the control.
         """
-        every = [comparable(motion, self.law, joint) for motion in self.motions]
+        every = [self._comparable(motion, joint) for motion in self.motions]
         counts = [int(kept.sum()) for kept in every]
         if sum(counts) < settings.LEAST_ROWS:
             return None
         tables = []
         for motion, kept in zip(self.motions, every, strict=True):
-            parts, _ = evaluated(motion, self.law, joint, speed)
+            parts, _ = self._evaluated(motion, joint, speed)
             recorded = motion.signals.torque[:, joint]
             groups = [parts.groups[name] for name in CONTROL_LAW.groups]
             given = np.stack([parts.command, -parts.rate, *parts.late.T, *groups])
@@ -206,11 +206,11 @@ class LawCommands:
         new = [speed for speed in speeds if (joint, speed, lag) not in self._faster]
         parts = []
         for motion in self.motions if new else ():
-            signals, (_, free) = motion.signals, evaluated(motion, self.law, joint, LawSpeed())
+            signals, (_, free) = motion.signals, self._evaluated(motion, joint, LawSpeed())
             plain = LawSpeed().of(signals, joint)
             changes = np.stack([(speed.of(signals, joint) - plain) * free for speed in new])
             moved = shifted(changes.T, lag, signals.rate)[motion.span]
-            parts.append(motion.decimation.whole(moved)[comparable(motion, self.law, joint)])
+            parts.append(motion.decimation.whole(moved)[self._comparable(motion, joint)])
         for speed, *rows in zip(new, *(part.T for part in parts), strict=True):
             self._faster[joint, speed, lag] = np.concatenate(rows)
         return [self._faster[joint, speed, lag] for speed in speeds]
@@ -227,6 +227,37 @@ class LawCommands:
             rows, rest = later, left
         return rows
 
+    def _evaluated(
+        self, motion: Motion, joint: int, speed: LawSpeed
+    ) -> tuple[CommandParts, BoolArray]:
+        """Parts of one joint's command, and where it is not at the torque limit (n_samples,).
+
+        Rows at the limit do not count, but filters carry what a command is beyond it for half a
+        second.
+        """
+        signals, limit = motion.signals, float(self.law.torque_limit[joint])
+        parts = CONTROL_LAW.parts(signals, self.law, joint, speed.of(signals, joint))
+        free = np.abs(parts.command) < limit
+        if free.all():
+            return parts, free
+        command = np.clip(parts.command, -limit, limit)
+        groups = {name: torque * free for name, torque in parts.groups.items()}
+        slope = np.gradient(command, 1.0 / signals.rate)
+        late = parts.late * free[:, None]
+        return replace(parts, command=command, rate=slope, late=late, groups=groups), free
+
+    def _comparable(self, motion: Motion, joint: int) -> BoolArray:
+        """Decimated samples (m,) at which a command is measured and not at the torque limit.
+
+        Nor near a sample of which that is not so, nor near the ends.
+        """
+        signals = motion.signals
+        limit = _LIMITED * float(self.law.torque_limit[joint])
+        good = signals.valid[:, joint] & (np.abs(signals.torque[:, joint]) < limit)
+        kept = all_around(good[motion.span, None], motion.decimation, motion.decimation.factor)
+        kept[:2] = kept[-2:] = False
+        return np.asarray(kept[:, 0])
+
 
 def _lag_alone(rows: CommandRows) -> tuple[float, float]:
     """Lag, s, that would explain the most alone; RMS of what all changes leave, N m (N)."""
@@ -235,38 +266,6 @@ def _lag_alone(rows: CommandRows) -> tuple[float, float]:
     whole = independent_basis(np.column_stack([rows.constants, rows.errors, *rows.groups.values()]))
     step = float(rate @ rest) / max(float(rate @ rate), 1e-300)
     return step, rms(whole.remove(rows.rest))
-
-
-def evaluated(
-    motion: Motion, law: ControlLaw, joint: int, speed: LawSpeed
-) -> tuple[CommandParts, BoolArray]:
-    """Parts of one joint's command, and where it is not at the torque limit (n_samples,).
-
-    Rows at the limit do not count, but filters carry what a command is beyond it for half a second.
-    """
-    signals, limit = motion.signals, float(law.torque_limit[joint])
-    parts = CONTROL_LAW.parts(signals, law, joint, speed.of(signals, joint))
-    free = np.abs(parts.command) < limit
-    if free.all():
-        return parts, free
-    command = np.clip(parts.command, -limit, limit)
-    groups = {name: torque * free for name, torque in parts.groups.items()}
-    slope = np.gradient(command, 1.0 / signals.rate)
-    late = parts.late * free[:, None]
-    return replace(parts, command=command, rate=slope, late=late, groups=groups), free
-
-
-def comparable(motion: Motion, law: ControlLaw, joint: int) -> BoolArray:
-    """Decimated samples (m,) at which a command is measured and not at the torque limit.
-
-    Nor near a sample of which that is not so, nor near the ends.
-    """
-    signals = motion.signals
-    limit = _LIMITED * float(law.torque_limit[joint])
-    good = signals.valid[:, joint] & (np.abs(signals.torque[:, joint]) < limit)
-    kept = all_around(good[motion.span, None], motion.decimation, motion.decimation.factor)[:, 0]
-    kept[:2] = kept[-2:] = False
-    return np.asarray(kept)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ independent.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -55,11 +55,14 @@ def resampled(sums: FloatArray) -> FloatArray:
 
     The draws are the same for the same number of blocks, so that differences are paired.
     """
-    count = len(sums)
-    draws = np.random.default_rng(_SEED).multinomial(
-        count, np.full(count, 1.0 / count), size=_RESAMPLES
-    )
-    return np.asarray(np.tensordot(draws.astype(float), sums, axes=1))
+    return np.asarray(np.tensordot(_draws(len(sums)), sums, axes=1))
+
+
+@lru_cache(maxsize=4)
+def _draws(count: int) -> FloatArray:
+    """How often each of some blocks is drawn, (1000, count)."""
+    every = np.full(count, 1.0 / count)
+    return np.random.default_rng(_SEED).multinomial(count, every, size=_RESAMPLES).astype(float)
 
 
 def interval(values: FloatArray) -> tuple[float, float]:
