@@ -235,10 +235,10 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
         for number, term in enumerate(selection.terms)
         if term.candidate.kind is not Kind.SIGNAL
     ]
-    displaced = []
-    for term, curve in selection.displaced:
-        reason = sentences.likelier_curve(data, curve)
-        displaced.append(JudgedTerm(term, np.zeros(0), 0.0, "", reason))
+    displaced = [
+        JudgedTerm(term, np.zeros(0), 0.0, "", sentences.likelier_curve(data, curve))
+        for term, curve in selection.displaced
+    ]
     if not terms:
         return displaced
     chosen = chosen_without(selection)

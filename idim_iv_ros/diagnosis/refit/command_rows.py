@@ -202,7 +202,10 @@ class LawCommands:
         return self._late[joint, speed]
 
     def faster(self, joint: int, speeds: Sequence[LawSpeed], lag: float) -> list[FloatArray]:
-        """Rows (r,) by which other speeds are above the plain one where no limit acts, s later."""
+        """Rows (r,) by which other speeds are above the plain one, where no limit acts.
+
+        `lag`: by which they are taken later, s.
+        """
         new = [speed for speed in speeds if (joint, speed, lag) not in self._faster]
         parts = []
         for motion in self.motions if new else ():
