@@ -25,17 +25,17 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import (
     TIMES,
     CommandRows,
+    LawCommands,
     LawSpeed,
     away_from_events,
     events_in,
-    rows_of_late_command,
 )
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
-from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all
+from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
-from idim_iv_ros.simulation import ControlLaw, control_law, control_period
+from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
@@ -199,13 +199,13 @@ def check_law(
     """
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
-    shown = shown_law(data)
-    longest_lag = settings.LONGEST_LAG * shown.period
+    commands, speed, joints = shown_law(data)
+    longest_lag = settings.LONGEST_LAG * commands.period
     usual = longest_lag + data.prepared.configuration.controller.delay - shift.value
-    longest, shared = _shared_lag(shown, max(usual, longest_lag))
+    longest, shared = _shared_lag(commands, joints.values(), max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
-    for joint, change in shown.joints.items():
-        changes, cause = _cause(data, shown.law, joint, change, longest)
+    for joint, change in joints.items():
+        changes, cause = _cause(data, commands.law, joint, change, longest)
         if cause is not None:
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:
@@ -215,76 +215,55 @@ def check_law(
         if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
-    delay = () if shared is None else _common_delay(data, shown, shared, shift, usual)
-    return LawCheck(tuple(causes), gains, shown.speed, tuple(beyond), delay)
+    delay: tuple[Cause, ...] = ()
+    if shared is not None:
+        configured = data.prepared.configuration.controller.delay
+        std = float(np.hypot(shared.std or 0.0, shift.std or 0.0))
+        late = EffectParameter(shared.value + shift.value - configured, std, "s")
+        if is_beyond_control(late.value, std, commands.period):
+            before = [change.left_of_lag(max(usual, 0.0)) for change in joints.values()]
+            after = [change.before for change in joints.values()]
+            said = sentences.commands_late(late, shared.value, commands.period)
+            delay = (delay_of_all(late, before, after, said),)
+    return LawCheck(tuple(causes), gains, speed, tuple(beyond), delay)
 
 
-def _common_delay(
-    data: Baseline, shown: "ShownLaw", lag: EffectParameter, shift: EffectParameter, usual: float
-) -> tuple[Cause, ...]:
-    """One cause where torque acts later after the law than a control of this period makes it.
+def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChange]]:
+    """Compare the commands of every usable joint with the configured law.
 
-    `lag`, `shift`: from the law to the recorded effort, and from there to the torque, s; `usual`:
-    lag up to which their sum is that of the control, s.
+    Returns the commands, the speed that explains them best, and the smallest change that does, of
+    joints that have rows enough.
     """
-    std = float(np.hypot(lag.std or 0.0, shift.std or 0.0))
-    unsure = settings.SHIFT_AGREEMENT * shown.period + settings.CLEAR_DEVIATIONS * std
-    if lag.value - unsure <= usual:
-        return ()
-    configured = data.prepared.configuration.controller.delay
-    delay = EffectParameter(lag.value + shift.value - configured, std, "s")
-    before = [change.left_of_lag(max(usual, 0.0)) for change in shown.joints.values()]
-    after = [change.before for change in shown.joints.values()]
-    said = sentences.commands_late(delay, lag.value, shown.period)
-    return (delay_of_all(delay, before, after, said),)
-
-
-@dataclass(frozen=True)
-class ShownLaw:
-    """What the commands say of the configured law.
-
-    `period`: of the control, s; `resolution`: difference of two lags that a recording of this rate
-    can show, s: half of its interval, at which the law is evaluated, and the period; `joints`: the
-    smallest change that explains the commands, of joints that have rows enough.
-    """
-
-    law: ControlLaw
-    speed: LawSpeed
-    period: float
-    resolution: float
-    joints: dict[int, LawChange]
-
-
-def shown_law(data: Baseline) -> ShownLaw:
-    """Compare the commands of every usable joint with the configured law."""
-    section, motions = data.prepared.configuration.controller, data.prepared.motions
-    law = control_law(section, len(data.joints))
-    period = control_period(section, [motion.signals.rate for motion in motions])
-    speed = law_speed(motions, law)
-    findings, joints = data.prepared.joint_findings, {}
+    commands = data.commands
+    assert commands is not None
+    speed, joints = law_speed(commands), {}
+    findings = data.prepared.joint_findings
     wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
-        rows = rows_of_late_command(motions, law, joint, speed, period)
+        rows = commands.late(joint, speed)
         if rows is not None:
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))
-    interval = 1.0 / min(motion.signals.rate for motion in motions)
-    return ShownLaw(law, speed, period, max(period, 0.5 * interval), joints)
+    return commands, speed, joints
 
 
-def _shared_lag(shown: ShownLaw, usual: float) -> tuple[float, EffectParameter | None]:
+def _shared_lag(
+    commands: LawCommands, changes: Collection[LawChange], usual: float
+) -> tuple[float, EffectParameter | None]:
     """Lag up to which a joint's is no mismatch, s; and that of most joints where they share one.
 
     `usual`: lag up to which one is that of a control of this period, s.
     """
-    if len(shown.joints) < 2:
+    if len(changes) < 2:
         return usual, None
-    lags, stds = np.array([change.lag for change in shown.joints.values()]).T
+    lags, stds = np.array([change.lag for change in changes]).T
     common = max(float(np.sort(lags)[(len(lags) - 1) // 2]), 0.0)  # that of half of the joints
-    apart = settings.LAG_DIFFERENCE * max(shown.resolution, common)
+    # Of a recording's interval, at which the law is evaluated, half shows.
+    resolution = max(commands.period, 0.5 * commands.interval)
+    apart = settings.LAG_DIFFERENCE * max(resolution, common)
     same = np.abs(lags - common) <= apart
     if same.sum() < 2 or 2 * same.sum() <= len(lags):
-        return min(usual, common + settings.LAG_DIFFERENCE * shown.resolution), None
+        return min(usual, common + settings.LAG_DIFFERENCE * resolution), None
     std = float(np.hypot(np.std(lags[same]), np.median(stds)))
     return common + apart, EffectParameter(common, std, "s")
 

@@ -219,6 +219,7 @@ def concluded(
         *prepared.warnings,
         *prepared.advice,
         *prepared.reasons,
+        sentences.reversals(configuration, data),
         *(sentences.small_nonparametric(data, t) for t in explanation.outside if not matters(t)),
     ]
     physical, why_not = _consistent(refit, explanation)

@@ -131,6 +131,11 @@ class Regression:
             log_likelihoods=np.array(likelihoods),
         )
 
+    @cached_property
+    def fitted(self) -> Fit:
+        """`fit` from white noise: several steps ask for the same."""
+        return self.fit()
+
     def _first_noise_models(self) -> tuple[AutoregressiveModel, ...]:
         """White noise, of the size that least squares leaves."""
         residuals = []

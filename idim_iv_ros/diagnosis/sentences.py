@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
@@ -22,6 +23,7 @@ from idim_iv_ros.diagnosis.result import (
 from idim_iv_ros.effects.cause import Parameters, surest
 from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words
+from idim_iv_ros.signals import REVERSAL_MARGIN
 
 MOST_EVENTS = 5  # that are listed
 _MOST_CAUSES = 4  # after the first, in a summary
@@ -110,6 +112,33 @@ def friction_not_given(data: Baseline, space: ParameterSpace) -> str:
     return joints and (
         f"the nominal model has no dry friction at {joints}, and every drive has some: friction "
         "there is taken from the recording, whatever else is compared"
+    )
+
+
+def reversals(configuration: Configuration, data: Baseline) -> str:
+    """Whether rows beside a reversal count, and why; empty where the user decides it.
+
+    `configuration`: as the user gave it.
+    """
+    given = configuration.processing.reversal_margin
+    proposed = data.prepared.configuration.processing.reversal_margin
+    margin = REVERSAL_MARGIN if proposed is None else proposed
+    counting = margin < REVERSAL_MARGIN
+    if given is not None and (data.sticking or not counting):
+        return ""
+    reason = "the closed loop is not simulated"
+    if data.estimate.failures:
+        reason = f"the closed loop cannot be simulated: {data.estimate.failures[0]}"
+    elif configuration.controller.type == "unknown":
+        reason = "the control law is not configured, and none that was fitted is simulated"
+    why = f"it is not known where joints stick, for {reason}"
+    if data.sticking and counting:
+        why = "the closed loop is simulated, which shows where joints stick"
+    which = "count with the sign of the speed" if counting and not data.sticking else "count"
+    return (
+        f"rows beside a reversal {which if counting else 'do not count'} "
+        f"(processing.reversal_margin {margin:g} {'proposed' if given is None else 'configured'}): "
+        f"{why}"
     )
 
 

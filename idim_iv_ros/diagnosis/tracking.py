@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.held_out import block_sums, gap_of, time_blocks
 from idim_iv_ros.diagnosis.result import SimulationGap, TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
@@ -94,14 +94,8 @@ def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationG
     """Tracking error before and after at a joint."""
     if before.note or after.note:
         return None
-    pair = np.column_stack([stage.block_energies[:, joint] for stage in (before, after)])
-    seconds = before.block_energies[:, -1].sum()
-    first, second = (float(np.sqrt(total / seconds)) for total in pair.sum(axis=0))
-    if first <= 0.0:
-        return SimulationGap(first, second)
-    draws = resampled(pair)
-    ratio = 1.0 - np.sqrt(draws[:, 1] / np.maximum(draws[:, 0], 1e-300))
-    return SimulationGap(first, second, None, 1.0 - second / first, interval(ratio))
+    one, two = (stage.block_energies[:, [joint, -1]] for stage in (before, after))
+    return SimulationGap(**vars(gap_of(one, two)))
 
 
 def tracking_series(

@@ -63,18 +63,16 @@ def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArr
     """
     numbers = np.array([number for shape in shapes for number in shape.wave_numbers])
     lines = np.empty((2 * len(numbers), len(position)))
-    sines, cosines = lines[::2], lines[1::2]
     if _evenly_spaced(numbers):
-        sines[0], cosines[0] = np.sin(numbers[0] * position), np.cos(numbers[0] * position)
-        angle = (numbers[-1] - numbers[0]) / (len(numbers) - 1) * position
-        sine, cosine = np.sin(angle), np.cos(angle)
-        for k in range(1, len(numbers)):
-            sines[k] = sines[k - 1] * cosine + cosines[k - 1] * sine
-            cosines[k] = cosines[k - 1] * cosine - sines[k - 1] * sine
+        wave = np.exp(1j * numbers[0] * position)
+        turn = np.exp(1j * (numbers[-1] - numbers[0]) / (len(numbers) - 1) * position)
+        for k in range(0, len(lines), 2):
+            lines[k], lines[k + 1] = wave.imag, wave.real
+            wave *= turn
     else:
         phases = np.multiply.outer(numbers, position)
-        np.sin(phases, out=sines)
-        np.cos(phases, out=cosines)
+        np.sin(phases, out=lines[::2])
+        np.cos(phases, out=lines[1::2])
     ends = np.cumsum([2 * len(shape.wave_numbers) for shape in shapes])
     return [part.T for part in np.split(lines, ends[:-1])]
 

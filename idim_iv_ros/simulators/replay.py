@@ -193,7 +193,7 @@ def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
         raise DataError(
             f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
         )
-    sources = with_law_speed(
+    sources, _ = with_law_speed(
         instrument_sources(
             prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.signals import ParallelDecimation
 from tests.estimation.test_simulated_arms import recorded
@@ -82,4 +83,6 @@ def with_signals(data: Baseline, **changes: Any) -> Baseline:
     """The same session of one recording with other signals."""
     (motion,) = data.prepared.motions
     changed = replace(motion, signals=replace(motion.signals, **changes))
-    return replace(data, prepared=replace(data.prepared, motions=(changed,)))
+    commands = data.commands and LawCommands((changed,), data.commands.law)
+    prepared = replace(data.prepared, motions=(changed,))
+    return replace(data, prepared=prepared, commands=commands)

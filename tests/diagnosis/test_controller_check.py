@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from bags.simulated_arms import SimulatedArm
 from idim_iv_ros.diagnosis.controller import check_law, law_change
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.command_rows import LawSpeed, rows_of_late_command
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, LawSpeed
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter
 from idim_iv_ros.signals import JointSignals
@@ -140,7 +140,7 @@ def test_a_filtered_speed_is_no_mismatch(arm, data, factor: float, late: float) 
     """Nor is it where efforts are recorded as many samples late."""
     effort, _ = commands(arm, data.prepared.motions[0].signals, factor)
     changed = commanded(data, delayed(effort, [late, late]))
-    chosen = law_speed(changed.prepared.motions, arm.law)
+    chosen = law_speed(changed.commands)
     assert chosen.kind == "filtered"
     assert chosen.factor == pytest.approx(factor, rel=0.05)
     assert check_law(changed).causes == ()
@@ -152,7 +152,7 @@ def test_a_speed_that_is_late_by_many_periods_is_no_other_gain(arm, data, factor
     motions = data.prepared.motions
     effort, _ = commands(arm, motions[0].signals, factor, scale=1.0 if factor < 1.0 else 1.4)
     motions = commanded(data, effort).prepared.motions
-    rows = rows_of_late_command(motions, arm.law, 0, LawSpeed(), 1.0 / motions[0].signals.rate)
+    rows = LawCommands(motions, arm.law).late(0, LawSpeed())
     assert rows is not None
     change = law_change(rows)
     assert list(change.changes) == names
@@ -166,7 +166,7 @@ def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> No
     observed = 0.5 * (speed + slow)
     effort = effort + arm.law.kd * (speed - observed)
     changed = commanded(data, effort, observed)
-    assert law_speed(changed.prepared.motions, arm.law).kind == "recorded"
+    assert law_speed(changed.commands).kind == "recorded"
     assert check_law(changed).causes == ()
 
 
@@ -227,7 +227,7 @@ def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(arm,
     limit = arm.law.torque_limit
     assert np.all(np.abs(effort).max(axis=0) > 3.0 * limit)
     changed = with_signals(data, position_reference=wanted, torque=np.clip(effort, -limit, limit))
-    assert law_speed(changed.prepared.motions, arm.law).factor == pytest.approx(0.3, rel=0.05)
+    assert law_speed(changed.commands).factor == pytest.approx(0.3, rel=0.05)
     check = check_law(changed)
     assert check.causes == ()
     assert check.beyond == ()
@@ -241,7 +241,7 @@ def test_a_feedforward_over_the_acceleration_is_no_late_speed(arm, data) -> None
     wanted = np.gradient(signals.velocity_reference, 1.0 / signals.rate, axis=0)
     effort, speed = commands(arm, signals, 1.0)
     changed = commanded(data, effort + forward * wanted, speed)
-    assert law_speed(changed.prepared.motions, arm.law).kind != "filtered"
+    assert law_speed(changed.commands).kind != "filtered"
     findings = {finding.joint: finding for finding in check_law(changed).causes}
     assert set(findings) == set(data.joints)
     for joint, expected in zip(data.joints, forward, strict=True):

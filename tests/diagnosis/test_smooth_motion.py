@@ -12,6 +12,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
+from idim_iv_ros.diagnosis.sentences import reversals
 from idim_iv_ros.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
@@ -152,7 +153,7 @@ def test_without_a_simulated_loop_no_row_at_a_reversal_has_the_sign_of_the_speed
     recording, configuration = world(arm)
     blind = baseline([recording], configuration)
     assert beside_reversals(blind) == 0
-    assert any(why in reason for reason in blind.prepared.reasons)
+    assert why in reversals(configuration, blind)
     # It is the measured motion: what stands in for the simulated one lacks the upper half of it.
     (motion,), (measured,) = blind.motions, blind.prepared.motions
     places = np.round((motion.time - motion.time[0]) * measured.signals.rate).astype(int)
@@ -168,7 +169,7 @@ def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float,
     data = baseline([recording], configuration)
     assert data.prepared.configuration.processing.reversal_margin == margin
     assert (beside_reversals(data) > 0) == (margin == 0.0)
-    warned = any("with the sign of the speed" in reason for reason in data.prepared.reasons)
+    warned = "with the sign of the speed" in reversals(configuration, data)
     assert warned == (margin == 0.0 and world is not None)
 
 

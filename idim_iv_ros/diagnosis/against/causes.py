@@ -173,11 +173,11 @@ def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCa
         reason = why_not_checked(refit.data)
         if reason:
             return [], f"the control laws of the sets were not compared: {reason} ({name})"
-    one, other = (shown_law(refit.data) for refit in sets.refits)
+    (commands, _, one), (_, _, other) = (shown_law(refit.data) for refit in sets.refits)
     causes = []
-    for joint in sorted(set(one.joints) & set(other.joints)):
-        rows = one.joints[joint].every.followed_by(other.joints[joint].every)
-        causes += _law_cause(sets, one.law, joint, rows)
+    for joint in sorted(set(one) & set(other)):
+        rows = one[joint].every.followed_by(other[joint].every)
+        causes += _law_cause(sets, commands.law, joint, rows)
     return causes, ""
 
 

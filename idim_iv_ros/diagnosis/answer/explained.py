@@ -122,7 +122,7 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
     )
     doubtful = tuple(term for term in judgements if term.reason)
     regression = data.regression
-    fits = [regression.fit()]
+    fits = [regression.fitted]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
         fits.append(regression.fit(fits[-1].noise_models, steps=_MORE_STEPS))
@@ -235,10 +235,10 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
         for number, term in enumerate(selection.terms)
         if term.candidate.kind is not Kind.SIGNAL
     ]
-    displaced = []
-    for term, curve in selection.displaced:
-        reason = sentences.likelier_curve(data, curve)
-        displaced.append(JudgedTerm(term, np.zeros(0), 0.0, "", reason))
+    displaced = [
+        JudgedTerm(term, np.zeros(0), 0.0, "", sentences.likelier_curve(data, curve))
+        for term, curve in selection.displaced
+    ]
     if not terms:
         return displaced
     chosen = chosen_without(selection)
@@ -261,7 +261,7 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
 
 def _beyond_noise(data: Baseline, selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    floors = noise_floors(data, data.regression.fit(), repeats_of(data))
+    floors = noise_floors(data, data.regression.fitted, repeats_of(data))
     ledger = selection.comparison.options.ledger
     left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
     shares = []

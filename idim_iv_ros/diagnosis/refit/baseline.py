@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
-from idim_iv_ros.diagnosis.refit.processing import proposals, reason_for_margin
+from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
 from idim_iv_ros.diagnosis.result import JointChange
 from idim_iv_ros.effects.cause import Parameters
@@ -25,7 +26,7 @@ from idim_iv_ros.identification.prepare import PreparedRegression, prepare, requ
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN, Motion, shifted
+from idim_iv_ros.signals import Motion, shifted
 from idim_iv_ros.types import FloatArray, IntArray
 
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
@@ -41,6 +42,7 @@ class Baseline:
     The model has torque offsets, whatever the configuration says: what is constant is a number of
     the nominal model (zero there), and no physics that it lacks.
 
+    `commands`: recorded, beside the configured law; None where they cannot be compared;
     `sticking`: whether it is known where joints stick: the closed loop of every recording is
     simulated; `regression`: of the torque on the smooth motion; `shift`: s by which the effort of
     the rows is later than recorded.
@@ -50,6 +52,7 @@ class Baseline:
     rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
+    commands: LawCommands | None
     motions: tuple[SmoothMotion, ...]
     sticking: bool
     regression: Regression
@@ -156,13 +159,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
         refit = refit_of(prepare(recordings, section))
         if refit.sticking:
             break
-    given = section.processing.reversal_margin
-    margin = REVERSAL_MARGIN if given is None else given
-    reason = reason_for_margin(configuration, margin, refit.estimate, sticking=refit.sticking)
-    if not reason:
-        return refit
-    reasons = (*refit.prepared.reasons, reason)
-    return replace(refit, prepared=replace(refit.prepared, reasons=reasons))
+    return refit
 
 
 def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
@@ -179,7 +176,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     if shift != 0.0:
         rows = later(rows, prepared.motions, shift)
     require_excitation(prepared, rows)
-    sources = with_law_speed(
+    sources, commands = with_law_speed(
         instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
     )
     estimate = idim_iv(
@@ -192,7 +189,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     links, whole = _parameters(prepared, estimate.linear.values)
     motions, sticking = smooth_motions(prepared, estimate, links, whole)
     measured = Regression(rows, len(prepared.model.base.columns))
-    made = Baseline(prepared, rows, estimate, sources, motions, sticking, measured, shift)
+    made = Baseline(prepared, rows, estimate, sources, commands, motions, sticking, measured, shift)
     return made.on(motions)
 
 

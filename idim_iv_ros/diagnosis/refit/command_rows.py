@@ -132,73 +132,134 @@ class CommandRows:
         )
 
 
-def command_rows(
-    motions: Sequence[Motion],
-    law: ControlLaw,
-    joint: int,
-    speed: LawSpeed,
-    period: float,
-    lag: float = 0.0,
-) -> CommandRows | None:
-    """Evaluate the law on the measured motion; None where too few rows are left.
+class LawCommands:
+    """Recorded commands of all joints beside one law; rows are made once and used again.
 
-    `period`: of the control, s: what the law sees, and is recorded, is about as late; `lag`: by
-    which what the law gives is taken later, s.
+    `motions`: filtered, with references; `law`: with the period of the control, s.
     """
-    every = [comparable(motion, law, joint) for motion in motions]
-    counts = [int(kept.sum()) for kept in every]
-    if sum(counts) < settings.LEAST_ROWS:
-        return None
-    tables = []
-    for motion, kept in zip(motions, every, strict=True):
-        parts, _ = evaluated(motion, law, joint, speed)
-        recorded = motion.signals.torque[:, joint]
-        groups = [parts.groups[name] for name in CONTROL_LAW.groups]
-        given = np.column_stack([parts.command, -parts.rate, parts.late, *groups])
-        if lag != 0.0:
-            given = shifted(given, lag, motion.signals.rate)
-        table = np.column_stack([recorded, recorded - given[:, 0], given[:, 1:]])
-        decimated = motion.decimation.whole(table[motion.span])
-        tables.append(np.column_stack([motion.time, decimated])[kept])
-    table = np.concatenate(tables)
-    first = 3 + TIMES
-    step = 1.0 / min(motion.signals.rate for motion in motions)
-    return CommandRows(
-        rest=table[:, 2],
-        size=rms(table[:, 1]),
-        groups={name: table[:, first + k] for k, name in enumerate(CONTROL_LAW.groups)},
-        errors=table[:, 3:first],
-        likely=np.array([settings.LONGEST_LAG * max(period, step), *[_LATE * period] * 4]),
-        runs=segments_of(every),
-        recording=np.repeat(np.arange(len(counts)), counts),
-        time=table[:, 0],
-        second=np.zeros(len(table), dtype=bool),
-        lag=lag,
-    )
 
+    def __init__(self, motions: Sequence[Motion], law: ControlLaw) -> None:
+        self.motions, self.law = tuple(motions), law
+        self._late: dict[tuple[int, LawSpeed], CommandRows | None] = {}
+        self._faster: dict[tuple[int, LawSpeed, float], FloatArray] = {}
 
-def rows_of_late_command(
-    motions: Sequence[Motion], law: ControlLaw, joint: int, speed: LawSpeed, period: float
-) -> CommandRows | None:
-    """`command_rows` with the law as late as the commands are.
+    @property
+    def interval(self) -> float:
+        """Longest time between two samples of a recording, s."""
+        return 1.0 / min(motion.signals.rate for motion in self.motions)
 
-    A lag is no small error where commands swing fast: of what it does to them, the part that grows
-    with its square would pass for a change of a gain. It is approached in steps, as long as they
-    leave less beside all that the law may have otherwise.
-    """
-    rows = command_rows(motions, law, joint, speed, period)
-    if rows is None:
-        return None
-    step, rest = _lag_alone(rows)
-    for _ in range(_LAG_STEPS):
-        later = command_rows(motions, law, joint, speed, period, rows.lag + step)
-        if later is None:
-            break
-        step, left = _lag_alone(later)
-        if left >= _LEAST_STEP * rest:
-            break
-        rows, rest = later, left
-    return rows
+    @property
+    def period(self) -> float:
+        """Of the control, s; unless the law has one, that of the samples."""
+        return self.interval if self.law.period is None else self.law.period
+
+    def rows(self, joint: int, speed: LawSpeed, lag: float = 0.0) -> CommandRows | None:
+        """Evaluate the law on the measured motion; None where too few rows are left.
+
+        `lag`: by which what the law gives is taken later, s. What the law sees, and is recorded, is
+        about as late as a period of the control.
+        """
+        every = [self._comparable(motion, joint) for motion in self.motions]
+        counts = [int(kept.sum()) for kept in every]
+        if sum(counts) < settings.LEAST_ROWS:
+            return None
+        tables = []
+        for motion, kept in zip(self.motions, every, strict=True):
+            parts, _ = self._evaluated(motion, joint, speed)
+            recorded = motion.signals.torque[:, joint]
+            groups = [parts.groups[name] for name in CONTROL_LAW.groups]
+            given = np.stack([parts.command, -parts.rate, *parts.late.T, *groups])
+            if lag != 0.0:
+                given = shifted(given.T, lag, motion.signals.rate).T
+            table = np.vstack([recorded, recorded - given[0], given[1:]])
+            decimated = motion.decimation.whole(table[:, motion.span].T)
+            tables.append(np.column_stack([motion.time, decimated])[kept])
+        table = np.concatenate(tables)
+        first, late = 3 + TIMES, settings.LONGEST_LAG * max(self.period, self.interval)
+        return CommandRows(
+            rest=table[:, 2],
+            size=rms(table[:, 1]),
+            groups={name: table[:, first + k] for k, name in enumerate(CONTROL_LAW.groups)},
+            errors=table[:, 3:first],
+            likely=np.array([late, *[_LATE * self.period] * 4]),
+            runs=segments_of(every),
+            recording=np.repeat(np.arange(len(counts)), counts),
+            time=table[:, 0],
+            second=np.zeros(len(table), dtype=bool),
+            lag=lag,
+        )
+
+    def late(self, joint: int, speed: LawSpeed) -> CommandRows | None:
+        """`rows` with the law as late as the commands are.
+
+        A lag is no small error where commands swing fast: of what it does to them, the part that
+        grows with its square would pass for a change of a gain. It is approached in steps, as long
+        as they leave less beside all that the law may have otherwise.
+        """
+        if (joint, speed) not in self._late:
+            rows = self.rows(joint, speed)
+            self._late[joint, speed] = rows and self._later(joint, speed, rows)
+        return self._late[joint, speed]
+
+    def faster(self, joint: int, speeds: Sequence[LawSpeed], lag: float) -> list[FloatArray]:
+        """Rows (r,) by which other speeds are above the plain one, where no limit acts.
+
+        `lag`: by which they are taken later, s.
+        """
+        new = [speed for speed in speeds if (joint, speed, lag) not in self._faster]
+        parts = []
+        for motion in self.motions if new else ():
+            signals, (_, free) = motion.signals, self._evaluated(motion, joint, LawSpeed())
+            plain = LawSpeed().of(signals, joint)
+            changes = np.stack([(speed.of(signals, joint) - plain) * free for speed in new])
+            moved = shifted(changes.T, lag, signals.rate)[motion.span]
+            parts.append(motion.decimation.whole(moved)[self._comparable(motion, joint)])
+        for speed, *rows in zip(new, *(part.T for part in parts), strict=True):
+            self._faster[joint, speed, lag] = np.concatenate(rows)
+        return [self._faster[joint, speed, lag] for speed in speeds]
+
+    def _later(self, joint: int, speed: LawSpeed, rows: CommandRows) -> CommandRows:
+        step, rest = _lag_alone(rows)
+        for _ in range(_LAG_STEPS):
+            later = self.rows(joint, speed, rows.lag + step)
+            if later is None:
+                break
+            step, left = _lag_alone(later)
+            if left >= _LEAST_STEP * rest:
+                break
+            rows, rest = later, left
+        return rows
+
+    def _evaluated(
+        self, motion: Motion, joint: int, speed: LawSpeed
+    ) -> tuple[CommandParts, BoolArray]:
+        """Parts of one joint's command, and where it is not at the torque limit (n_samples,).
+
+        Rows at the limit do not count, but filters carry what a command is beyond it for half a
+        second.
+        """
+        signals, limit = motion.signals, float(self.law.torque_limit[joint])
+        parts = CONTROL_LAW.parts(signals, self.law, joint, speed.of(signals, joint))
+        free = np.abs(parts.command) < limit
+        if free.all():
+            return parts, free
+        command = np.clip(parts.command, -limit, limit)
+        groups = {name: torque * free for name, torque in parts.groups.items()}
+        slope = np.gradient(command, 1.0 / signals.rate)
+        late = parts.late * free[:, None]
+        return replace(parts, command=command, rate=slope, late=late, groups=groups), free
+
+    def _comparable(self, motion: Motion, joint: int) -> BoolArray:
+        """Decimated samples (m,) at which a command is measured and not at the torque limit.
+
+        Nor near a sample of which that is not so, nor near the ends.
+        """
+        signals = motion.signals
+        limit = _LIMITED * float(self.law.torque_limit[joint])
+        good = signals.valid[:, joint] & (np.abs(signals.torque[:, joint]) < limit)
+        kept = all_around(good[motion.span, None], motion.decimation, motion.decimation.factor)
+        kept[:2] = kept[-2:] = False
+        return np.asarray(kept[:, 0])
 
 
 def _lag_alone(rows: CommandRows) -> tuple[float, float]:
@@ -208,38 +269,6 @@ def _lag_alone(rows: CommandRows) -> tuple[float, float]:
     whole = independent_basis(np.column_stack([rows.constants, rows.errors, *rows.groups.values()]))
     step = float(rate @ rest) / max(float(rate @ rate), 1e-300)
     return step, rms(whole.remove(rows.rest))
-
-
-def evaluated(
-    motion: Motion, law: ControlLaw, joint: int, speed: LawSpeed
-) -> tuple[CommandParts, BoolArray]:
-    """Parts of one joint's command, and where it is not at the torque limit (n_samples,).
-
-    Rows at the limit do not count, but filters carry what a command is beyond it for half a second.
-    """
-    signals, limit = motion.signals, float(law.torque_limit[joint])
-    parts = CONTROL_LAW.parts(signals, law, joint, speed.of(signals, joint))
-    free = np.abs(parts.command) < limit
-    if free.all():
-        return parts, free
-    command = np.clip(parts.command, -limit, limit)
-    groups = {name: torque * free for name, torque in parts.groups.items()}
-    slope = np.gradient(command, 1.0 / signals.rate)
-    late = parts.late * free[:, None]
-    return replace(parts, command=command, rate=slope, late=late, groups=groups), free
-
-
-def comparable(motion: Motion, law: ControlLaw, joint: int) -> BoolArray:
-    """Decimated samples (m,) at which a command is measured and not at the torque limit.
-
-    Nor near a sample of which that is not so, nor near the ends.
-    """
-    signals = motion.signals
-    limit = _LIMITED * float(law.torque_limit[joint])
-    good = signals.valid[:, joint] & (np.abs(signals.torque[:, joint]) < limit)
-    kept = all_around(good[motion.span, None], motion.decimation, motion.decimation.factor)[:, 0]
-    kept[:2] = kept[-2:] = False
-    return np.asarray(kept)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ independent.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -55,11 +55,14 @@ def resampled(sums: FloatArray) -> FloatArray:
 
     The draws are the same for the same number of blocks, so that differences are paired.
     """
-    count = len(sums)
-    draws = np.random.default_rng(_SEED).multinomial(
-        count, np.full(count, 1.0 / count), size=_RESAMPLES
-    )
-    return np.asarray(np.tensordot(draws.astype(float), sums, axes=1))
+    return np.asarray(np.tensordot(_draws(len(sums)), sums, axes=1))
+
+
+@lru_cache(maxsize=4)
+def _draws(count: int) -> FloatArray:
+    """How often each of some blocks is drawn, (1000, count)."""
+    every = np.full(count, 1.0 / count)
+    return np.random.default_rng(_SEED).multinomial(count, every, size=_RESAMPLES).astype(float)
 
 
 def interval(values: FloatArray) -> tuple[float, float]:
@@ -131,16 +134,8 @@ class HeldOut:
 
     def gap(self, before: int, after: int, joint: int) -> Gap:
         """Gap of two stages at a joint."""
-        floor = self.floors[joint].sigma
-        gap = Gap.between(self.rms(before, joint), self.rms(after, joint), floor)
-        if gap.shrinkage is None:
-            return gap
-        first, second = (
-            _roots(resampled(self._energies[stage][joint])) for stage in (before, after)
-        )
-        drawn = shrinkage(first, second, floor)
-        drawn = drawn[np.isfinite(drawn)]
-        return replace(gap, ci95=interval(drawn) if len(drawn) > 20 else None)
+        one, two = (self._energies[stage][joint] for stage in (before, after))
+        return gap_of(one, two, self.floors[joint].sigma)
 
     def gain(self, effect: int) -> tuple[float, int, int]:
         """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
@@ -158,11 +153,16 @@ class HeldOut:
         return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
 
 
-def shrinkage(before: FloatArray, after: FloatArray, floor: float | None) -> FloatArray:
-    """(before − after) / (before − floor); NaN where there was nothing above the floor."""
-    room = before - (floor or 0.0)
-    share = (before - after) / np.where(room > 0.0, room, 1.0)
-    return np.asarray(np.where(room > LEAST_ROOM * before, share, np.nan))
+def gap_of(before: FloatArray, after: FloatArray, floor: float | None = None) -> Gap:
+    """Gap of two residuals from their `energies` (b, 2), with the interval of its shrinkage."""
+    one, two = (float(_roots(sums.sum(axis=0))) for sums in (before, after))
+    gap = Gap.between(one, two, floor)
+    if gap.shrinkage is None:
+        return gap
+    first, second = (_roots(resampled(sums)) for sums in (before, after))
+    room = first - (floor or 0.0)
+    drawn = ((first - second) / np.where(room > 0.0, room, 1.0))[room > LEAST_ROOM * first]
+    return replace(gap, ci95=interval(drawn) if len(drawn) > 20 else None)
 
 
 def held_out(
@@ -284,5 +284,5 @@ def predicted(
 
 
 def _roots(energies: FloatArray) -> FloatArray:
-    """Root of the mean square (…) of sums of squares and of rows (…, 2)."""
-    return np.asarray(np.sqrt(energies[..., 0] / np.maximum(energies[..., 1], 1.0)))
+    """Root of the mean square (…) of sums of squares and of rows, or seconds, (…, 2)."""
+    return np.asarray(np.sqrt(energies[..., 0] / np.maximum(energies[..., 1], 1e-300)))

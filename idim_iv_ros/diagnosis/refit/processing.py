@@ -15,12 +15,11 @@ from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.least_squares import solve_least_squares
 from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.recording import Recording
-from idim_iv_ros.signals import REVERSAL_MARGIN, Motion
+from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
 
@@ -109,30 +108,3 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
         upper = density[frequency > 0.25 * rate]
         variances.append(np.median(upper, axis=0) * rate / 2.0)
     return np.asarray(np.sqrt(np.mean(variances, axis=0)))
-
-
-def reason_for_margin(
-    configuration: Configuration, margin: float, estimate: IdimIvEstimate, *, sticking: bool
-) -> str:
-    """Say whether rows beside a reversal count, and why.
-
-    `configuration`: as the user gave it; `margin`: decimated samples on either side of a slow one
-    that were dropped; `sticking`: whether it is known where joints stick.
-    """
-    given, counting = configuration.processing.reversal_margin, margin < REVERSAL_MARGIN
-    if given is not None and (sticking or not counting):
-        return ""
-    reason = "the closed loop is not simulated"
-    if estimate.failures:
-        reason = f"the closed loop cannot be simulated: {estimate.failures[0]}"
-    elif configuration.controller.type == "unknown":
-        reason = "the control law is not configured, and none that was fitted is simulated"
-    why = f"it is not known where joints stick, for {reason}"
-    if sticking and counting:
-        why = "the closed loop is simulated, which shows where joints stick"
-    which = "count with the sign of the speed" if counting and not sticking else "count"
-    return (
-        f"rows beside a reversal {which if counting else 'do not count'} "
-        f"(processing.reversal_margin {margin:g} {'proposed' if given is None else 'configured'}): "
-        f"{why}"
-    )

@@ -148,7 +148,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     if name_of("delay") in without or not shift.beyond_control:
         return refit
     before, after = (
-        [float(np.std(residual)) for residual in one.regression.fit().residuals]
+        [float(np.std(residual)) for residual in one.regression.fitted.residuals]
         for one in (data, refit.data)
     )
     return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
@@ -168,7 +168,7 @@ def on_likelier_motion(data: Baseline) -> Refit:
 
 
 def _likelihood(refit: Refit) -> float:
-    return float(refit.data.regression.fit().log_likelihood)
+    return float(refit.data.regression.fitted.log_likelihood)
 
 
 def _with_friction(data: Baseline) -> Refit:
@@ -186,7 +186,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
     if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
         return None
     columns, regression = unit_gravity_rows(data, np.eye(3)), data.regression
-    plain = regression.fit()
+    plain = regression.fitted
     heavy = regression.with_columns(dict(enumerate(columns))).fit()
     # A direction that no joint feels has no variance: a planar arm's, out of its plane.
     weight = np.linalg.pinv(heavy.coefficient_covariance, hermitian=True)

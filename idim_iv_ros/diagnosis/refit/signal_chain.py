@@ -58,8 +58,7 @@ class EffortShift:
         shared = int(self.agreeing.sum())
         if self.std is None or shared < 2 or 2 * shared <= len(self.agreeing):
             return False
-        unsure = settings.SHIFT_AGREEMENT * self.period + settings.CLEAR_DEVIATIONS * self.std
-        return self.shift - self.configured - unsure > settings.LONGEST_LAG * self.period
+        return is_beyond_control(self.shift - self.configured, self.std, self.period)
 
     def cause(
         self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
@@ -114,6 +113,12 @@ class EffortShift:
         if others:
             text += f"; {', '.join(others)} differ{'s' if len(others) == 1 else ''} from the others"
         return text
+
+
+def is_beyond_control(delay: float, std: float, period: float) -> bool:
+    """Whether a delay is surely longer than a control of this period makes it; all in s."""
+    unsure = settings.SHIFT_AGREEMENT * period + settings.CLEAR_DEVIATIONS * std
+    return delay - unsure > settings.LONGEST_LAG * period
 
 
 def delay_of_all(

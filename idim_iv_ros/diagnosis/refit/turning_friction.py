@@ -15,6 +15,7 @@ when joints turn, where samples are few or the simulated loop is another than th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -103,6 +104,7 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
     width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
     tried = _Tried(data, width)
 
+    @cache
     def same_everywhere(crossing: Crossing) -> float:
         return float(tried.gains(dict.fromkeys(every, crossing)).sum())
 
@@ -141,7 +143,7 @@ class _Tried:
 
     def __init__(self, data: Baseline, width: FloatArray) -> None:
         self.data, self.width = data, width
-        self.fit: Fit = data.regression.fit()
+        self.fit: Fit = data.regression.fitted
         self.fine = [_fine(motion) for motion in data.motions]
         self.columns: dict[tuple[int, Crossing], FloatArray] = {}
 

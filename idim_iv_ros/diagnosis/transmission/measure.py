@@ -86,7 +86,7 @@ def _measured(data: Baseline, encoder: JointFinding) -> Measured:
         damping = -rate / bending**2 if rate < 0.0 else None
         gap = 2.0 * max(fit.accepted(SIDE), 0.0)
         elastic = _without_twist(data, joint, 1.0 / bending, damping, gap)
-        links = elastic.fit(data.regression.fit().noise_models).values
+        links = elastic.fit(data.regression.fitted.noise_models).values
         fit = fit_twist(twist_rows(data, joint, bending, links))
         if SIDE in fit.chosen:
             fit = fit_twist(fit.rows.away_from_side_changes())
@@ -262,7 +262,7 @@ def _cause(data: Baseline, transmission: Measured, part: Part) -> Cause:
         stiffness = EffectParameter(result.stiffness_at_least, None, unit)
     named = {"gap": gap if part == "play" else None, "stiffness": stiffness, "damping": damping}
     parameters = {name: number for name, number in named.items() if number is not None}
-    before = after = data.regression.fit()
+    before = after = data.regression.fitted
     if stiffness is not None:
         damped = None if damping is None else damping.value
         play = gap.value if gap is not None and part == "play" else 0.0

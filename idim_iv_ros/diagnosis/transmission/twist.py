@@ -154,7 +154,7 @@ def twist_rows(
         parts.append({**rows_of, "recording": np.full(int(counting.sum()), number)})
     joined = {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}
     rows, names = data.regression.joints[joint], data.prepared.model.base.names
-    fit = data.regression.fit()
+    fit = data.regression.fitted
     of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
     places = rows.columns[of_links]
     columns = rows.matrix[:, of_links][np.concatenate(taken)]
