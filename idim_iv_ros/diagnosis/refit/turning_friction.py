@@ -116,7 +116,8 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
 
     best = max(((lead, _SOFTNESS[1]) for lead in _LEADS), key=same_everywhere)
     best = max(((best[0], soft) for soft in _SOFTNESS), key=same_everywhere)
-    if same_everywhere(best) >= settings.SOFT_FRICTION_SUPPORT:
+    measured = same_everywhere(_AS_MEASURED)
+    if same_everywhere(best) >= max(settings.SOFT_FRICTION_SUPPORT, measured):
         chosen: dict[int, Crossing] = dict.fromkeys(every, best)
         for step in _FINER:
             for joint in every:
@@ -133,7 +134,7 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
         }
         if 2 * len(early) > len(every):
             return turning(early)
-    if same_everywhere(_AS_MEASURED) >= settings.SOFT_FRICTION_SUPPORT:
+    if measured >= settings.SOFT_FRICTION_SUPPORT:
         return turning(dict.fromkeys(every, _AS_MEASURED))
     return None
 
