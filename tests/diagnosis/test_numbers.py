@@ -65,12 +65,11 @@ def test_errors_of_a_weak_drive_are_as_small_as_the_drive(data: Baseline) -> Non
     model = data.prepared.model
     layout, given = model.regressor.layout, model.robot.given
     strong = replace(given, coulomb=np.array([5.0, 0.1]))
-    robot = replace(model.robot, given=strong)
-    changes = errors_of_drives(replace(model, robot=robot), np.array([100.0, 2.0]))
-    places = [layout.parameters.index(n) for n in layout.parameters if n.kind == "Fc"]
-    np.testing.assert_allclose(np.diag(changes)[places], [5.0, 0.1])
-    even = errors_of_drives(replace(model, robot=robot), np.array([100.0, 100.0]))
-    np.testing.assert_allclose(np.diag(even)[places], [5.0, 2.55])
+    other = replace(model, robot=replace(model.robot, given=strong))
+    places = [k for k, number in enumerate(layout.parameters) if number.kind == "Fc"]
+    for torques, sizes in (([100.0, 2.0], [5.0, 0.1]), ([100.0, 100.0], [5.0, 2.55])):
+        changes = errors_of_drives(other, np.array(torques))
+        np.testing.assert_allclose(np.diag(changes)[places], sizes)
 
 
 def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:

@@ -8,14 +8,10 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
+from idim_iv_ros.diagnosis.refit import turning_friction as friction
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.refit.turning_friction import (
-    TurningFriction,
-    _crossing,
-    turning_friction,
-)
 from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import smooth_motion, synthetic
@@ -46,14 +42,9 @@ def test_moments_that_gravity_does_not_show_turn_with_the_first_joint_under_a_ti
     moved = replace(motion.links, inertial=other)
     tilted = motion.robot.pinocchio.copy()
     tilted.gravity.linear = np.array([0.3, -0.5, -9.78])
+    states = motion.position, np.zeros_like(motion.position), np.zeros_like(motion.position)
     torques = [
-        inverse_dynamics(
-            replace(motion.robot, pinocchio=model),
-            links,
-            motion.position,
-            np.zeros_like(motion.position),
-            np.zeros_like(motion.position),
-        )
+        inverse_dynamics(replace(motion.robot, pinocchio=model), links, *states)
         for model in (motion.robot.pinocchio, tilted)
         for links in (motion.links, moved)
     ]
@@ -107,55 +98,52 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
     model = mujoco.MjModel.from_xml_string(HINGE)
     state = mujoco.MjData(model)
     inertia = 10.0 / 3.0 * (0.5**2 + 0.1**2)
-    speed, slope, friction = [], [], []
+    speed, slope, solved = [], [], []
     for step in range(20000):
         state.qfrc_applied[0] = 4.0 * np.sin(2.0 * np.pi * 0.7 * step * 2e-4)
         before = float(state.qvel[0])
         mujoco.mj_step(model, state)
         speed.append(before)
         slope.append(float(state.qacc[0]))
-        friction.append(-float(state.qfrc_constraint[0]) / 1.5)
+        solved.append(-float(state.qfrc_constraint[0]) / 1.5)
     v, a = (np.array(values)[:, None, None] for values in (speed, slope))
     soft = (1.0 - 0.9) / 0.9
-    computed = _crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
+    computed = friction._crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
     turning = np.abs(np.array(speed)) < 0.05
-    assert np.sum(np.abs(friction)[turning] < 0.9) > 200
-    assert np.max(np.abs(computed - friction)) < 0.05
-    ideal = np.sign(speed)
-    assert np.mean((computed - friction)[turning] ** 2) < 1e-3 * np.mean(
-        (ideal - friction)[turning] ** 2
-    )
+    assert np.sum(np.abs(solved)[turning] < 0.9) > 200
+    assert np.max(np.abs(computed - solved)) < 0.05
+    errors = [np.mean((model - solved)[turning] ** 2) for model in (computed, np.sign(speed))]
+    assert errors[0] < 1e-3 * errors[1]
 
 
 def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Baseline) -> None:
-    assert turning_friction(data) is None
+    assert friction.turning_friction(data) is None
     assert refitted([recorded(arm, 1)], arm.configuration, ()).turning is None
 
 
 def test_friction_that_turns_when_it_was_measured_to_is_no_solvers(data: Baseline) -> None:
     """A simulated loop that turns its joints at other times than the robot did."""
     late = tuple(replace(m, slip=np.roll(m.slip, 4, axis=0)) for m in data.motions)
-    friction = turning_friction(data.on(late))
-    assert friction is not None
-    np.testing.assert_array_equal(friction.leads, 0.0)
-    assert friction.soft_leads(data.joints) == {}
-    assert friction.sentence(data.joints) == ""
+    turning = friction.turning_friction(data.on(late))
+    assert turning is not None
+    np.testing.assert_array_equal(turning.leads, 0.0)
+    assert (turning.soft_leads(data.joints), turning.sentence(data.joints)) == ({}, "")
 
 
 @pytest.mark.parametrize("softer", [(0, 1), (1,)])
 def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...]) -> None:
     """Of one joint in two it may be the joint's own: friction that the model lacks."""
     leads = np.array([LEAD if joint in softer else np.nan for joint in (0, 1)])
-    changed = TurningFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
+    changed = friction.TurningFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
     (new,), (old,), rows = changed.motions, data.motions, []
     for joint, row in enumerate(data.rows):
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
         rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
     robot = replace(data, rows=tuple(rows)).on(data.motions)
-    friction = turning_friction(robot)
+    turning = friction.turning_friction(robot)
     if len(softer) == 1:
-        assert friction is None
+        assert turning is None
         return
-    assert friction is not None
-    np.testing.assert_allclose(friction.leads, LEAD, atol=1.6e-3)
-    assert "joint_1, joint_2" in friction.sentence(data.joints)
+    assert turning is not None
+    np.testing.assert_allclose(turning.leads, LEAD, atol=1.6e-3)
+    assert "joint_1, joint_2" in turning.sentence(data.joints)
