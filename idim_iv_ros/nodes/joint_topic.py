@@ -1,4 +1,4 @@
-"""Joint quantities as they arrive, many messages at once, and where that says the robot is."""
+"""Joint quantities as they arrive, many messages at once, and the robot's newest position."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ _OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 
 
 class JointTopic:
-    """One topic whose numbers are put in the order of the joints, read as the recordings are.
+    """Subscription to joint quantities, in the order of the joints, decoded as in recordings.
 
     `damaged` counts messages that are not of their type.
 
@@ -35,15 +35,15 @@ class JointTopic:
     ----------
     node : Node
     name : str
-        Resolved in the namespace of the node.
+        Name of the topic, resolved in the namespace of the node.
     joints : sequence of str
     fields : mapping of str to (str or None)
         ``position``, ``effort`` or both, with the field of the message that holds it where the
         configuration names one.
     reference : bool
-        Whether it is what the controller was asked for, rather than what was measured.
+        Whether the topic holds references of the controller, rather than measurements.
     newest : bool
-        Whether the newest messages are enough: those before are dropped, and nothing is sent again.
+        Whether only the newest messages are needed: older ones may be dropped (best effort).
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class JointTopic:
 
     @property
     def problem(self) -> str:
-        """Why nothing can come from here; empty where there is no reason."""
+        """Return why no samples can come from the topic; empty if they can."""
         if self._topic.problem:
             return f"{self.name}: {self._topic.problem.removesuffix(': not recorded')}"
         if self._topic.publishers == 0:
@@ -84,7 +84,7 @@ class JointTopic:
         return f"{self.name}: {self._lacks}" if self._lacks else ""
 
     def take(self) -> dict[str, JointSamples]:
-        """Return everything that arrived since the last call, quantity by quantity."""
+        """Return all samples that arrived since the last call, by quantity."""
         taken, channel = self._topic.take(_LARGEST), self._topic.channel
         if not taken or channel is None:
             nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
@@ -137,10 +137,10 @@ class JointTopic:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a robot is, by one message.
+    """Position of a robot at one time.
 
     `position` (n_joints,): rad (m), in the order of the configuration. `heard`, `measured`:
-    monotonic time of receipt, and of its stamp (of receipt where the stamp is of another clock), s.
+    monotonic times of receipt and of the stamp, s (of receipt where the stamp is by another clock).
     """
 
     position: FloatArray
@@ -149,14 +149,14 @@ class Place:
 
 
 class JointPositions:
-    """Positions of all joints from one topic; messages of other joints are passed over.
+    """The newest positions of all joints from one topic; other joints are ignored.
 
     `source` is a topic of any type that recordings are read from, or ``topic#field``; `reference`
     as in `JointTopic`. `last` is None before all positions have come.
 
-    Joints may come in several messages; what counts is the oldest of their newest stamps. A message
-    with the stamp of the one before is no news: some drivers repeat the last one when the robot is
-    gone.
+    Joints may come in several messages; the stamp of the position is the oldest of their newest
+    stamps. A message whose stamp is repeated is ignored: some drivers repeat the last one when the
+    robot is off.
     """
 
     def __init__(
@@ -181,22 +181,22 @@ class JointPositions:
 
     @property
     def problem(self) -> str:
-        """Why nothing can come from here; empty where there is no reason."""
+        """Return why no position can come from the topic; empty if one can."""
         absent = f"{self.topic}: no position of {self._absent}" if self._absent else ""
         return self._topic.problem or absent
 
     def age(self) -> float:
-        """Seconds since the last message; infinite before the first."""
+        """Return the time since the last position, s; infinite before the first."""
         return np.inf if self.last is None else time.monotonic() - self.last.heard
 
     def close(self) -> None:
-        """Hear no more."""
+        """Unsubscribe."""
         for timer in self._timers:
             self._node.destroy_timer(timer)
         self._topic.close()
 
     def _look(self) -> None:
-        """Take the newest number of each joint."""
+        """Update each joint's position from the messages that have arrived."""
         taken = self._topic.take()["position"]
         if not len(taken):
             return

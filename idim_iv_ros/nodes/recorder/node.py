@@ -45,7 +45,7 @@ Parameters: ros2 param describe /recorder NAME."""
 
 
 class Recorder(NodeProgram[RecorderSettings]):
-    """Services and topics of the recorder around its two threads."""
+    """The node `recorder`: services and topics around the threads that take and write messages."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("recorder"), RecorderSettings, arguments)
@@ -89,7 +89,7 @@ class Recorder(NodeProgram[RecorderSettings]):
             node.get_logger().info(self.act("start"))
 
     def close(self) -> None:
-        """Close the bag, if one is open."""
+        """Close the bag, if one is open, and end the threads and the node."""
         self._intake.end()
         try:
             if self._session.bag is not None:
@@ -101,13 +101,13 @@ class Recorder(NodeProgram[RecorderSettings]):
             super().close()
 
     def _log_time(self) -> int | None:
-        """Simulated time where it is used, as rosbag2 does; else the time of receipt."""
+        """Return the simulated time, ns, as rosbag2 does; None (time of receipt) without it."""
         clock = self.node.get_clock()
         simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
         return self._now() if simulated else None
 
     def _call(self, function: Callable[[], Result]) -> Result:
-        """Run a function of the session once everything that has arrived is with the writer."""
+        """Hand all messages that have arrived to the writer, then run a function in its thread."""
         self._intake.drain()
         return self._writer.call(function)
 
@@ -128,7 +128,7 @@ class Recorder(NodeProgram[RecorderSettings]):
         return self._sentence
 
     def act(self, name: str) -> str:
-        """Do what the service of that name does, and say what was done."""
+        """Carry out the service of that name, and return a sentence on what was done."""
         return self._actions[name]()
 
     def _answer(
@@ -206,10 +206,9 @@ class Recorder(NodeProgram[RecorderSettings]):
 
 
 class SnapshotService:
-    """Takes snapshots, one at a time.
+    """Writes snapshots (bags of the last seconds), one at a time.
 
-    `drain` hands everything that has arrived to the writer; `announce` takes the bag when it is
-    complete.
+    `drain` hands all messages that have arrived to the writer; `announce` takes the complete bag.
     """
 
     def __init__(
@@ -231,7 +230,7 @@ class SnapshotService:
         return self._writer.session
 
     def take(self) -> str:
-        """Begin to write a snapshot and say into which folder."""
+        """Begin to write a snapshot in another thread; return a sentence that names its folder."""
         if self._writing is not None and not self._writing.done():
             raise UsageError("the last snapshot is still being written")
         self._drain()
