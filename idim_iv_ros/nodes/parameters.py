@@ -39,7 +39,7 @@ Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of the dataclasses of parameters; every field of a subclass is declared with `parameter`."""
+    """Base of the dataclasses of parameters; `parameter` makes every field of a subclass."""
 
     def check(self) -> None:
         """Check what ranges and choices cannot express; a UsageError names the parameter."""
@@ -120,7 +120,7 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
     """Declare all parameters of a dataclass on a node and return their values."""
     described = {item.name: item for item in fields(kind)}
     refuse_unknown_parameters(node, list(described), arguments)
-    given = _parameter_overrides_of(node)
+    given = _overrides(node)
     try:
         for name, item in described.items():
             value = _checked_value(item, given[name]) if name in given else _default(item)
@@ -132,7 +132,7 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
     return settings
 
 
-def _parameter_overrides_of(node: Node) -> dict[str, Parameter]:
+def _overrides(node: Node) -> dict[str, Parameter]:
     """Return parameters of files and command line, by name; rclpy has no public access to them."""
     return dict(node._parameter_overrides)
 
@@ -249,7 +249,7 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     Of those that a file holds for nodes of any name (``/**``) the log warns: other nodes may need
     them.
     """
-    given = _parameter_overrides_of(node)
+    given = _overrides(node)
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]
     if not unknown:
         return

@@ -45,7 +45,7 @@ def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
 
 
 def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """What the template shows."""
+    """Return the variables of the template."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     plots = [
         (series.joint, series.bag, replay_figure(result, series, index))
@@ -73,7 +73,7 @@ Row = tuple[str, tuple[Bar, ...], Bar | None, str, str, str]
 
 
 def shrinkage(result: ReplayResult) -> list[Row]:
-    """What the best stage leaves of the nominal error, of each joint and of the tool."""
+    """Return rows with the nominal error and what the best stage leaves of it: joints and tool."""
     first, last = result.stages[0], result.best
     if first.tracking is None or last.tracking is None or last is first:
         return []
@@ -101,7 +101,7 @@ def shrinkage(result: ReplayResult) -> list[Row]:
 
 
 def headline(result: ReplayResult) -> str:
-    """Say how far the tracking of the best stage is from that of the robot."""
+    """Return a sentence on how far the tracking of the best stage is from the robot's."""
     first, last = result.stages[0], result.best
     if last.tracking is None:
         return "No stage could be simulated to its end."
@@ -119,7 +119,8 @@ def headline(result: ReplayResult) -> str:
 
 
 def badge(result: ReplayResult) -> tuple[str, str, str]:
-    """Whether the best stage follows the robot better than the nominal one, beyond its interval."""
+    """Return a badge: whether the best stage is significantly closer to the robot than the nominal.
+    """
     before, after = result.stages[0], result.best
     if after.tracking is None:
         return "bad", "✕", "not simulated"
@@ -138,7 +139,7 @@ def badge(result: ReplayResult) -> tuple[str, str, str]:
 
 
 def steps(result: ReplayResult, files: Files) -> list[Step]:
-    """Return what to do after a replay: use what was found, or ask why it is no closer."""
+    """Return the next steps after a replay: use the result, or diagnose why it is no closer."""
     bags = files.recordings(result.bags)
     if result.best.tracking is None:
         return [Step("Check the recordings and the control law:", files.command("check", *bags))]
@@ -157,7 +158,7 @@ def steps(result: ReplayResult, files: Files) -> list[Step]:
 
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
-    """Rows of a table: joint, each stage, noise; `kind`: tracking or torque."""
+    """Return table rows: joint, error of each stage, noise; `kind` is tracking or torque."""
     rows = []
     noise = result.tracking_noise if kind == "tracking" else result.torque_noise
     for joint, joint_type in zip(result.joints, result.joint_types, strict=True):
@@ -176,7 +177,7 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
 
 
 def error_words(error: ReplayError, scale: float, unit: str) -> str:
-    """Value with half of its interval, and how many times the noise it is."""
+    """Return an error with the half-width of its 95 % interval, and its ratio to the noise."""
     half = 0.5 * scale * (error.high - error.low)
     times = (
         f" ({round_number(error.over_noise, 2)} × noise)" if np.isfinite(error.over_noise) else ""
@@ -185,7 +186,7 @@ def error_words(error: ReplayError, scale: float, unit: str) -> str:
 
 
 def replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
-    """Return tracking errors above and torques below."""
+    """Return a figure of one joint: tracking errors above, torques below, robot and simulations."""
     joint_type = result.joint_types[result.joints.index(series.joint)]
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
     chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)

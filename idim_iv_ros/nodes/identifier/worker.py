@@ -42,14 +42,14 @@ class Worker:
     """
 
     def __init__(self, request: Request, heard: Callable[["Worker", Event], None]) -> None:
-        self._events, sender = _PROCESSES.Pipe(duplex=False)
-        self._process = _PROCESSES.Process(target=_do_job, args=(request, sender))
+        self._events, pipe = _PROCESSES.Pipe(duplex=False)
+        self._process = _PROCESSES.Process(target=_do_job, args=(request, pipe))
         self._heard, self._unwanted = heard, False
-        self._thread = threading.Thread(target=self._listen, args=(sender,), name="job", daemon=True)
+        self._thread = threading.Thread(target=self._listen, args=(pipe,), name="job", daemon=True)
         self._thread.start()
 
     def kill(self) -> None:
-        """Kill the process and sender children."""
+        """Kill the process and pipe children."""
         self._unwanted = True
         if self._process.pid is None:  # nobody waits until all is loaded
             self._heard(self, {"gone": -signal.SIGKILL})
@@ -59,12 +59,12 @@ class Worker:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
-        """Kill the process and wait until all of sender events were handled."""
+        """Kill the process and wait until all of pipe events were handled."""
         self.kill()
         if self._process.pid is not None:
             self._thread.join()
 
-    def _listen(self, sender: Connection) -> None:
+    def _listen(self, pipe: Connection) -> None:
         try:
             self._process.start()  # waits until all is loaded
         except (OSError, EOFError) as error:
@@ -72,7 +72,7 @@ class Worker:
             self._heard(self, {"gone": 1})
             return
         finally:
-            sender.close()
+            pipe.close()
         if self._unwanted:
             self.kill()
         with contextlib.suppress(EOFError, OSError):

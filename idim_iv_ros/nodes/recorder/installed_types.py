@@ -61,7 +61,7 @@ def definition(message_type: str) -> Definition | None:
         if name in types or name in store.fielddefs:
             continue
         types.update(_types_from_file(name))
-        waiting += [part for _, described in types[name][1] for part in _referenced_types(described)]
+        waiting += [part for _, described in types[name][1] for part in _type_names(described)]
     store.register(types)
     text, _ = store.generate_msgdef(message_type, ros_version=2)
     return Definition(text, store.hash_rihs01(message_type))
@@ -84,8 +84,8 @@ def _types_from_file(message_type: str) -> dict[str, Any]:
     )
 
 
-def _referenced_types(described: tuple[Any, Any]) -> list[str]:
+def _type_names(described: tuple[Any, Any]) -> list[str]:
     node, detail = described
     if node == Nodetype.NAME:
         return [detail]
-    return _referenced_types(detail[0]) if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else []
+    return _type_names(detail[0]) if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else []

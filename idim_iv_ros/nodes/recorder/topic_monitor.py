@@ -164,11 +164,11 @@ class TopicMonitor:
             self.content.look(batch.messages)
 
     def _count_backward(self, batch: Received) -> None:
-        back = _decreases(batch.sent, self._last_sent) | _decreases(batch.received, self._last_received)
+        back = _falling(batch.sent, self._last_sent) | _falling(batch.received, self._last_received)
         self._last_sent, self._last_received = int(batch.sent[-1]), int(batch.received[-1])
         if self._has_header:
             stamps = header_stamps(batch.messages)
-            back |= _decreases(stamps, self._last_stamp)
+            back |= _falling(stamps, self._last_stamp)
             self._last_stamp = int(stamps[-1])
         self.backward += int(np.count_nonzero(back))
 
@@ -188,7 +188,7 @@ def batch_of(taken: Sequence[Taken]) -> Received:
     )
 
 
-def _decreases(times: IntArray, before: int | None) -> NDArray[np.bool_]:
+def _falling(times: IntArray, before: int | None) -> NDArray[np.bool_]:
     return np.asarray(np.diff(times, prepend=times[0] if before is None else before) < 0)
 
 

@@ -25,10 +25,10 @@ _COLUMNS = {
 
 
 class SqliteFile(BagFile):
-    """One .db3 file; of a damaged page nobody knows the topics, so that nothing is `missing`."""
+    """One .db3 file; losses on damaged pages are uncounted, since their topic is unknown."""
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, block by block; otherwise as `BagFile`."""
+        """Yield topic and raw messages of the wanted topics, block by block; see `BagFile`."""
         mode = "immutable=1"
         with suppress(OSError):  # a name too long for a file
             # A write-ahead log holds what a killed recorder had not merged yet.
@@ -45,7 +45,7 @@ class SqliteFile(BagFile):
             raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
 
     def _open(self, connection: sqlite3.Connection) -> dict[int, str]:
-        """Topics by their number, of a database that has what rosbag2 writes."""
+        """Return the topics by their number, of a database with the tables of rosbag2."""
         connection.text_factory = bytes
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_ROW)
         connection.execute("PRAGMA query_only = 1")
@@ -77,7 +77,7 @@ class SqliteFile(BagFile):
                 self.definitions[name] = SchemaText(encoding, text)
 
     def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
-        """Refuse a view, a virtual table and computed columns: they may never come to an end."""
+        """Refuse views, virtual tables and computed columns, whose queries may never end."""
         query = "SELECT type, sql FROM sqlite_master WHERE name = ?"
         described = connection.execute(query, (table,)).fetchone()
         if described is None:

@@ -1,4 +1,5 @@
-"""Torque over time with what each model leaves, and the tracking error in closed loop."""
+"""Sections on torque over time with each model's residual, and on the closed-loop tracking error.
+"""
 
 from typing import Any, NamedTuple
 
@@ -37,7 +38,7 @@ _HEIGHT = 320
 
 
 class _Joint(NamedTuple):
-    """What is drawn of one joint; of each model its name, its torque, N m (N), and its colour."""
+    """Curves of one joint; a model has name, torque (n,), N m (N), and colour."""
 
     joint: str
     time: FloatArray
@@ -135,7 +136,7 @@ def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str
 
 
 def _shaded(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[str, Any]]:
-    """Return all gaps as one filled trace, as tall as the curves."""
+    """Return all gaps of the recording as one filled trace, as tall as the curves."""
     values = np.concatenate(drawn)
     values = values[np.isfinite(values)]
     if len(thinned.gaps) == 0 or len(values) == 0:
@@ -178,13 +179,13 @@ def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
 
 
 def _stage(result: GapResult, place: int) -> str:
-    """Return in brackets which of the simulated models it is."""
+    """Return in brackets the name of a simulated model by its place (0 first, -1 last)."""
     simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
     return f" ({stage_words(simulated[place])})" if simulated else ""
 
 
 def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure:
-    """Return the errors above, and what of them is not the robot's below."""
+    """Return a figure: tracking errors above, simulated less recorded ones below."""
     both = (("before", series.before, GREY), ("after", series.after, BLUE))
     simulated = [(name, values, colour) for name, values, colour in both if values is not None]
     # Both errors have the same reference: their difference is that of the positions.

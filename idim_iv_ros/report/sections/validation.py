@@ -1,4 +1,4 @@
-"""Is what is left noise, and are the instruments valid? The tests, their figures and words."""
+"""Sections on validation: is the residual noise, and are the instruments valid?"""
 
 from typing import Any
 
@@ -91,7 +91,8 @@ def _state(residual: JointResidual) -> str:
 
 
 def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
-    """Autocorrelation before and after whitening, with the bounds of white noise."""
+    """Return a figure of the autocorrelation before and after whitening, with white-noise bounds.
+    """
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:
         data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))
@@ -114,7 +115,7 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
 def _stems(
     correlation: FloatArray, colour: str, name: str, offset: float, rate: float
 ) -> dict[str, Any]:
-    """Return vertical lines with a dot, one trace."""
+    """Return a trace of vertical lines with dots, one for each lag."""
     lags = np.arange(len(correlation))
     height = np.nan_to_num(np.asarray(correlation, dtype=float))
     apart = np.full(len(lags), np.nan)
@@ -144,14 +145,14 @@ RESIDUALS = Section(
 
 
 def _statistic(test: HypothesisTest) -> str:
-    """Return statistic with its distribution under the null hypothesis."""
+    """Return the statistic of a test with its distribution under the null hypothesis."""
     df = count(test.df or 0)
     law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
     return f"{law} = {number(test.statistic, 3)}"
 
 
 def _badge(accepted: bool | None, neutral: bool) -> tuple[str, str, str]:
-    """Badge of a test; `neutral` where neither outcome is bad news."""
+    """Return the badge of a test; neutral where neither outcome is bad news."""
     if accepted is None:
         return "open", "–", "not tested"
     words = "accepted" if accepted else "rejected"

@@ -1,4 +1,4 @@
-"""The first screen: what was found, what to do next, the robot, and the numbers behind it."""
+"""The first screen of a report: findings, next steps, drawing of the robot, key numbers."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -33,7 +33,7 @@ Tile = tuple[str, str, str]
 
 
 def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
-    """Return the drawing of the robot, its joints coloured; None where it cannot be drawn."""
+    """Return a drawing of the robot with coloured joints; None where it cannot be drawn."""
     skeleton = report.nominal.skeleton
     if skeleton is None:
         return None
@@ -55,10 +55,10 @@ def robot_drawing(
     values: Sequence[float | None],
     title: str,
 ) -> dict[str, Any]:
-    """Return what the macro ``robot`` draws: joints with a value in percent for each joint.
+    """Return the variables of the macro ``robot``; `values` (n_joints,) in percent colour the joints.
 
-    The robot has a corner at 0, 0; labels stand in a column to the right of it. Lines are
-    (x1, y1, x2, y2), pixels, y downwards.
+    The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
+    x2, y2), pixels, y downwards.
     """
     points = np.array([point for line in skeleton.segments for point in line])
     size = float(np.ptp(points, axis=0).max())
@@ -103,7 +103,7 @@ def robot_drawing(
 
 
 def _projected(point: FloatArray) -> FloatArray:
-    """Orthographic projection (2,): right and up."""
+    """Return the orthographic projection (2,) of a point: right and up."""
     turned = np.cos(_AZIMUTH) * point[1] - np.sin(_AZIMUTH) * point[0]
     toward = np.cos(_AZIMUTH) * point[0] + np.sin(_AZIMUTH) * point[1]
     return np.array([turned, np.cos(_ELEVATION) * point[2] - np.sin(_ELEVATION) * toward])
