@@ -104,7 +104,7 @@ def watch_command(
 
 
 def _prediction(result: Path | None, results: Path) -> dict[str, object]:
-    """Return the parameters of the predictor."""
+    """Return the parameters of the node `predictor` from options."""
     if result is not None and not result.is_file():
         raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
     places = {"output_directory": results, "result": result}
@@ -121,8 +121,8 @@ def _run(
 ) -> None:
     """Run a node of `idim_iv_ros.nodes` until a signal, and exit with its status.
 
-    The node gets the robot's file, ROS parameters by name, the arguments of ROS that the user
-    gave, and `settings`.
+    The node gets the robot's file, ROS parameters by name, the arguments of ROS that the user gave,
+    and `settings`.
     """
     if config is not None:
         from idim_iv_ros.configuration import load_configuration
@@ -134,7 +134,7 @@ def _run(
 
 
 def _node(name: str) -> Any:
-    """Import a node, or say what is missing."""
+    """Import a module of a node, or raise UsageError with what is not installed."""
     try:
         return importlib.import_module(f"idim_iv_ros.nodes.{name}.node")
     except ModuleNotFoundError as error:
@@ -147,7 +147,7 @@ def _node(name: str) -> Any:
 def ros_arguments(
     namespace: str, parameters: Mapping[str, object], others: Sequence[str]
 ) -> list[str]:
-    """Return arguments of ROS that set the namespace and the parameters, and those of the user."""
+    """Return arguments of ROS for namespace and parameters, followed by those of the user."""
     if others and others[0] != "--ros-args":
         raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     for option, word in pairwise(others):

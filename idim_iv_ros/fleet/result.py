@@ -1,4 +1,4 @@
-"""The documents of a fleet: what is kept of one bag, and fleet.json, what all say together."""
+"""Documents of a fleet: the result of one bag, and fleet.json with the comparison of all."""
 
 import math
 from dataclasses import dataclass, field
@@ -21,8 +21,8 @@ Status = Literal["ok", "missing", "corrupt", "unusable"]
 class JointNoise:
     """Residual of one joint, N m (N for a prismatic joint).
 
-    `rms`: of the bag's own estimate; `floor`: of the noise of the measured torque in the band of
-    the rows, which no model explains.
+    `rms`: of the bag's estimate; `floor`: of the noise of the measured torque in the band of the
+    rows, which no model explains.
     """
 
     joint: str
@@ -32,9 +32,9 @@ class JointNoise:
 
 @dataclass(frozen=True)
 class CauseSummary:
-    """One accepted cause of a diagnosis.
+    """One cause in the summary of a diagnosis.
 
-    `shrinkage`: share of the torque gap above the noise floor that goes with it.
+    `shrinkage`: share of the torque gap above the noise floor that the cause removes.
     """
 
     effect: str
@@ -46,7 +46,7 @@ class CauseSummary:
 
 @dataclass(frozen=True)
 class GapSummary:
-    """A diagnosis in short: verdict, accepted causes (strongest first), and one sentence."""
+    """Summary of a diagnosis: verdict, causes (strongest first), and one sentence."""
 
     verdict: GapVerdict
     causes: tuple[CauseSummary, ...] = ()
@@ -55,7 +55,7 @@ class GapSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class BagResult(Document):
-    """One bag: whose it is, whether it can be used, and what it says of the base parameters.
+    """Result of one bag: its robot, whether it can be used, and its base parameters.
 
     Where `status` is not ``ok``, `reason` says why, and everything from `duration` on is empty or
     null as far as it is unknown.
@@ -140,7 +140,7 @@ WhyDiagnose = Literal["differs", "changed", "unsteady", "typical"]
 
 @dataclass(frozen=True, kw_only=True)
 class FleetBag:
-    """One bag, and why it was not used; empty where it was."""
+    """One bag of the fleet; `why_not` says why it was not used, or is empty."""
 
     uri: str
     robot: str
@@ -188,12 +188,12 @@ class TypeQuantity:
 
 @dataclass(frozen=True)
 class CommonCause:
-    """A cause that diagnoses named, of one sign and size.
+    """A cause in the diagnoses of one or several robots, with equal sign and size.
 
     - `robots`: robots that have it; those that have the effect with another size are another cause
     - `of_type`: whether nearly all diagnosed robots that are ordinary for their type have it
     - `parameters`: mean over these robots of each number that half of them determine or more; the
-      standard deviation is that of the mean, with what the robots differ by
+      standard deviation is that of the mean, including the scatter of the robots
     """
 
     effect: str
@@ -206,10 +206,11 @@ class CommonCause:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetType:
-    """The robots of one type.
+    """Results on the robots of one type.
 
     - `robots`, `bags`: number of robots with usable bags, and of the bags that were used
-    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: what the diagnoses say together
+    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: what their diagnoses have in
+      common
     - `notes`: what could not be judged, and why
     """
 
@@ -282,7 +283,7 @@ class ParameterChange:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetRobot:
-    """One robot.
+    """Results on one robot.
 
     - `attention`: strongest reason to look at it: ``differs`` from its type, ``changed`` over time,
       ``unsteady`` from bag to bag, ``recordings`` that cannot be used; or ``none``
@@ -312,7 +313,7 @@ class FleetRobot:
 
 @dataclass(frozen=True)
 class Screened:
-    """A robot that deserves a diagnosis.
+    """A robot to diagnose.
 
     `why`: ``typical`` ones represent their type; `bags`: URIs to diagnose, newest first.
     """
@@ -326,7 +327,7 @@ class Screened:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetResult(Document):
-    """What the bags of a fleet say together: fleet.json.
+    """Comparison of all robots of a fleet: the document fleet.json.
 
     - `false_discoveries`: largest expected share of false ones among the robots that differ, and
       among those that changed

@@ -1,10 +1,10 @@
-"""Prediction of a running robot's efforts from what has arrived so far.
+"""Prediction of a running robot's efforts from the samples that have arrived.
 
-Positions pass through the filter of the identification, forward and backward, over a window that
-slides; a sample waits for what its impulse response needs of later samples (`lag`). Two answers
-come of it:
+Positions pass through the filter of the identification, forward and backward, over a sliding
+window; a sample waits until the later samples that its filter needs have come (`lag`). There are
+two outputs:
 
-- **curves**, as early as that allows: efforts measured and predicted, both smoothed by the same
+- **curves**, as early as possible: efforts measured and predicted, both smoothed by the same
   zero-phase filter;
 - **rows**, about a second later: the residual through the parallel decimation of the
   identification, on samples that count there too. Only these are compared with its noise floor.
@@ -41,7 +41,7 @@ _CONTEXT = 0.24
 
 
 class PredictionWindow:
-    """What is filtered, predicted and smoothed of the newest samples, at start + k / rate.
+    """Sliding window of the newest samples, k at start + k / rate: filter, predict and smooth.
 
     `rate` is that of the grid, Hz, `start` its first stamp, ns; `lag` the time from a sample until
     its place on the curves, s; `row_rate` that of decimated samples, Hz.
@@ -72,10 +72,9 @@ class PredictionWindow:
         self._next_row = 0
 
     def _curve_filter(self, wanted: float) -> tuple[float, int]:
-        """Cut-off, Hz, and samples to wait for of what smooths the curves.
+        """Return cut-off, Hz, of the filter that smooths curves, and its delay in samples.
 
-        The cut-off is that of the rows, or so much higher that a sample waits no longer than it
-        may.
+        The cut-off is that of the rows, or higher as far as the allowed lag requires.
         """
         rate = self.rate
         allowed = max(_CURVE_LAG - self._wait / rate, _LEAST_SMOOTHING) * rate
@@ -92,13 +91,13 @@ class PredictionWindow:
 
     @property
     def needed(self) -> int:
-        """Stamp of the oldest sample that is still needed, ns."""
+        """Return the stamp of the oldest sample that is still needed, ns."""
         oldest = min(self._curve_start, self._next_row - self._row_wait - self._factor)
         return self._stamp(max(0, oldest - 3 * self._settled)) - round(1e9 * _CONTEXT)
 
     @property
     def missing(self) -> float:
-        """Time until the first sample of the curves, s."""
+        """Return the time until the first sample of the curves, s."""
         return max(0.0, (self._settled + self._smooth_wait - self._curve_place) / self.rate)
 
     @property
@@ -112,14 +111,14 @@ class PredictionWindow:
     def advance(
         self, positions: JointSamples, efforts: JointSamples, until: int, rows: ResidualRows
     ) -> tuple[int, FloatArray, FloatArray] | None:
-        """Take what has arrived up to a stamp, ns, and add the rows that both filters reach.
+        """Process samples up to the stamp `until`, ns; add finished rows to `rows`.
 
         Returns
         -------
         stamp : int
-            Of the newest sample of the curves, ns.
+            Stamp of the newest sample of the curves, ns.
         measured, predicted : (n_joints,) N m (N)
-            Its smoothed efforts; None in place of all three while the filters fill.
+            Smoothed efforts at this sample. None instead of all three while the filters fill.
         """
         self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
         if self.missing > 0.0:
@@ -146,9 +145,9 @@ class PredictionWindow:
         return self._curve(motion, predicted, first)
 
     def _new_rows(self, available: int) -> IntArray:
-        """Numbers of the decimated samples that both filters reach by now, some at a time.
+        """Return the sample numbers of rows that are now complete; empty until several are.
 
-        Where much arrives at once, rows are left out whose past is not there any more.
+        After many samples at once, rows whose past was dropped are left out.
         """
         factor, wait = self._factor, self._settled + self._row_wait
         begin = max(self._next_row, -(-(available + wait) // factor) * factor)
@@ -159,7 +158,7 @@ class PredictionWindow:
     def _motion(
         self, positions: JointSamples, efforts: JointSamples, first: int, available: int
     ) -> Motion:
-        """Samples from number `first` on, filtered by the chain of the identification."""
+        """Return the samples from number `first` on, filtered as in the identification."""
         transform = self._identified.transform
         begin = max(first - 3 * self._settled, available)
         grid = Grid(self._stamp(begin), self.rate, self._end - begin)
@@ -219,7 +218,7 @@ _LEAST_ROWS = 5  # that count, behind a share
 
 @dataclass(frozen=True)
 class Prediction:
-    """One sample of the curves and the newest shares; see the message of that name.
+    """One sample of the curves, and residuals over noise floor; as the message Prediction.
 
     Arrays are (n_joints,), in N m (N); NaN where there is no number.
     """
@@ -233,11 +232,11 @@ class Prediction:
 
 
 class LivePrediction:
-    """Takes samples as they come and predicts the newest that its filters reach.
+    """Predicts the newest sample that its filters reach, from samples as they arrive.
 
     - `one_topic`: whether positions and efforts come in the same messages
 
-    - `rows`: residual at the rows, for everything that is said of its size
+    - `rows`: decimated residual, to judge its size by
     - `rate`: of the samples, Hz; None while it is measured
     """
 
@@ -256,24 +255,24 @@ class LivePrediction:
 
     @property
     def rate(self) -> float | None:
-        """Rate of the grid, Hz."""
+        """Return the rate of the grid, Hz; None while it is measured."""
         return None if self._window is None else self._window.rate
 
     @property
     def lag(self) -> float | None:
-        """From a sample until it can be predicted, s; None while the rate is measured."""
+        """Return the time from a sample to its prediction, s; None while the rate is measured."""
         return None if self._window is None else self._window.lag
 
     @property
     def late(self) -> int:
-        """Samples that were left out since their stamps are not in order."""
+        """Return the number of samples left out because their stamps do not increase."""
         return self._positions.late + (0 if self._one_topic else self._efforts.late)
 
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
-        """Take samples in the order of their arrival, as they are recorded.
+        """Add samples in the order of their arrival.
 
-        - `positions`, `efforts`: as the topics hold them
-        - `now`: when they arrived, ns
+        - `positions`, `efforts`: in the units of the topics
+        - `now`: time of arrival, ns
         """
         for stream, new in zip(self._streams, (positions, efforts), strict=True):
             stream.add(new, now)
@@ -290,7 +289,7 @@ class LivePrediction:
     def newest(self, now: int) -> Prediction:
         """Predict the newest sample that the filters reach.
 
-        - `now`: ns, of the same clock as that of `add`
+        - `now`: ns, of the same clock as in `add`
         """
         reason = self._not_usable(now)
         if not reason and self._window is None:
@@ -312,7 +311,7 @@ class LivePrediction:
         return Prediction(stamp, "", measured, predicted, measured - predicted, share)
 
     def _not_usable(self, now: int) -> str:
-        """Say why the samples cannot be used; empty where they can."""
+        """Return why the samples cannot be used; empty if they can."""
         for stream in self._streams:
             name, joints = stream.name, self.identified.joints
             if len(stream.samples) == 0:

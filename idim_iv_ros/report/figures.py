@@ -200,7 +200,7 @@ def over_time(
     behind: Sequence[dict[str, Any]] = (),
     **options: object,
 ) -> Figure:
-    """Return a figure with curves over `time`, s, in two panels; `titles` of their axes, upper first.
+    """Return a figure with curves over `time`, s, in two panels; upper title of the axes first.
 
     - `split`: share of the height that is below the upper panel
     - `behind`: traces that are drawn before the curves

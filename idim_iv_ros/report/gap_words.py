@@ -162,8 +162,7 @@ def held_out_words(result: GapResult, joint: str) -> str:
 
 
 def untestable(result: GapResult) -> list[tuple[str, str, str, str, str]]:
-    """Return effect, joints, reason, smallest visible size and motion needed; equal reasons merged.
-    """
+    """Return effect, joints, reason, smallest visible size, motion needed; equal reasons merged."""
     groups: dict[tuple[str, str, str], list[NotTestable]] = {}
     for limit in result.not_testable:
         groups.setdefault((limit.effect, limit.reason, limit.excitation_needed), []).append(limit)

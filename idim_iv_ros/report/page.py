@@ -117,8 +117,7 @@ def _sections(report: Report[R], sections: Sequence[Section[R]]) -> list[tuple[s
 def page_html(
     robot: str, subject: str, subtitle: str, sections: Sequence[tuple[str, str, Markup]]
 ) -> str:
-    """Return a self-contained page; a section is its anchor, title in the navigation and content.
-    """
+    """Return a self-contained page of sections: anchor, title in the navigation, and content."""
     return environment().get_template("page.html.j2").render(
         generator=Markup(GENERATOR),
         robot=robot,

@@ -119,8 +119,7 @@ def headline(result: ReplayResult) -> str:
 
 
 def badge(result: ReplayResult) -> tuple[str, str, str]:
-    """Return a badge: whether the best stage is significantly closer to the robot than the nominal.
-    """
+    """Return a badge: is the best stage significantly closer to the robot than the nominal one?"""
     before, after = result.stages[0], result.best
     if after.tracking is None:
         return "bad", "✕", "not simulated"

@@ -1,4 +1,4 @@
-"""What the diagnoses of several robots say together: causes of the type, and those of one robot.
+"""Causes in the diagnoses of several robots: those of the type, and those of single robots.
 
 Robots have a cause in common where their values agree: in sign and, within their intervals, in
 size. Robots of one type are never equal, so that sizes that differ by less than `_SCATTER` agree
@@ -29,16 +29,16 @@ Robots = Mapping[str, CauseSummary]
 
 
 def is_nothing(cause: CauseSummary) -> bool:
-    """Whether no number of a cause differs from that of a robot without it, at 95 %.
+    """Return whether no number of a cause differs significantly (95 %) from no effect.
 
-    A cause without any number that has a deviation is not judged by them.
+    False for a cause without standard deviations.
     """
     ratios = [_ratio(cause.effect, *item) for item in _determined(cause).items()]
     return bool(ratios) and max(ratios) <= _INTERVAL
 
 
 def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
-    """Causes that most diagnosed bags of one robot name, with the numbers of the newest of them.
+    """Return the causes in most diagnosed bags of one robot, with the numbers of the newest.
 
     The bags are in the order of time.
     """
@@ -53,9 +53,9 @@ def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
 def common_causes(
     causes: Mapping[str, Sequence[CauseSummary]], ordinary: Collection[str]
 ) -> tuple[CommonCause, ...]:
-    """Sort the causes of diagnosed robots into those of the type and those of single robots.
+    """Group the causes of diagnosed robots into those of the type and those of single robots.
 
-    An effect at a joint of which robots have different sizes is several causes. The `ordinary`
+    Robots with different sizes of one effect at one joint have different causes. The `ordinary`
     robots do not differ from their type.
     """
     places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
@@ -81,7 +81,7 @@ def sentences(
     diagnosed: Collection[str],
     ordinary: Collection[str],
 ) -> tuple[str, ...]:
-    """Say what the diagnoses say together; empty where none was made."""
+    """Return sentences on the common and single causes of a type; empty without a diagnosis."""
     if not diagnosed:
         return ()
     said = []
@@ -112,7 +112,7 @@ def sentences(
 
 
 def _of_one_size(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
-    """Split the robots with one effect into groups that agree with their first, largest first.
+    """Group the robots with one effect by size, largest group first.
 
     A group begins with the robot with which most of the ordinary robots agree.
     """
@@ -129,9 +129,9 @@ def _of_one_size(robots: Robots, ordinary: Collection[str]) -> list[dict[str, Ca
 
 
 def _agree(one: CauseSummary, other: CauseSummary) -> bool:
-    """Whether two robots may have one cause: each number of both agrees in sign and size.
+    """Return whether two causes may be equal: each number of both agrees in sign and size.
 
-    The 95 % are of all numbers together (Bonferroni).
+    The 95 % are for all numbers together (Bonferroni).
     """
     first, second = _determined(one), _determined(other)
     same = first.keys() & second.keys()
@@ -153,7 +153,7 @@ def _agree(one: CauseSummary, other: CauseSummary) -> bool:
 
 
 def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
-    """Mean of each number that half of the robots determine; its deviation holds their scatter."""
+    """Return the mean of each number that half of the robots determine, scatter in its σ."""
     numbers = {}
     for name in dict.fromkeys(name for cause in causes for name in _determined(cause)):
         same = [cause.parameters[name] for cause in causes if name in _determined(cause)]
@@ -170,7 +170,7 @@ def _determined(cause: CauseSummary | CommonCause) -> dict[str, EffectParameter]
 
 
 def _without_effect(effect: str, name: str) -> float:
-    """Value of a number at which there is no effect: one of a gain, else zero."""
+    """Return the value of a parameter at which an effect vanishes: one of a gain, else zero."""
     cause = BY_NAME.get(effect)
     spec = cause.spec(name) if cause is not None and cause.kind == "parametric" else None
     default = spec.default if spec is not None else None
@@ -178,7 +178,7 @@ def _without_effect(effect: str, name: str) -> float:
 
 
 def _ratio(effect: str, name: str, number: EffectParameter) -> float:
-    """Distance of a number from that without the effect, in its deviations."""
+    """Return the distance of a number from its value without effect, in standard deviations."""
     distance = abs(number.value - _without_effect(effect, name))
     return distance / number.std if number.std else float(np.inf if distance else 0.0)
 

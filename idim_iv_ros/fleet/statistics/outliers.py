@@ -1,16 +1,16 @@
-"""Which robots of a type differ from the others, in which quantities, and many tests at once.
+"""Tests which robots of a type differ from the others, in which quantities.
 
 Robots that differ widen the scatter of the others and hide each other. So the robot farthest from
-the others is taken out, then the farthest of the rest, until a third is out; each is compared with
-those that are still there (externally studentised). A robot's p-value is the smallest of its own
-and of those taken out after it: if one of these differs, so does a robot that is farther out
-(generalised extreme studentised deviate: Rosner, Technometrics 25, 1983). It is calibrated with
-fleets in which nobody differs: the p-value that counts is how often it would be as small there.
+the others is removed, then the farthest of the rest, until a third is removed; each is compared
+with those that remain (externally studentised). A robot's p-value is the smallest of its test and
+of those removed after it: if one of these differs, so does a robot that is farther out (generalised
+extreme studentised deviate: Rosner, Technometrics 25, 1983). It is calibrated by simulated fleets
+without outliers: as the share of their robots with a smaller p-value.
 
 Each robot has one p-value, that of Simes (Biometrika 73, 1986) over its quantities; robots are
-chosen by Benjamini and Hochberg (J. R. Statist. Soc. B 57, 1995). In a chosen robot, quantities are
-chosen at the level times the share of robots that were chosen, so that the false discovery rate
-averaged over chosen robots keeps its level (Benjamini and Bogomolov, J. R. Statist. Soc. B 76,
+selected by Benjamini and Hochberg (J. R. Statist. Soc. B 57, 1995). In a selected robot, quantities
+are selected at the level times the share of selected robots, so that the false discovery rate
+averaged over selected robots keeps its level (Benjamini and Bogomolov, J. R. Statist. Soc. B 76,
 2014).
 """
 
@@ -30,7 +30,7 @@ FALSE_DISCOVERIES = 0.1  # at most, on average, of what is called different
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which of the tests of k units (robots) in m entries (quantities) are called."""
+    """Rejected null hypotheses of k units (robots) in m entries (quantities)."""
 
     p_values: FloatArray  # (k,); NaN where nothing was tested
     units: NDArray[np.bool_]  # (k,)
@@ -38,7 +38,7 @@ class Chosen:
 
 
 def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
-    """Choose units and their entries at one rate for all groups.
+    """Select units, and entries of selected units, at one false discovery rate for all groups.
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
@@ -58,7 +58,7 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
 
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
-    """Which null hypotheses are rejected, (k,); NaN never is."""
+    """Return which null hypotheses are rejected, (k,) bool; never one with p-value NaN."""
     tested = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
     if tested.any():
@@ -67,7 +67,7 @@ def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
 
 
 def _simes(p_values: FloatArray) -> float:
-    """p-value of Simes for all of (m,) hypotheses together; NaN where none was tested."""
+    """Return Simes' p-value of all (m,) hypotheses together; NaN where none was tested."""
     ordered = np.sort(p_values[np.isfinite(p_values)])
     if not len(ordered):
         return float("nan")
@@ -92,7 +92,7 @@ class Outlying:
 
 
 def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
-    """Judge the robots of all types together at one false discovery rate.
+    """Test the robots of all types at one false discovery rate.
 
     A type has values (k, m) and variances (k, m) of its robots, NaN where one has no estimate.
     """
@@ -104,7 +104,7 @@ def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
 
 
 def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Calibrated p-values (k, m); NaN where nothing can be judged."""
+    """Return calibrated p-values (k, m); NaN where there are too few robots."""
     raw = _taken_out(values, variances)
     counts = np.isfinite(raw).sum(axis=0)
     result = np.full(raw.shape, np.nan)
@@ -120,14 +120,14 @@ def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=32)
 def _nobody_differs(robots: int) -> FloatArray:
-    """Sorted p-values before calibration, of robots of normal fleets of this size."""
+    """Return sorted p-values before calibration, of simulated fleets without outliers."""
     fleets = max(_DRAWN // robots, 100)
     values = np.random.default_rng([_SEED, robots]).standard_normal((robots, fleets))
     return np.sort(_taken_out(values, np.full(values.shape, 1e-9)), axis=None)
 
 
 def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Smallest p-value of each robot and of those that are nearer to the others, (k, m)."""
+    """Return each robot's smallest p-value (k, m), of its test and of robots nearer the others."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     left = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)
@@ -160,7 +160,7 @@ def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
 def _distance(
     value: FloatArray, variance: FloatArray, others: FloatArray, variances: FloatArray
 ) -> FloatArray:
-    """Studentised distance (m,) of one robot from others."""
+    """Return the studentised distance (m,) of one robot from others."""
     between = between_variance(others, variances)
     _, mean, uncertainty = generalised_q(others, variances, between)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -170,7 +170,7 @@ def _distance(
 def _against_others(
     values: FloatArray, variances: FloatArray, left_out: NDArray[np.bool_]
 ) -> FloatArray:
-    """Studentised distances (k, m) of each robot from the others that were not called."""
+    """Return studentised distances (k, m) of each robot from the others that do not differ."""
     statistics = np.full(values.shape, np.nan)
     kept = np.where(left_out, np.nan, values)
     for robot in range(len(values)):

@@ -1,5 +1,4 @@
-"""Sections on the drive of each joint: friction over speed, and twist by encoders behind the gear.
-"""
+"""Sections on the drive of each joint: friction over speed, and twist of the gear over load."""
 
 from typing import Any
 

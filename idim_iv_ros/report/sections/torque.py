@@ -1,5 +1,4 @@
-"""Sections on torque over time with each model's residual, and on the closed-loop tracking error.
-"""
+"""Sections on torque over time with each model's residual, and on closed-loop tracking."""
 
 from typing import Any, NamedTuple
 

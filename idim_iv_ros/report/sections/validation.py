@@ -91,8 +91,7 @@ def _state(residual: JointResidual) -> str:
 
 
 def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
-    """Return a figure of the autocorrelation before and after whitening, with white-noise bounds.
-    """
+    """Return a figure of the autocorrelation before and after whitening, with its bounds."""
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:
         data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))

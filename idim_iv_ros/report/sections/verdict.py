@@ -55,7 +55,7 @@ def robot_drawing(
     values: Sequence[float | None],
     title: str,
 ) -> dict[str, Any]:
-    """Return the variables of the macro ``robot``; `values` (n_joints,) in percent colour the joints.
+    """Return the variables of the macro ``robot``; `values` (n_joints,), %, colour the joints.
 
     The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
     x2, y2), pixels, y downwards.
