@@ -60,9 +60,9 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
     if names:
         more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
         console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))
-    left = (len(result.findings), len(untestable(result)), len(result.notes))
+    lengths = (len(result.findings), len(untestable(result)), len(result.notes))
     kinds = ("finding", "untestable effect", "note")
-    counts = [plural(count, kind) for count, kind in zip(left, kinds, strict=True) if count]
+    counts = [plural(count, kind) for count, kind in zip(lengths, kinds, strict=True) if count]
     console.print(Text(f"The report has {', '.join(['all numbers', *counts])}"))
 
 
@@ -98,8 +98,8 @@ def _parameters(parameters: dict[str, EffectParameter]) -> str:
     for name, parameter in surest(parameters, _MOST_NUMBERS).items():
         number = filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
         lines.append(f"{name.replace('_', ' ')} = {' '.join(number)}")
-    left = len(parameters) - len(lines)
-    return "\n".join([*lines, f"and {left} more"] if left else lines)
+    remaining = len(parameters) - len(lines)
+    return "\n".join([*lines, f"and {remaining} more"] if remaining else lines)
 
 
 def _print_gaps(console: Console, result: GapResult) -> None:

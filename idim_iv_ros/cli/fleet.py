@@ -97,18 +97,18 @@ def fleet_command(
             _, page = write_report(
                 answer.result, out, reports=reports, force=force, config=config, bags=[source]
             )
-    _print(output.console, answer, pages)
+    _print_fleet(output.console, answer, pages)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
         output.line(f"Report: {page}")
     if not any(bag.used for bag in answer.result.bags):
-        output.line(f"Next: {_next(name, run, answer)}")
+        output.line(f"Next: {_next_command(name, run, answer)}")
         first = answer.result.bags[0]
         words = f"none of {len(answer.bags):,} bags can be used"
         raise DataError(f"{words}: {first.uri}: {first.why_not}")
 
 
-def _next(name: str, run: FleetRun, answer: Fleet) -> str:
+def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
     """Return the next command: check a failed bag on this machine, or the same command again."""
     from idim_iv_ros.fleet.robots import path_of
     from idim_iv_ros.fleet.source import is_local, local_path
@@ -136,7 +136,7 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     return pages
 
 
-def _print(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
+def _print_fleet(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
     """Print the robots that need attention, their types, and the bags left out."""
     from idim_iv_ros.report.fleet import headline
 

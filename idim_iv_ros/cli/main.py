@@ -96,7 +96,7 @@ def prepare_streams() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors=SPELT)
     for name in {"write", "flush"} - set(vars(sys.stdout)):
-        setattr(sys.stdout, name, _naming(STDOUT, getattr(sys.stdout, name)))
+        setattr(sys.stdout, name, _with_file_name(STDOUT, getattr(sys.stdout, name)))
     columns = os.environ.get("COLUMNS", "")
     if not (columns.isdecimal() and int(columns) >= _NARROWEST):
         os.environ.pop("COLUMNS", None)
@@ -118,7 +118,7 @@ def complain(text: str) -> None:
     Console(stderr=True, soft_wrap=True).print(line)
 
 
-def _naming(name: str, write: Callable[..., object]) -> Callable[..., object]:
+def _with_file_name(name: str, write: Callable[..., object]) -> Callable[..., object]:
     """Return the function `write` such that its OSErrors name the file."""
 
     def named(*arguments: object) -> object:

@@ -70,7 +70,7 @@ def predict_command(
 
     Example: idim-iv predict --config ur5.yaml --result results/result.json
     """
-    _run("predictor", context, config, namespace, _prediction(result, results))
+    _run("predictor", context, config, namespace, _predictor_parameters(result, results))
 
 
 def watch_command(
@@ -99,11 +99,11 @@ def watch_command(
     if config is None and result is not None:
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
     predictor = None if config is None else _node("predictor").Predictor
-    parameters = {} if config is None else _prediction(result, results)
+    parameters = {} if config is None else _predictor_parameters(result, results)
     _run("watch", context, config, namespace, parameters, web, predictor)
 
 
-def _prediction(result: Path | None, results: Path) -> dict[str, object]:
+def _predictor_parameters(result: Path | None, results: Path) -> dict[str, object]:
     """Return the parameters of the node `predictor` from options."""
     if result is not None and not result.is_file():
         raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")

@@ -83,15 +83,15 @@ def owned_by(result: BagResult, entry: BagEntry) -> BagResult:
 def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:
     """Mark repeated recordings as unusable: they would pass for repeats without any noise."""
     first: dict[str, str] = {}
-    kept = []
+    unique = []
     for result in results:
         before = first.setdefault(result.content, result.uri) if result.status == "ok" else None
         if before is not None and before != result.uri:
             about = {name: getattr(result, name) for name in _WHOSE}
             reason = f"the same recording as {before}"
             result = BagResult(**about, status="unusable", reason=reason)
-        kept.append(result)
-    return tuple(kept)
+        unique.append(result)
+    return tuple(unique)
 
 
 def content_task(uri: str) -> BagResult:

@@ -78,7 +78,7 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
         ]
         types.append(kind)
         robots += members
-        screen += _screened(compared, members)
+        screen += _screen(compared, members)
     robots += [robot_without_bags(kind, name, bags) for (kind, name), bags in unused.items()]
     return FleetResult(
         false_discoveries=FALSE_DISCOVERIES,
@@ -175,7 +175,7 @@ def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
     )
 
 
-def _screened(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
+def _screen(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
     """Return the robots of a type that deserve a diagnosis, and typical ones.
 
     Typical are the ordinary robots with the smallest largest studentised distance.

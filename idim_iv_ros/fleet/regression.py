@@ -63,7 +63,7 @@ def bag_fields(
                 errors.append(error)
     if not segments:
         raise errors[0] if errors else DataError("the bag holds no recording")
-    return _joined(segments, [f"a segment is left out: {error}" for error in errors])
+    return _join(segments, [f"a segment is left out: {error}" for error in errors])
 
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
@@ -122,7 +122,7 @@ def _why_not(result: IdentificationResult) -> str:
     return f"the instruments are rejected{where}"
 
 
-def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
+def _join(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
     """Return the fields of `BagResult` from all segments; `left_out` has reasons of failed ones."""
     first, result = segments[0], segments[0].result
     factor = stacked([segment.r_factor for segment in segments])

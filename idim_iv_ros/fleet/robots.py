@@ -49,7 +49,7 @@ def content_of(uri: str) -> str:
         if not is_there(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
         for file in bag_files(path):
-            digest.update(_of_file(file))
+            digest.update(_file_digest(file))
         return digest.hexdigest()
     system, name = file_system(uri)
     for part in bag_parts(system, name):
@@ -61,7 +61,7 @@ def content_of(uri: str) -> str:
     return digest.hexdigest()
 
 
-def _of_file(path: Path) -> bytes:
+def _file_digest(path: Path) -> bytes:
     """Return the SHA-256 of a file, read block by block."""
     digest = hashlib.sha256()
     with path.open("rb") as file:

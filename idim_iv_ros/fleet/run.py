@@ -78,13 +78,13 @@ class FleetRun:
             An answer cannot be written, or as `run_tasks`.
         """
         paths = [Path(self.out) / folder / f"{key}.json" for key, _ in tasks]
-        answers: list[D | str] = [_read(kind, path) or "" for path in paths]
+        answers: list[D | str] = [_earlier_answer(kind, path) or "" for path in paths]
         waiting = [place for place, answer in enumerate(answers) if not answer]
         total, count, begin = len(waiting), 0, time.monotonic()
 
         def report() -> None:
             if progress is not None and waiting:
-                words = _words(stage, count, total, time.monotonic() - begin)
+                words = _progress_words(stage, count, total, time.monotonic() - begin)
                 progress(words, count / total)
 
         def done(number: int, answer: D | str | None, why: str) -> None:
@@ -109,7 +109,7 @@ class FleetRun:
         return answers
 
 
-def _read(kind: type[D], path: Path) -> D | None:
+def _earlier_answer(kind: type[D], path: Path) -> D | None:
     """Return the answer of an earlier run; None where this version can read none."""
     try:
         return kind.from_json(path.read_text(encoding="utf-8"), str(path))
@@ -117,7 +117,7 @@ def _read(kind: type[D], path: Path) -> D | None:
         return None
 
 
-def _words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:
+def _progress_words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:
     """Return a sentence: how many are done, how fast, and how long the rest takes."""
     words = f"{stage[0]} {done:,} of {total:,} {stage[1]}"
     if not done or seconds <= 0.0:

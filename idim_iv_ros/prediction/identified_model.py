@@ -125,8 +125,8 @@ class ResidualRows:
     def add(self, **new: IntArray | FloatArray | BoolArray) -> None:
         """Append rows, and drop those older than a minute."""
         for name, rows in new.items():
-            both = np.concatenate([getattr(self, name), rows])
-            setattr(self, name, both[-round(_KEPT * self.rate) :])
+            merged = np.concatenate([getattr(self, name), rows])
+            setattr(self, name, merged[-round(_KEPT * self.rate) :])
 
     def share(self, seconds: float, least: int) -> FloatArray:
         """Return the RMS (n_joints,) N m (N) of the rows that count in the last seconds.

@@ -189,13 +189,13 @@ class PredictionWindow:
     ) -> tuple[int, FloatArray, FloatArray]:
         place = self._curve_place - first
         begin = max(0, place - 3 * self._smooth_wait)
-        both = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]
+        smoothed = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]
         if self._smooth_wait:
-            both = self._smooth(both, self._smoothing)
-        measured, predicted = np.split(both[place - begin], 2)
+            smoothed = self._smooth(smoothed, self._smoothing)
+        measured, predicted = np.split(smoothed[place - begin], 2)
         reach = max(self._factor, self._around)
         around = slice(max(place - reach, 0), place + reach + 1)
-        there = motion.signals.valid[motion.span][around].all(axis=0)
+        valid = motion.signals.valid[motion.span][around].all(axis=0)
         fast = fast_samples(
             motion.position[motion.span],
             self.rate,
@@ -205,8 +205,8 @@ class PredictionWindow:
         moves = fast[around].all(axis=0)
         return (
             self._stamp(self._curve_place),
-            np.where(there, measured, np.nan),
-            np.where(there & moves, predicted, np.nan),
+            np.where(valid, measured, np.nan),
+            np.where(valid & moves, predicted, np.nan),
         )
 
 
@@ -278,9 +278,9 @@ class LivePrediction:
             stream.add(new, now)
         restarted = self._positions.restarted or self._efforts.restarted
         if restarted:
-            self._begin_again(restarted)
+            self._restart(restarted)
 
-    def _begin_again(self, why: str) -> None:
+    def _restart(self, why: str) -> None:
         self._window, self._why = None, f"{why}: filtering begins anew"
         for stream in self._streams:
             if not stream.restarted:
@@ -296,14 +296,14 @@ class LivePrediction:
             reason = self._measure_rate()
         window = self._window
         if reason or window is None:
-            return self._nothing(reason)
+            return self._no_prediction(reason)
         until = min(stream.reached for stream in self._streams)
         curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
         for stream in self._streams:
             stream.forget(window.needed)
         if curve is None:
             why = f"{self._why}; " if self._why else ""
-            return self._nothing(f"{why}the filters fill: {window.missing:.1f} s to go")
+            return self._no_prediction(f"{why}the filters fill: {window.missing:.1f} s to go")
         self._why = ""
         stamp, measured, predicted = curve
         floor = self.identified.noise_floor
@@ -323,7 +323,7 @@ class LivePrediction:
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
             if self._window is not None and (new := stream.other_rate) is not None:
-                self._begin_again(
+                self._restart(
                     f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
                 )
                 # Of the samples before the change there are none left to measure a rate from.
@@ -345,7 +345,7 @@ class LivePrediction:
         self.rows = ResidualRows(len(self.identified.joints), self._window.row_rate)
         return ""
 
-    def _nothing(self, reason: str) -> Prediction:
+    def _no_prediction(self, reason: str) -> Prediction:
         absent = np.full(len(self.identified.joints), np.nan)
         times = self._positions.samples.time
         stamp = int(times[-1]) if len(times) else 0

@@ -72,9 +72,9 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
             f"{where}: time goes backward in {backward} of {len(steps)} steps on {topic}; the "
             "recording cannot be put in order"
         )
-    kept, left_out = on_one_clock(topic, time, arrival, interval)
+    usable, left_out = on_one_clock(topic, time, arrival, interval)
     notes += left_out
-    order = kept[np.argsort(time[kept], kind="stable")]
+    order = usable[np.argsort(time[usable], kind="stable")]
     late = int(np.count_nonzero(np.diff(order) < 0))
     if late:
         notes.append(Note(topic, "messages out of order were sorted by their stamp", late))

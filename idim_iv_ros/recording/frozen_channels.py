@@ -48,14 +48,14 @@ def without_frozen(
     frozen = {name: np.zeros(channel.shape, dtype=bool) for name, channel in values.items()}
     stretches: list[FrozenStretches] = []
     for column, joint in enumerate(joints):
-        there = position = values["position"][:, column]
+        aligned = position = values["position"][:, column]
         frozen["position"][:, column] = frozen_positions(position, moving_speed(position))
         if not np.array_equal(efforts.time, states.time):
             finite, begin = np.isfinite(position), states.time[0]
             measured = states.time[finite] - begin, position[finite]
-            there = np.interp(efforts.time - begin, *measured)
+            aligned = np.interp(efforts.time - begin, *measured)
         torque = values["effort"][:, column]
-        frozen["effort"][:, column] = frozen_efforts(torque, there, moving_speed(there))
+        frozen["effort"][:, column] = frozen_efforts(torque, aligned, moving_speed(aligned))
         for name, source in sources.items():
             if frozen[name][:, column].any():
                 channel = f"{name} of {joint} on {stamped[source].messages.topic}"

@@ -127,9 +127,9 @@ def _hold(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: s
     for joint in range(values.shape[1]):
         finite = np.isfinite(values[:, joint])
         last = np.searchsorted(seconds[finite], target, side="right") - 1
-        there = last >= 0
-        out[there, joint] = values[finite, joint][last[there]]
-        invented[there, joint] = False
+        measured = last >= 0
+        out[measured, joint] = values[finite, joint][last[measured]]
+        invented[measured, joint] = False
     return Signal(read_only(out), read_only(invented), origin)
 
 
@@ -322,8 +322,8 @@ def _part_labels(named: BoolArray) -> IntArray:
 def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:
     """Return the messages that name some of the joints, or none, with their columns only."""
     whole = len(joints) == messages.named.shape[1]
-    some = np.flatnonzero(messages.named[:, joints].any(axis=1) | ~messages.named.any(axis=1))
-    kept = np.isin(messages.layout, some if len(some) else messages.layout)
+    layouts = np.flatnonzero(messages.named[:, joints].any(axis=1) | ~messages.named.any(axis=1))
+    kept = np.isin(messages.layout, layouts if len(layouts) else messages.layout)
     chosen = messages if kept.all() else messages.taken(np.flatnonzero(kept))
     if whole:
         return chosen

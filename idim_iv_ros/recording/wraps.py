@@ -122,8 +122,8 @@ def _turns_between(
     """Return whole turns (n,) to add to a reference, constant between breaks."""
     finite = np.isfinite(position.position)
     start = time[0]
-    there = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
-    ahead = there - reference.position
+    positions = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
+    ahead = positions - reference.position
     stretch = np.searchsorted(time[position.breaks], reference_time, side="right")
     reference_breaks = np.zeros(len(reference_time), dtype=np.int64)
     reference_breaks[reference.breaks] = 1

@@ -111,7 +111,7 @@ def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
 
 def _cause_words(result: GapResult, gap: JointGap | None) -> str:
     """Return a sentence on the main cause, and how much of the worst joint's gap is corrected."""
-    corrected, worst = ("", None) if gap is None else (_corrected(result, gap), gap.joint)
+    corrected, worst = ("", None) if gap is None else (_corrected_share(result, gap), gap.joint)
     if result.causes:
         first = result.causes[0]
         more = len(result.causes) - 1
@@ -150,10 +150,10 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
     if last is None or interval is None or not all(map(is_number, interval)):
         return ""
     unit = torque_unit(result, worst.joint)
-    left = f"{number(last.torque_rms[worst.joint])} {unit}"
+    level = f"{number(last.torque_rms[worst.joint])} {unit}"
     low, high = map(number, interval)
     noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
-    return f"Held out, the {stage_words(last.name)} leaves {left} ({low} to {high}, 95 %{noise})."
+    return f"Held out, the {stage_words(last.name)} leaves {level} ({low} to {high}, 95 %{noise})."
 
 
 def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
@@ -169,7 +169,7 @@ def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
     return ""
 
 
-def _corrected(result: GapResult, gap: JointGap) -> str:
+def _corrected_share(result: GapResult, gap: JointGap) -> str:
     """Return in brackets the share of a joint's gap beyond noise that all corrections remove."""
     if len(result.stages) < 2:
         return ""
@@ -200,7 +200,7 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
-        "bad": f"Do not rely on all parameters: the model is misspecified at {_listed(wrong)} "
+        "bad": f"Do not rely on all parameters: the model is misspecified at {_joint_list(wrong)} "
         f"(tested at {level}).",
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
@@ -229,7 +229,7 @@ def _has_reference(result: IdentificationResult) -> bool:
     return isinstance(signals, Mapping) and signals.get("reference") is not None
 
 
-def _listed(joints: Sequence[str], most: int = 3) -> str:
+def _joint_list(joints: Sequence[str], most: int = 3) -> str:
     if not joints:
         return "several joints together"
     more = f" and {len(joints) - most} more" if len(joints) > most else ""
@@ -326,7 +326,7 @@ def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files
 def _recording_step(result: GapResult, files: Files) -> Step:
     """Return which motion to record: to separate causes, to test more effects, or to verify."""
     motion = _motion(files)
-    again = files.again("diagnose", out="after")
+    repeat = files.again("diagnose", out="after")
     separating = _separating_steps(result.causes, files)
     if separating:
         return separating[0]
@@ -334,10 +334,10 @@ def _recording_step(result: GapResult, files: Files) -> Step:
         joint = result.unexplained.joint
         return Step(f"Watch {joint} while you record again; does the residual come back?", motion)
     if result.causes:
-        return Step("Record again with the corrected model to see whether the gap is gone:", again)
+        return Step("Record again with the corrected model to see whether the gap is gone:", repeat)
     if result.not_testable:
         return Step("Record a motion that shows the effects this one cannot show:", motion)
-    return Step("Record again where the simulator matters to you, and compare:", again)
+    return Step("Record again where the simulator matters to you, and compare:", repeat)
 
 
 def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
@@ -363,12 +363,12 @@ def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
         share = percent(100.0 * widest.share_of_torque)
         return [f"The sets differ by {share} of the torque at {widest.joint}, and nothing in the "
                 "catalogue explains it."]  # fmt: skip
-    left = max(contrast.joints, key=lambda joint: joint.after, default=None)
+    largest = max(contrast.joints, key=lambda joint: joint.after, default=None)
     words = ["No difference: each part of the second set is predicted as well from all recordings "
              "as from the rest of its own set."]  # fmt: skip
-    if left is not None:
-        size = f"{number(left.after)} {torque_unit(result, left.joint)}"
-        words.append(f"Changes far below the {size} rms left at {left.joint} may hide in it.")
+    if largest is not None:
+        size = f"{number(largest.after)} {torque_unit(result, largest.joint)}"
+        words.append(f"Changes far below the {size} rms left at {largest.joint} may hide in it.")
     return words
 
 

@@ -116,12 +116,12 @@ def _badge(result: FleetResult) -> tuple[str, str, str]:
         return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
         return "bad", "↗", "a robot changed"
-    if all(_examined(result)):
+    if all(_testable(result)):
         return "good", "✓", "nothing stands out"
     return "open", "?", "not all could be judged"
 
 
-def _examined(result: FleetResult) -> tuple[bool, bool]:
+def _testable(result: FleetResult) -> tuple[bool, bool]:
     """Return whether robots could be compared with each other, and followed over time."""
     robots = [robot for robot in result.robots if robot.quantities]
     compared = any(math.isfinite(robot.p_value) for robot in robots)
@@ -139,8 +139,8 @@ def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list
         line = files.command("fleet", "identify", source, out=out)
         return [Step("Record the robots again, a bag each, and compare anew:", line)]
     contrast = _contrast_steps(result, first, files) if reports else []
-    again = files.command("fleet", "diagnose", source, out=out)
-    return contrast or [Step("Find out why they stand out:", again)]
+    repeat = files.command("fleet", "diagnose", source, out=out)
+    return contrast or [Step("Find out why they stand out:", repeat)]
 
 
 def _headlines(result: FleetResult) -> list[str]:
@@ -195,7 +195,7 @@ def headline(result: FleetResult) -> str:
     if changed:
         parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
-        return _NOTHING[_examined(result)]
+        return _NOTHING[_testable(result)]
     return f"{'; '.join(parts)}."
 
 

@@ -95,8 +95,8 @@ def shrinkage(result: ReplayResult) -> list[Row]:
         floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
         half = 0.5e3 * (after.high - after.low)
         shown = [f"{1e3 * before.rms:.3g} {unit}", f"{1e3 * after.rms:.3g} ± {half:.1g} {unit}"]
-        left = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
-        rows.append((name, bars, floor, shown[0], shown[1], left))
+        ratio = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
+        rows.append((name, bars, floor, shown[0], shown[1], ratio))
     return rows
 
 
@@ -130,9 +130,9 @@ def badge(result: ReplayResult) -> tuple[str, str, str]:
     pairs = [(before.tracking[name], after.tracking[name]) for name in result.joints]
     if before.tool is not None and after.tool is not None:
         pairs = [(before.tool, after.tool)]
-    if all(two.high < one.rms for one, two in pairs):
+    if all(best.high < nominal.rms for nominal, best in pairs):
         return "good", "✓", "the corrected simulator is closer to the robot"
-    if any(two.low > one.rms for one, two in pairs):
+    if any(best.low > nominal.rms for nominal, best in pairs):
         return "bad", "✕", "the corrected simulator is farther from the robot"
     return "open", "≈", "no clear difference"
 

@@ -205,7 +205,7 @@ def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
 
 def servo_figure(series: ServoSeries, index: int) -> Figure:
     """Return a figure of commanded, measured and simulated position, with the residual below."""
-    left = 1e3 * (series.measured - series.simulated)
+    residual = 1e3 * (series.measured - series.simulated)
     return over_time(
         f"servo-{index}",
         _HEIGHT,
@@ -215,7 +215,7 @@ def servo_figure(series: ServoSeries, index: int) -> Figure:
             TimeCurve(series.command, GREY, 0.9, "asked %{y:.4g} rad"),
             TimeCurve(series.measured, INK, 1.2, "measured %{y:.4g} rad"),
             TimeCurve(series.simulated, BLUE, 1.2, "simulated %{y:.4g} rad"),
-            TimeCurve(left, BLUE, 0.9, "left %{y:.3g} mrad", below=True),
+            TimeCurve(residual, BLUE, 0.9, "left %{y:.3g} mrad", below=True),
         ],
         ("Position, rad", "Left, mrad"),
         0.4,

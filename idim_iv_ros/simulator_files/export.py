@@ -139,7 +139,7 @@ def export(
     spread = remainder or randomize
     robot = read_answer(path, configuration, source, refit=refit, without=without, remainder=spread)
     of_mjcf = description_key(source) == "mjcf"
-    made = Exported(
+    exported = Exported(
         urdf=None if of_mjcf else out / f"{source.stem}.urdf",
         mjcf=out / f"{source.stem}.xml",
         effects=out / EFFECTS,
@@ -150,19 +150,19 @@ def export(
         notes=(),
         bags=robot.bags,
     )
-    _require_other_files(made, source, path, configuration, force)
-    texts, effects, more = (_of_mjcf if of_mjcf else _of_urdf)(robot, made)
+    _require_other_files(exported, source, path, configuration, force)
+    texts, effects, more = (_export_mjcf if of_mjcf else _export_urdf)(robot, exported)
     notes = (*robot.notes, *more)
     ranges = None
-    if made.ranges is not None:
-        shown, ranges = randomization(robot, made.mjcf.name)
-        texts[made.ranges] = _file_text(RANDOMIZE, **shown)
-    texts[made.effects] = EffectsFile(
+    if exported.ranges is not None:
+        shown, ranges = randomization(robot, exported.mjcf.name)
+        texts[exported.ranges] = _file_text(RANDOMIZE, **shown)
+    texts[exported.effects] = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
         recordings=robot.bags,
     ).to_json()
-    texts[made.changes] = _changes(robot, effects, made, notes, ranges)
+    texts[exported.changes] = _changes(robot, effects, exported, notes, ranges)
     try:
         with made_folder(out):
             write_together(texts)
@@ -170,7 +170,7 @@ def export(
         reason = error.strerror or error
         raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error
     return replace(
-        made,
+        exported,
         not_native=tuple(
             f"{effect.effect} at {effect.joint}" if effect.joint else effect.effect
             for effect in effects
@@ -184,9 +184,9 @@ def export(
 _Written = tuple[dict[Path, bytes | str], tuple[SimulatedEffect, ...], tuple[str, ...]]
 
 
-def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
+def _export_urdf(robot: ExportedRobot, exported: Exported) -> _Written:
     """Write a URDF with its companions, among them a new MJCF with the effects that it can hold."""
-    assert made.urdf is not None and made.isaac_lab is not None
+    assert exported.urdf is not None and exported.isaac_lab is not None
     native, effects = native_effects(robot.effects, robot.robot, robot.law)
     drives = zip(robot.robot.joints, robot.drives.damping, robot.drives.friction, strict=True)
     dynamics = {
@@ -196,16 +196,16 @@ def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
     written = with_values(robot.content, robot.links[0], dynamics, robot.mounted, str(robot.source))
     _require_read_back(robot, decoded_urdf(written))
     texts: dict[Path, bytes | str] = {
-        made.urdf: written,
-        made.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
-        made.isaac_lab: _isaac_lab(robot, made.urdf.name, effects),
+        exported.urdf: written,
+        exported.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
+        exported.isaac_lab: _isaac_lab(robot, exported.urdf.name, effects),
     }
     names = ", ".join(robot.coupled_friction)
     notes = (f"{names}: in {EFFECTS} and the MJCF; a URDF has no place",) if names else ()
     return texts, effects, notes
 
 
-def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
+def _export_mjcf(robot: ExportedRobot, exported: Exported) -> _Written:
     """Write the user's MJCF with new values; effects are left to the callbacks."""
     configuration = robot.configuration
     if configuration.robot.couplings:
@@ -225,7 +225,7 @@ def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
     )
     if configuration.simulator.armature is not None:
         notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
-    return {made.mjcf: written}, robot.effects, notes
+    return {exported.mjcf: written}, robot.effects, notes
 
 
 def _file_text(template: str, **shown: object) -> str:
@@ -254,12 +254,12 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
 
 
 def _require_other_files(
-    made: Exported, source: Path, result: Path, configuration: Configuration, force: bool
+    exported: Exported, source: Path, result: Path, configuration: Configuration, force: bool
 ) -> None:
     """Refuse to overwrite files that were read, or that no export wrote."""
     read = [source, result, *([configuration.source] if configuration.source else [])]
-    before = made.effects.is_file() and made.changes.is_file()
-    for file in filter(Path.exists, made.files):
+    before = exported.effects.is_file() and exported.changes.is_file()
+    for file in filter(Path.exists, exported.files):
         if any(file.samefile(other) for other in read):
             raise UsageError(f"{file}: was read for this export; give another --out")
         if not force and not before:
@@ -289,22 +289,22 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
 def _changes(
     robot: ExportedRobot,
     effects: Sequence[SimulatedEffect],
-    made: Exported,
+    exported: Exported,
     notes: Sequence[str],
     ranges: Ranges | None,
 ) -> str:
     """Return the table of changes: new values, their certainty and their origin."""
     joints, remainder = robot.robot.joints, robot.model.remainder
-    file = "MJCF" if made.urdf is None else "URDF"
+    file = "MJCF" if exported.urdf is None else "URDF"
     moved = () if remainder is None else zip(joints, remainder.links, remainder.drives, strict=True)
-    beside = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
+    local = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
     if any(robot.values("off")):
-        beside.append(("torque_offset", robot.values("off"), "N m"))
+        local.append(("torque_offset", robot.values("off"), "N m"))
     return _file_text(
         "changes.md",
         robot=robot,
         errors=() if robot.gap is None else robot.gap.parameter_errors,
-        files=[path.name for path in made.files],
+        files=[path.name for path in exported.files],
         file=file,
         rows=[
             _row(parameter, joints, file)
@@ -317,7 +317,7 @@ def _changes(
             if link or drive
         ],
         ranges=ranges,
-        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in beside],
+        local=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
         effects=effects,
         notes=[*robot.remarks, *notes],
     )

@@ -167,11 +167,11 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     return written_xml(document, content), notes
 
 
-def _of_body(body: Any, *tags: str) -> Iterator[Any]:
+def _body_elements(body: Any, *tags: str) -> Iterator[Any]:
     """Return the elements of a body, also those in a <frame>, which belongs to the same body."""
     for node in elements(body, "frame", *tags):
         if node.tagName == "frame":
-            yield from _of_body(node, *tags)
+            yield from _body_elements(node, *tags)
         else:
             yield node
 
@@ -237,7 +237,7 @@ class _Mjcf:
     def _only_joint(self, link: str, name: str) -> Any:
         """Return the joint element of a body with one joint."""
         for body_name, body in self.bodies.items():
-            joints = list(_of_body(body, "joint", "freejoint"))
+            joints = list(_body_elements(body, "joint", "freejoint"))
             names = [joint.getAttribute("name") for joint in joints]
             if (name in names and len(joints) > 1) or (body_name == link and len(joints) != 1):
                 raise UsageError(
@@ -245,7 +245,7 @@ class _Mjcf:
                     f"<inertial> cannot hold what each of them carries: give {name} a body of its "
                     "own"
                 )
-        return next(_of_body(self._body(link), "joint", "freejoint"))
+        return next(_body_elements(self._body(link), "joint", "freejoint"))
 
     def _body(self, link: str) -> Any:
         if link not in self.bodies:
@@ -258,7 +258,7 @@ class _Mjcf:
     def set_inertial(self, link: str, new: pin.Inertia) -> bool:
         """Set the inertial of a link; return False if the body had none."""
         values = inertial_of(new, self._anchor(link))
-        inertial = next(_of_body(self._body(link), "inertial"), None)
+        inertial = next(_body_elements(self._body(link), "inertial"), None)
         if inertial is None:
             insert(self._body(link), Element("inertial", values), first=True)
             return False

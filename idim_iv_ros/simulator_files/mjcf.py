@@ -44,14 +44,14 @@ class NativeEffects:
             return False
         name, joint = effect.joint, robot.joints.index(effect.joint)
         low, high = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
-        made = BY_NAME[effect.effect].element(effect.parameters, low, high)
-        if made is None or (made.tendon and effect.other_joint is None):
+        native = BY_NAME[effect.effect].element(effect.parameters, low, high)
+        if native is None or (native.tendon and effect.other_joint is None):
             return False
-        for numbers, values in ((self.damping, made.damping), (self.stiffness, made.stiffness)):
+        for numbers, values in ((self.damping, native.damping), (self.stiffness, native.stiffness)):
             if values:
                 numbers[joint] = numbers.get(joint, 0.0) + np.array(values)
-        if made.tendon and effect.other_joint is not None:
-            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *made.tendon)
+        if native.tendon and effect.other_joint is not None:
+            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *native.tendon)
             self.couplings.append(tendon)
             name = tendon.name(robot.joints)
         self.listed.setdefault(effect.effect, []).append(name)
@@ -112,7 +112,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     takes from them.
     """
     robot, law = exported.robot, exported.law
-    values = _behind_transmission(exported.drives, robot)
+    values = _less_tendons(exported.drives, robot)
     tendons = [_tendon(coupling, robot) for coupling in (*values.couplings, *native.couplings)]
     root = element(
         "mujoco",
@@ -134,7 +134,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
+def _less_tendons(values: JointValues, robot: RobotModel) -> JointValues:
     """Subtract from the joints what the tendons of coupled drives add to them."""
     armature, damping = values.armature.copy(), values.damping.copy()
     for coupling in values.couplings:
@@ -177,7 +177,7 @@ def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) 
             "body",
             element("inertial", **inertial_of(carried)),
             element("joint", **_joint(exported, values, native, int(joint))),
-            element("geom", **_drawn(tree, index, carried)),
+            element("geom", **_visual_geom(tree, index, carried)),
             name=exported.urdf.joints[name].child,
             **_placement(tree.jointPlacements[index]),
         )
@@ -217,7 +217,7 @@ def _joint(
     return attributes
 
 
-def _drawn(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
+def _visual_geom(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
     """Return a visual geom, without mass and contacts."""
     children = (k for k in range(1, tree.njoints) if int(tree.parents[k]) == index)
     child = next(children, None)

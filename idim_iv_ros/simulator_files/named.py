@@ -102,7 +102,7 @@ def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
     for name, number in parameters.items():
         value = f"{number.value:.4g}"
         if number.std:
-            value = f"{_rounded(number):.6g} ± {1.96 * number.std:.2g}"
+            value = f"{_round(number):.6g} ± {1.96 * number.std:.2g}"
         words.append(f"{name.replace('_', ' ')} {value} {number.unit}".strip())
     return ", ".join(words)
 
@@ -130,7 +130,7 @@ def corrected_model(
     for cause in causes:
         part = part_of(cause.effect)
         if part == "torque scale":
-            numbers = {name: _rounded(parameter) for name, parameter in cause.parameters.items()}
+            numbers = {name: _round(parameter) for name, parameter in cause.parameters.items()}
             effects.append(SimulatedEffect(cause.effect, cause.joint, numbers))
         elif part == "gravity":
             names = [f"rotation_about_{axis}" for axis in "xyz"]
@@ -146,7 +146,7 @@ def corrected_model(
                 changed |= _link(cause, changes, given, source)
             else:
                 for name, change in changes.items():
-                    value = given[name] + _rounded(change)
+                    value = given[name] + _round(change)
                     changed[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
     # Of the refit's friction beside an effect, what left-out causes account for goes with them.
     others = [_changes(effect, robot.joints) for effect in left_out if effect.kind == "parametric"]
@@ -264,7 +264,7 @@ def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, sou
     ball = pin.Inertia.FromSphere(mass, (3.0 * mass / (4.0 * math.pi * _WATER)) ** (1.0 / 3.0))
     ball.lever = first / mass
     about = f"{source}: {cause_name(cause)}"
-    body = _nearest(np.zeros(10), numbers, parameters_of(ball), about)
+    body = _nearest_body(np.zeros(10), numbers, parameters_of(ball), about)
     missing = [kind for kind in INERTIAL if kind not in numbers]
     words = f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
     if missing:
@@ -281,20 +281,20 @@ def _link(
     number = re.sub(r"\D", "", next(iter(changes)))
     numbers = {kind_of(name): change for name, change in changes.items()}
     nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
-    body = _nearest(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
+    body = _nearest_body(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
     return {
         f"{kind}{number}": (float(value), numbers[kind].std if kind in numbers else None)
         for kind, value in zip(INERTIAL, body, strict=True)
     }
 
 
-def _nearest(
+def _nearest_body(
     start: FloatArray, changes: Mapping[str, EffectParameter], reference: FloatArray, source: str
 ) -> FloatArray:
     """Return XX … M (10,) of the physical body nearest to `start` with changes by kind."""
     places = [INERTIAL.index(kind) for kind in changes]
     wanted = start.copy()
-    wanted[places] += [_rounded(change) for change in changes.values()]
+    wanted[places] += [_round(change) for change in changes.values()]
     if len(places) == len(INERTIAL) and is_possible(wanted, reference):
         return wanted
     std = np.array([change.std for change in changes.values()])
@@ -317,7 +317,7 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
     return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
 
 
-def _rounded(number: EffectParameter) -> float:
+def _round(number: EffectParameter) -> float:
     """Return the value rounded to 0.5 % of its standard deviation."""
     if not number.std:
         return number.value

@@ -302,7 +302,7 @@ def link_bodies(
 
     Raises UsageError: a link for which no physical body is left.
     """
-    carried = _carried(urdf, set(joints))
+    carried = _carried_links(urdf, set(joints))
     changed, notes = {}, []
     for joint, target in joints.items():
         main = urdf.joints[joint].child
@@ -311,7 +311,7 @@ def link_bodies(
         main_part = next((part for part in parts if part.link == main), None)
         rest = target - sum((other.parameters for other in others), np.zeros(10))
         reference = rest if main_part is None else main_part.parameters
-        if main_part is not None and _same(rest, reference):
+        if main_part is not None and _equal_bodies(rest, reference):
             continue
         if is_possible(rest, reference):
             changed[main] = body_of(rest)
@@ -334,7 +334,7 @@ def link_bodies(
     return changed, tuple(notes)
 
 
-def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
+def _carried_links(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
     """Return the links with mass that each identified joint carries, in its frame."""
     places: dict[str, tuple[str, pin.SE3]] = {}
     carried: dict[str, list[_Part]] = {joint: [] for joint in identified}
@@ -354,9 +354,9 @@ def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
     return carried
 
 
-def _same(one: FloatArray, other: FloatArray) -> bool:
+def _equal_bodies(first: FloatArray, second: FloatArray) -> bool:
     """Return whether the parameters (10,) of two bodies are equal but for rounding."""
-    return bool(np.abs(one - other).max() <= _ROUNDING * np.abs(other).max())
+    return bool(np.abs(first - second).max() <= _ROUNDING * np.abs(second).max())
 
 
 def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | None:

@@ -127,7 +127,7 @@ class Effects:
             for joint, _ in added.of(LawChange)
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
-        self._plant, self._effects = self._compiled(model, added, start_time)
+        self._plant, self._effects = self._kernel_arguments(model, added, start_time)
         self._friction = np.zeros((2, len(self._plant.level)))
         self._mode, self._push = self._friction[0].astype(np.int64), self._friction[0].copy()
         tendons = [_tendon(model, *(self.joints[k] for k in pair)) for *pair, _ in added.couplings]
@@ -150,7 +150,7 @@ class Effects:
             self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
 
-    def _compiled(
+    def _kernel_arguments(
         self, model: Any, added: JointContributions, start_time: float
     ) -> tuple[Plant, effect_kernel.Effects]:
         """Return joint friction and effects for the kernels; MuJoCo has the rigid bodies."""

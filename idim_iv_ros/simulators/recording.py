@@ -66,7 +66,7 @@ class SimulatedRobot:
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
-        position, velocity = _resampled(trajectory, rate)
+        position, velocity = _resample(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
         levels = settings.model_dump(include=_NOISE, exclude_none=True)
         noise: dict[str, Any] = {name: np.asarray(level) for name, level in levels.items()}
@@ -143,7 +143,7 @@ def simulated_robot(
     )
 
 
-def _resampled(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
+def _resample(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities at another rate, interpolated by cubic polynomials."""
     if abs(rate / trajectory.rate - 1.0) < 1e-9:
         return trajectory.position, trajectory.velocity

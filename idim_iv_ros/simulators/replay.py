@@ -156,10 +156,10 @@ def _runs(
     runs = held_out or runs
     if any(BY_NAME[effect.effect].part == "gains" for effect in effects):
         return runs, ()
-    beyond = [_beyond_gains(run) for run in runs]
+    beyond = [_feedforward(run) for run in runs]
     torques = [run.motion.filtered(run.motion.signals.torque) for run in runs]
-    both = zip(beyond, torques, strict=True)
-    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in both], axis=0)
+    pairs = zip(beyond, torques, strict=True)
+    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in pairs], axis=0)
     worst = int(np.argmax(shares))
     if shares[worst] < _BEYOND_GAINS:
         return runs, ()
@@ -174,7 +174,7 @@ def _runs(
     ], (note,)
 
 
-def _beyond_gains(run: _Run) -> FloatArray:
+def _feedforward(run: _Run) -> FloatArray:
     """Return the recorded command less its law, (n_samples, n_joints) N m (N), smoothed."""
     signals = run.motion.signals
     speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
@@ -335,8 +335,8 @@ class _Comparison:
     ) -> dict[str, ReplayError]:
         """Return RMS errors with intervals from blocks of time, and their ratio to the noise."""
         sums = []
-        for motion, one, other in zip(self.motions, simulated, recorded, strict=True):
-            squares = np.nan_to_num((one - other)[motion.span] ** 2)
+        for motion, simulation, recording in zip(self.motions, simulated, recorded, strict=True):
+            squares = np.nan_to_num((simulation - recording)[motion.span] ** 2)
             (blocks,) = time_blocks([len(squares)], motion.signals.rate)
             sums.append(block_sums(blocks, np.column_stack([squares, np.ones(len(squares))])))
         table = np.concatenate(sums)

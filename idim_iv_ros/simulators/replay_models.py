@@ -59,7 +59,7 @@ class StageModel:
             spec = plant_spec(mujoco, self.robot, self.parameters)
         else:
             assert self.xml is not None
-            spec = _read(mujoco, self.xml, self.robot.joints)
+            spec = _read_mjcf(mujoco, self.xml, self.robot.joints)
         with mujoco_reads(self.xml or self.robot.name):
             add_motors(mujoco, spec, self.robot.joints)
             add_parts(spec, self.effects)
@@ -102,7 +102,7 @@ def xml_stage(
     mujoco: Any, robot: RobotModel, path: Path, parameters: Mapping[str, float]
 ) -> StageModel:
     """Return the stage of an MJCF file, with constant torques among base parameters (off1 …)."""
-    _read(mujoco, path, robot.joints)
+    _read_mjcf(mujoco, path, robot.joints)
     constants = {
         int(name[3:]) - 1: value
         for name, value in parameters.items()
@@ -125,7 +125,7 @@ def require_same_native(
     or the other way round.
     """
     model = mujoco.MjModel.from_xml_path(str(path))
-    both = f"the {path.name} and effects.json of one export belong together"
+    hint = f"the {path.name} and effects.json of one export belong together"
     elements = native_elements(mujoco, model)
     for effect in effects:
         element = BY_NAME[effect.effect].element_of
@@ -138,11 +138,11 @@ def require_same_native(
         what = f"{effect.effect} at {effect.joint}"
         if effect.native and not present:
             raise UsageError(
-                f"{effect.source}: {what} is native, and {path} does not have it: {both}"
+                f"{effect.source}: {what} is native, and {path} does not have it: {hint}"
             )
         if present and not effect.native:
             raise UsageError(
-                f"{path}: has {what} as an element already, and {source} would add it again: {both}"
+                f"{path}: has {what} as an element already, and {source} would add it again: {hint}"
             )
 
 
@@ -154,7 +154,7 @@ def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedE
     )
 
 
-def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
+def _read_mjcf(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
     """Read an MJCF with the robot's joints, without actuators: the replay adds motors."""
     if not is_mjcf(read_text(path, "the MJCF")):
         raise UsageError(

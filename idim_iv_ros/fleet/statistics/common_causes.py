@@ -33,7 +33,7 @@ def is_nothing(cause: CauseSummary) -> bool:
 
     False for a cause without standard deviations.
     """
-    ratios = [_ratio(cause.effect, *item) for item in _determined(cause).items()]
+    ratios = [_ratio(cause.effect, *item) for item in _with_std(cause).items()]
     return bool(ratios) and max(ratios) <= _INTERVAL
 
 
@@ -64,11 +64,11 @@ def common_causes(
             places[cause.effect, cause.joint][robot] = cause
     result = []
     for (effect, joint), robots in places.items():
-        for group in _of_one_size(robots, ordinary):
+        for group in _size_groups(robots, ordinary):
             among = len(set(group) & set(ordinary))
             of_type = among >= max(_OF_TYPE_LEAST, _OF_TYPE * len(set(ordinary)))
             kind = next(iter(group.values())).kind
-            values = _together(list(group.values()))
+            values = _mean_parameters(list(group.values()))
             result.append(CommonCause(effect, kind, joint, tuple(group), of_type, values))
     return tuple(
         sorted(result, key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or ""))
@@ -102,38 +102,38 @@ def sentences(
             continue
         place = (cause.effect, cause.joint)
         several = sum((other.effect, other.joint) == place for other in causes) > 1
-        one = len(cause.robots) == 1
-        alone = " alone" if one and not several and len(diagnosed) > 1 else ""
-        words = f"{', '.join(cause.robots)}{alone} {'has' if one else 'have'} {_name(cause)}"
+        single = len(cause.robots) == 1
+        alone = " alone" if single and not several and len(diagnosed) > 1 else ""
+        words = f"{', '.join(cause.robots)}{alone} {'has' if single else 'have'} {_name(cause)}"
         usual = shared.get(place)
         apart = f", apart from that of {type_name}{_size(usual)}" if usual else ""
         said.append(f"{words}{_size(cause)}{apart}")
     return tuple(said)
 
 
-def _of_one_size(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
+def _size_groups(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
     """Group the robots with one effect by size, largest group first.
 
     A group begins with the robot with which most of the ordinary robots agree.
     """
     groups = []
-    left = dict(robots)
-    while left:
+    rest = dict(robots)
+    while rest:
         agreeing = {
-            first: [name for name, other in left.items() if _agree(left[first], other)]
-            for first in left
+            first: [name for name, other in rest.items() if _sizes_agree(rest[first], other)]
+            for first in rest
         }
         most = max(agreeing.values(), key=lambda names: (len({*names} & {*ordinary}), len(names)))
-        groups.append({name: left.pop(name) for name in most})
+        groups.append({name: rest.pop(name) for name in most})
     return groups
 
 
-def _agree(one: CauseSummary, other: CauseSummary) -> bool:
+def _sizes_agree(one: CauseSummary, other: CauseSummary) -> bool:
     """Return whether two causes may be equal: each number of both agrees in sign and size.
 
     The 95 % are for all numbers together (Bonferroni).
     """
-    first, second = _determined(one), _determined(other)
+    first, second = _with_std(one), _with_std(other)
     same = first.keys() & second.keys()
     if (first or second) and not same:
         return False  # nothing to compare
@@ -152,11 +152,11 @@ def _agree(one: CauseSummary, other: CauseSummary) -> bool:
     return True
 
 
-def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
+def _mean_parameters(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
     """Return the mean of each number that half of the robots determine, scatter in its σ."""
     numbers = {}
-    for name in dict.fromkeys(name for cause in causes for name in _determined(cause)):
-        same = [cause.parameters[name] for cause in causes if name in _determined(cause)]
+    for name in dict.fromkeys(name for cause in causes for name in _with_std(cause)):
+        same = [cause.parameters[name] for cause in causes if name in _with_std(cause)]
         if 2 * len(same) < len(causes):
             continue
         values, stds = np.array([[number.value, number.std] for number in same]).T[:, :, None]
@@ -165,7 +165,7 @@ def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
     return numbers
 
 
-def _determined(cause: CauseSummary | CommonCause) -> dict[str, EffectParameter]:
+def _with_std(cause: CauseSummary | CommonCause) -> dict[str, EffectParameter]:
     return {name: number for name, number in cause.parameters.items() if number.std is not None}
 
 
@@ -190,7 +190,7 @@ def _name(cause: CommonCause) -> str:
 
 def _size(cause: CommonCause) -> str:
     """Return the best determined numbers of a cause with their 95 % intervals, in brackets."""
-    numbers = _determined(cause)
+    numbers = _with_std(cause)
     clearest = sorted(numbers, key=lambda n: -_ratio(cause.effect, n, numbers[n]))[:_SHOWN]
     about = BY_NAME.get(cause.effect)
     said = [

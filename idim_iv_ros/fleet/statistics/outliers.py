@@ -98,19 +98,19 @@ def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
     """
     tested = [_p_values(values, variances) for values, variances in types]
     return [
-        Outlying(_against_others(*robots, chosen.entries), p_values, chosen)
+        Outlying(_distances(*robots, chosen.entries), p_values, chosen)
         for robots, p_values, chosen in zip(types, tested, choose(tested), strict=True)
     ]
 
 
 def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
     """Return calibrated p-values (k, m); NaN where there are too few robots."""
-    raw = _taken_out(values, variances)
+    raw = _stepwise_p_values(values, variances)
     counts = np.isfinite(raw).sum(axis=0)
     result = np.full(raw.shape, np.nan)
     for column in np.flatnonzero(counts >= LEAST):
         tested = np.isfinite(raw[:, column])
-        drawn = _nobody_differs(int(counts[column]))
+        drawn = _null_p_values(int(counts[column]))
         ranks = np.searchsorted(drawn, raw[tested, column], side="right")
         share = (ranks + 1.0) / (len(drawn) + 1.0)
         small = raw[tested, column] * (_TAIL / len(drawn)) / drawn[_TAIL - 1]
@@ -119,31 +119,31 @@ def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=32)
-def _nobody_differs(robots: int) -> FloatArray:
+def _null_p_values(robots: int) -> FloatArray:
     """Return sorted p-values before calibration, of simulated fleets without outliers."""
     fleets = max(_DRAWN // robots, 100)
     values = np.random.default_rng([_SEED, robots]).standard_normal((robots, fleets))
-    return np.sort(_taken_out(values, np.full(values.shape, 1e-9)), axis=None)
+    return np.sort(_stepwise_p_values(values, np.full(values.shape, 1e-9)), axis=None)
 
 
-def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
+def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
     """Return each robot's smallest p-value (k, m), of its test and of robots nearer the others."""
     estimated = np.isfinite(values) & np.isfinite(variances)
-    left = np.where(estimated, values, np.nan)
+    remaining = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)
     columns = np.arange(values.shape[1])
     steps = np.maximum(counts // _MOST, 1)
     order, tails = [], []
     for step in range(int(steps.max(initial=0))):
-        between = between_variance(left, variances)
-        _, mean, _ = generalised_q(left, variances, between)
+        between = between_variance(remaining, variances)
+        _, mean, _ = generalised_q(remaining, variances, between)
         with np.errstate(invalid="ignore", divide="ignore"):
-            distances = np.abs(left - mean) / np.sqrt(variances + between)
+            distances = np.abs(remaining - mean) / np.sqrt(variances + between)
         farthest = np.argmax(np.where(np.isfinite(distances), distances, -1.0), axis=0)
-        value = left[farthest, columns]
-        left[farthest, columns] = np.nan
-        distance = _distance(value, variances[farthest, columns], left, variances)
-        others = np.isfinite(left + variances).sum(axis=0)
+        value = remaining[farthest, columns]
+        remaining[farthest, columns] = np.nan
+        distance = _distance(value, variances[farthest, columns], remaining, variances)
+        others = np.isfinite(remaining + variances).sum(axis=0)
         tail = 2.0 * scipy.stats.t.sf(np.abs(distance), np.maximum(others - 1, 1))
         tested = (step < steps) & (counts - step >= LEAST) & np.isfinite(tail)
         order.append(farthest)
@@ -167,14 +167,14 @@ def _distance(
         return np.asarray((value - mean) / np.sqrt(variance + between + uncertainty))
 
 
-def _against_others(
+def _distances(
     values: FloatArray, variances: FloatArray, left_out: NDArray[np.bool_]
 ) -> FloatArray:
     """Return studentised distances (k, m) of each robot from the others that do not differ."""
     statistics = np.full(values.shape, np.nan)
-    kept = np.where(left_out, np.nan, values)
+    ordinary = np.where(left_out, np.nan, values)
     for robot in range(len(values)):
-        others, spread = np.delete(kept, robot, axis=0), np.delete(variances, robot, axis=0)
+        others, spread = np.delete(ordinary, robot, axis=0), np.delete(variances, robot, axis=0)
         usable = np.isfinite(others + spread).sum(axis=0) >= LEAST - 1
         distance = _distance(values[robot], variances[robot], others, spread)
         statistics[robot, usable] = distance[usable]

@@ -71,8 +71,8 @@ def _change(
     if change is None or prior == 0.0:
         return change
     dof = len(values) - 2
-    left = float(np.sum((values - change.fitted) ** 2 / variances))
-    if scipy.stats.f.sf(left / dof, dof, prior) < _SCATTERS_MORE:
+    squares = float(np.sum((values - change.fitted) ** 2 / variances))
+    if scipy.stats.f.sf(squares / dof, dof, prior) < _SCATTERS_MORE:
         return change_of(values, variances, times)
     return change
 
@@ -169,7 +169,7 @@ def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
     return list(map(ComparedType, groups, between, by_type, estimates, outliers))
 
 
-def _estimated(robots: Sequence[RobotBags]) -> NDArray[np.int64]:
+def _counts(robots: Sequence[RobotBags]) -> NDArray[np.int64]:
     """Return the number (k, m) of bags of each robot with an estimate of each quantity."""
     return np.array([np.isfinite(robot.values + robot.variances).sum(axis=0) for robot in robots])
 
@@ -181,7 +181,7 @@ def _prior(robots: Sequence[RobotBags], between: FloatArray) -> FloatArray:
     alike, and zero where scatters are unrelated. It is found from the quartiles' distance, which a
     drifting robot does not move, and limited to the number of robots less one.
     """
-    counts = _estimated(robots)
+    counts = _counts(robots)
     q = np.array([generalised_q(robot.values, robot.variances, between)[0] for robot in robots])
     prior = np.zeros(len(between))
     for column in range(len(between)):
@@ -208,7 +208,7 @@ def _estimates(group: TypeBags, between: FloatArray, changes: Sequence[OverTime]
     """Estimate all robots of a type; a quantity that changed is not also called unsteady."""
     tests = sum(robot.values.shape[1] for robot in group.robots if len(robot.bags) > 1)
     alpha = _UNSTEADY_LEVEL / max(tests, 1)
-    dof = np.maximum(_estimated(group.robots) - 1, 0).sum(axis=0)
+    dof = np.maximum(_counts(group.robots) - 1, 0).sum(axis=0)
     rows = [
         _estimate(robot, group.parameters, between, dof, change, alpha)
         for robot, change in zip(group.robots, changes, strict=True)
@@ -226,7 +226,7 @@ def _estimate(
 ) -> tuple[FloatArray, ...]:
     """Estimate one robot: rows (m,) of `Estimates`."""
     between = np.nan_to_num(between)
-    (count,) = _estimated([robot])
+    (count,) = _counts([robot])
     q, _, _ = generalised_q(robot.values, robot.variances, between)
     surprise = scipy.stats.chi2.sf(q, np.maximum(count - 1, 1))
     unsteady = (count >= _FEWEST_UNSTEADY) & (surprise < alpha) & ~changes.changed
@@ -235,7 +235,7 @@ def _estimate(
     between = np.where(apart, np.maximum(scatter, between), between)
     dof = np.where(apart, count - 1, np.maximum(common_dof, 1))
     _, values, variances = generalised_q(robot.values, robot.variances, between)
-    values[:parameters], variances[:parameters] = _together(robot, between[:parameters])
+    values[:parameters], variances[:parameters] = _pooled(robot, between[:parameters])
     half = scipy.stats.t.isf(0.5 * (1.0 - LEVEL), dof) * np.sqrt(variances)
     ordinary_values, ordinary_variances = values.copy(), variances.copy()
     for column in np.flatnonzero(changes.changed):
@@ -246,7 +246,7 @@ def _estimate(
     return values, half, unsteady, ordinary_values, ordinary_variances
 
 
-def _together(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _pooled(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the estimate (p,) of all rows, and its variances (p,), scatter of bags included.
 
     β̂ = Σ W_r β̂_r, so that bags which differ with covariance T add Σ W_r T W_rᵀ to the variance by

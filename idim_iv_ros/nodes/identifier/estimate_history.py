@@ -139,11 +139,11 @@ class EstimateHistory:
         """
         if any(other.baseline and entry.repeats(other) for other in self.entries):
             entry = replace(entry, baseline=True)
-        kept = [other for other in self.entries if not entry.repeats(other)]
-        of_kind = [other for other in kept if other.kind == entry.kind]
+        others = [other for other in self.entries if not entry.repeats(other)]
+        of_kind = [other for other in others if other.kind == entry.kind]
         removable = [other for other in of_kind if not other.baseline]
         surplus = removable[: max(len(of_kind) + 1 - length, 0)]
-        self._save([*(other for other in kept if other not in surplus), entry])
+        self._save([*(other for other in others if other not in surplus), entry])
 
     def set_baseline(self, folder: str) -> PastEstimates:
         """Make the identification in `folder` the baseline of its kind, and return it."""

@@ -155,8 +155,8 @@ def bag_files(path: Path) -> list[Path]:
                 "come in through idim-iv import"
             )
         return [path]
-    there = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
-    files = _listed_files(path) or there
+    present = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
+    files = _listed_files(path) or present
     if not files:
         raise DataError(f"{path}: no .mcap or .db3 file in this folder")
     return files

@@ -69,10 +69,10 @@ class JointMessages:
             what = "different layouts of the message (joint order or missing fields)"
             notes.append(Note(self.topic, what, layouts))
         for name, values in self.values.items():
-            there = np.isfinite(values)
-            there = there[:, there.any(axis=0)] if some_joints else there
-            missing = int(np.count_nonzero(~there))
-            if missing and missing < there.size:
+            finite = np.isfinite(values)
+            finite = finite[:, finite.any(axis=0)] if some_joints else finite
+            missing = int(np.count_nonzero(~finite))
+            if missing and missing < finite.size:
                 notes.append(Note(self.topic, f"{name}: values missing or NaN", missing))
         return notes
 
@@ -190,11 +190,11 @@ class JointMessageReader:
                 continue
             which[block.places], stamps[block.places] = layout.number, block.stamps
             for name in set(self.fields) & set(block.numbers):
-                there = layout.places < block.numbers[name].shape[1]
+                filled = layout.places < block.numbers[name].shape[1]
                 if name not in columns:
                     columns[name] = np.full((len(batch), len(self.joints)), np.nan)
-                target = np.ix_(block.places, layout.columns[there])
-                columns[name][target] = block.numbers[name][:, layout.places[there]]
+                target = np.ix_(block.places, layout.columns[filled])
+                columns[name][target] = block.numbers[name][:, layout.places[filled]]
         read = which >= 0
         self.passed += int(np.count_nonzero(which == _PASSED))
         kept = {name: values[read] for name, values in columns.items()}

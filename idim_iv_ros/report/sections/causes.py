@@ -108,8 +108,8 @@ def contrast_rows(result: GapResult, contrast: ContrastResult) -> list[tuple[str
     rows = []
     for joint in contrast.joints:
         unit, share = torque_unit(result, joint.joint), percent(100.0 * joint.share_of_torque)
-        left = (with_unit(value, unit) for value in (joint.before, joint.after, joint.own))
-        rows.append((joint.joint, *left, share, with_unit(joint.unexplained, unit)))
+        errors = (with_unit(value, unit) for value in (joint.before, joint.after, joint.own))
+        rows.append((joint.joint, *errors, share, with_unit(joint.unexplained, unit)))
     return rows
 
 

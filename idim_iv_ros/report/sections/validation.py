@@ -32,7 +32,7 @@ Answer = tuple[str, str]
 def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     row_rate = report.result.processing.row_rate
     return {
-        "answers": (_white, _whitened, _gaussian),
+        "answers": (_white, _whitened_answer, _gaussian_answer),
         "legend": [
             Mark("line", ORANGE, "residual as it is"),
             Mark("line", BLUE, "whitened by the autoregressive filter"),
@@ -50,35 +50,35 @@ def _white(residual: JointResidual) -> Answer:
     if residual.white is None:
         return "not tested", test.reason or ""
     if not residual.white:
-        return "no", _p(test)
-    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p(test)
+        return "no", _p_text(test)
+    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p_text(test)
 
 
-def _whitened(residual: JointResidual) -> Answer:
+def _whitened_answer(residual: JointResidual) -> Answer:
     test = residual.whiteness_after
     if residual.ar_order == 0:
         return "nothing to filter", ""
     if test.accepted is None:
         return "not tested", test.reason or ""
     if test.accepted:
-        return "yes", _p(test)
-    left = number(residual.largest_correlation_after, 2)
-    return "not fully", f"{_p(test)}, largest correlation {left}"
+        return "yes", _p_text(test)
+    largest = number(residual.largest_correlation_after, 2)
+    return "not fully", f"{_p_text(test)}, largest correlation {largest}"
 
 
-def _gaussian(residual: JointResidual) -> Answer:
+def _gaussian_answer(residual: JointResidual) -> Answer:
     test = residual.normality
     if test.accepted is None:
         return "not tested", test.reason or ""
     skewness, kurtosis = residual.skewness, residual.excess_kurtosis
     shape = f"skewness {number(skewness, 2)}, excess kurtosis {number(kurtosis, 2)}"
     if test.accepted:
-        return "yes", f"{_p(test)}; {shape}"
+        return "yes", f"{_p_text(test)}; {shape}"
     near = abs(skewness) < 0.5 and abs(kurtosis) < 1.0
-    return ("nearly" if near else "no"), f"{_p(test)}; {shape}"
+    return ("nearly" if near else "no"), f"{_p_text(test)}; {shape}"
 
 
-def _p(test: HypothesisTest) -> str:
+def _p_text(test: HypothesisTest) -> str:
     return f"p{_SPACE}{p_equals(test.p_value).replace(' ', _SPACE)}"
 
 

@@ -65,7 +65,7 @@ def robot_drawing(
     half = (_AXIS * size or _AXIS_ALONE) * skeleton.axes
     ends = zip(skeleton.origins - half, skeleton.origins + half, strict=True)
     segments, axes = (
-        np.array([[_projected(start), _projected(end)] for start, end in lines])
+        np.array([[_project(start), _project(end)] for start, end in lines])
         for lines in (skeleton.segments, ends)
     )
     corners = np.concatenate([segments, axes]).reshape(-1, 2)
@@ -102,7 +102,7 @@ def robot_drawing(
     }
 
 
-def _projected(point: FloatArray) -> FloatArray:
+def _project(point: FloatArray) -> FloatArray:
     """Return the orthographic projection (2,) of a point: right and up."""
     turned = np.cos(_AZIMUTH) * point[1] - np.sin(_AZIMUTH) * point[0]
     toward = np.cos(_AZIMUTH) * point[0] + np.sin(_AZIMUTH) * point[1]
