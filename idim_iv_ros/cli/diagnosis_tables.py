@@ -119,5 +119,6 @@ def _print_gaps(console: Console, result: GapResult) -> None:
 
 
 def _arrow(pair: Sequence[float | None], unit: str, factor: float = 1.0) -> str:
+    """Return two numbers with their unit as text: “before → after”."""
     numbers = [number(None if value is None else factor * value) for value in pair]
     return MISSING if pair[0] is None and pair[1] is None else f"{' → '.join(numbers)} {unit}"

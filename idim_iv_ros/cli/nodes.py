@@ -121,8 +121,7 @@ def _run(
 ) -> None:
     """Run a node of `idim_iv_ros.nodes` until a signal, and exit with its status.
 
-    The node gets the robot's file, ROS parameters by name, the arguments of ROS that the user gave,
-    and `settings`.
+    The node gets the robot's file, ROS parameters by name, the user's ROS arguments, `settings`.
     """
     if config is not None:
         from idim_iv_ros.configuration import load_configuration

@@ -38,8 +38,7 @@ _WITHOUT = ("cli", "nodes", "report")
 def content_of(uri: str) -> str:
     """Return the digest of the content of a bag: SHA-256 of local files.
 
-    For remote files, of size and checksum in their store (else the time of writing): nothing is
-    fetched.
+    Remote files are not fetched: of them, size and checksum (else time of writing) in their store.
 
     Raises OSError or UsageError or DataError: it cannot be found or read.
     """
@@ -135,6 +134,7 @@ _folders: list[tempfile.TemporaryDirectory[str]] = []  # until the worker ends
 
 @cache
 def _kept(name: str, description: bytes) -> Path:
+    """Write a robot description into a temporary folder and return its path, once."""
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     _folders.append(folder)
     path = Path(folder.name) / name

@@ -43,8 +43,8 @@ class StoreError(OSError):
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
     """Call a file system, and turn its errors into OSErrors.
 
-    Raises StoreError: access is denied, or the store does not answer. OSError: this file is missing
-    or not readable.
+    Raises StoreError: access is denied, or the store does not answer. OSError: the file is
+    unreadable.
     """
     try:
         return function(*arguments, **named)

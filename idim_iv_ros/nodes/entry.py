@@ -1,4 +1,4 @@
-"""What all nodes share: running until a signal, timers, threads."""
+"""Functions of all nodes: run until a signal, timers, threads, folders named by time."""
 
 import os
 import signal
@@ -38,7 +38,7 @@ class Closable(Protocol):
     node: Node
 
     def close(self) -> None:
-        """End what is under way, and destroy the node."""
+        """End all activity, and destroy the node."""
 
 
 class CannotGoOnError(Exception):

@@ -105,6 +105,7 @@ class JointTopic:
     def _read(
         self, batch: MessageBatch, kind: JointMessageType, quantities: list[str]
     ) -> dict[str, JointSamples]:
+        """Decode a batch into samples by quantity; note in `_lacks` why there are none."""
         reader = JointMessageReader(self.name, kind, self._joints, quantities)
         try:
             kind.require_readable(self.name, self.name)
@@ -155,8 +156,8 @@ class JointPositions:
     as in `JointTopic`. `last` is None before all positions have come.
 
     Joints may come in several messages; the stamp of the position is the oldest of their newest
-    stamps. A message whose stamp is repeated is ignored: some drivers repeat the last one when the
-    robot is off.
+    stamps. A message whose stamp is repeated is ignored: some drivers repeat it when the robot is
+    off.
     """
 
     def __init__(

@@ -59,8 +59,7 @@ def parameter(
     """Return the dataclass field of one parameter.
 
     `about` describes it, with the unit; `span` is the smallest and largest value of a number;
-    `choices` are the allowed texts (empty: any). A `read_only` parameter can be given at the start
-    only.
+    `choices` are the allowed texts (empty: any). `read_only` ones are set at the start only.
     """
     metadata = {"about": about, "span": span, "choices": choices, "read_only": read_only}
     declared: Value = field(default=default, metadata=metadata)
@@ -246,8 +245,7 @@ def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
 def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Sequence[str]) -> None:
     """Raise UsageError for parameters besides `names` that were given to this node alone.
 
-    Of those that a file holds for nodes of any name (``/**``) the log warns: other nodes may need
-    them.
+    The log warns of those in files for nodes of any name (``/**``), which other nodes may need.
     """
     given = _overrides(node)
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]

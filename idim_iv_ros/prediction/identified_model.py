@@ -54,8 +54,7 @@ def identified_model(
     """Read a result.json and check that it belongs to this robot and configuration.
 
     - `path`: of the result
-    - `model`, `source`: of the configuration (`build_inverse_model`), and the name of its URDF in
-      messages
+    - `model`, `source`: of the configuration (`build_inverse_model`), and the name of its URDF
 
     Raises UsageError: one line: it cannot be read, or is of another robot, URDF or configuration.
     """
@@ -110,8 +109,8 @@ class ResidualRows:
 
     - `places`: (r,) int, numbers of their samples on the grid
     - `residual`: (r, n_joints) N m (N)
-    - `counts`: (r, n_joints) bool, whether the identification would use the row: measured, and not
-      near a reversal
+    - `counts`: (r, n_joints) bool, whether the identification would use it: measured, not near a
+      reversal
     - `variance`: (r, n_joints) (N m)² (N²) of the prediction by the uncertainty of the parameters
     """
 
@@ -193,8 +192,7 @@ def joint_levels(
 
     - `rate`: of the samples, Hz; with another rate than the identification's the noise floor is
       another (noise folds into the band of the motion), and there is no limit
-    - `false_warnings`: accepted number of them in a day of motion while the model fits, all joints
-      together
+    - `false_warnings`: accepted number a day of motion while the model fits, of all joints
     """
     result, joints = identified.result, len(identified.joints)
     probability = min(0.5, false_warnings * LEVEL_SECONDS / _DAY / joints)

@@ -4,8 +4,7 @@ Positions pass through the filter of the identification, forward and backward, o
 window; a sample waits until the later samples that its filter needs have come (`lag`). There are
 two outputs:
 
-- **curves**, as early as possible: efforts measured and predicted, both smoothed by the same
-  zero-phase filter;
+- **curves**, as early as possible: efforts measured and predicted, smoothed without phase;
 - **rows**, about a second later: the residual through the parallel decimation of the
   identification, on samples that count there too. Only these are compared with its noise floor.
 """
@@ -102,10 +101,12 @@ class PredictionWindow:
 
     @property
     def _curve_place(self) -> int:
+        """Return the number of the sample that the curves have reached."""
         return self._end - 1 - self._wait - self._smooth_wait
 
     @property
     def _curve_start(self) -> int:
+        """Return the number of the first sample that curves still need."""
         return self._curve_place - max(3 * self._smooth_wait, self._factor, self._around)
 
     def advance(
@@ -187,6 +188,7 @@ class PredictionWindow:
     def _curve(
         self, motion: Motion, predicted: FloatArray, first: int
     ) -> tuple[int, FloatArray, FloatArray]:
+        """Return stamp, ns, measured and predicted efforts (n_joints,) at the curves' end."""
         place = self._curve_place - first
         begin = max(0, place - 3 * self._smooth_wait)
         smoothed = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]

@@ -76,10 +76,9 @@ class SampleStream:
     - `name`: their quantity: ``position`` or ``effort``
     - `turning`: (n_joints,), whether the values are positions that may wrap after one turn
 
-    - `restarted`: why the last `add` dropped everything older (a long pause, a clock that was set);
-      else empty
-    - `late`: number of samples left out because their stamp is not after the last one of their
-      joints
+    - `restarted`: why the last `add` dropped all older samples (a pause, a clock that was set), or
+      empty
+    - `late`: number of samples left out because their stamps do not increase
     - `arrived`: when `reached` changed last, ns
     - `rate`: of the samples, Hz; None until `measure_rate` determines it
     """

@@ -45,7 +45,7 @@ class StampedMessages:
 
 
 def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
-    """Sort messages by their header stamps, or by arrival where the stamps say nothing.
+    """Sort messages by their header stamps, or by arrival if these are constant.
 
     Raises DataError: too few messages, or time mostly runs backward.
     """

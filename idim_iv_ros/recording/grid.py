@@ -85,8 +85,7 @@ def on_grid(
 
     Stamps that lie on the grid give their values bit for bit. A sample is invented in a gap, or
     where no value is finite; with `smooth`, gaps are bridged with continuous velocity (`bridged`).
-    With `stepwise` a value holds until the next stamp, and only samples before the first are
-    invented.
+    With `stepwise` a value holds until the next stamp; samples before the first are invented.
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
@@ -154,6 +153,7 @@ def _resample(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: f
 
 
 def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
+    """Return whether each `target` (m,), s, lies in a gap of the `stamps` (n,), s."""
     after = np.searchsorted(stamps, target, side="left")
     before = np.clip(after - 1, 0, len(stamps) - 1)
     after = np.clip(after, 0, len(stamps) - 1)

@@ -159,6 +159,7 @@ def recording_of(messages: BagMessages) -> Recording:
 def _assemble(
     path: Path, request: Request, parts: list[Part], description: str | None, notes: list[Note]
 ) -> Recording:
+    """Unwrap, cut, clean and resample the parts, and return them as one recording."""
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states
     notes += parts_note(joint_states, parts, joints)

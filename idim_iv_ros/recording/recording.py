@@ -38,10 +38,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Note:
-    """One thing a user should know about how a recording was read.
+    """One fact on how a recording was read that matters to the user.
 
-    `topic`: empty where it is about the file. `count`: how many times. `limits`: whether
-    measurements were lost, so that a user should hear of it unasked.
+    `topic`: empty for the whole file. `count`: how many times it occurred. `limits`: whether
+    measurements were lost, so that commands show the note as a warning.
     """
 
     topic: str

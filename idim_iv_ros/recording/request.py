@@ -46,8 +46,7 @@ def topics_in_bag(
 
     `path`: the bag, for messages. `named`: name of each key of the section `signals`, the most
     important first. `topics`: full names of topics with joints. `node_topics`: full names of the
-    calling node, by relative name. A topic that is not in the bag gets the name that it should
-    have.
+    calling node, by relative name. Topics that are not in the bag get names, too.
 
     Raises DataError: several topics end with a relative name.
     """
@@ -82,7 +81,7 @@ _QUANTITIES = {
 
 @dataclass(frozen=True)
 class Request:
-    """What to read of a bag: joints, topics, and which joints are known to be prismatic.
+    """Joints and topics to read of a bag, and which joints are known to be prismatic.
 
     A topic may be given with a field, ``topic#field``. `effort` is None for robots without efforts.
     `node_topics`: full names of the calling node, by relative name.
@@ -185,8 +184,7 @@ class BagMessages:
     def add(self, topic: str, batch: MessageBatch) -> None:
         """Add messages of a topic to every source that reads it.
 
-        Raises UsageError or DataError: they hold no quantities of joints, or not in the named
-        field.
+        Raises UsageError or DataError: they hold no joint quantities, or not in that field.
         """
         if topic in self.request.descriptions:
             text = robot_description(batch)

@@ -135,8 +135,8 @@ def read_map(path: FilePath) -> tuple[TableMap, Path]:
 def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return stamps (n,) s and every signal (n, n_joints) in SI units.
 
-    Raises UsageError or DataError: no such column, a cell that is no number, or a signal that some
-    joints lack.
+    Raises UsageError or DataError: no such column, a cell that is no number, or some joints lack a
+    signal.
     """
     signals: dict[str, list[str]] = {}
     for signal in SIGNALS:
@@ -244,6 +244,7 @@ def _words(name: str) -> list[str]:
 
 
 def _kind(word: str) -> str | None:
+    """Return the signal that a word of a name means; None for other words."""
     return next((kind for kind, words in _WORDS.items() if re.fullmatch(words, word, re.I)), None)
 
 

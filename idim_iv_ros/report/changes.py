@@ -71,6 +71,7 @@ def changed_values(
 
 
 def _values(result: IdentificationResult | GapResult, nominal: Nominal) -> Iterator[ChangedValue]:
+    """Yield all base parameters of a result with their given values."""
     if not isinstance(result, GapResult):
         for p in result.parameters:
             words, key = _place(p.name, p.expression, result.joints, nominal)

@@ -80,6 +80,7 @@ def distribution_figure(
 
 
 def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
+    """Return plotly shapes of the intervals of next robot and mean, at a height."""
     low, high = (
         _deviations(quantity, unit, end) for end in (quantity.next_low, quantity.next_high)
     )

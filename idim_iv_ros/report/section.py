@@ -67,8 +67,7 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
 class Files:
     """Paths in the commands on a page, which run where the page was made.
 
-    `folder` is that of the page and its numbers; `bags` are the recordings (of a fleet: its
-    source).
+    `folder` is that of the page and its numbers; `bags` are recordings, or a fleet's source.
     """
 
     config: str = CONFIGURATION
@@ -101,7 +100,7 @@ UNPLACED = Files()
 
 @dataclass(frozen=True)
 class Report(Generic[R]):
-    """A result with what its page needs besides."""
+    """A result and the files of its page, with the nominal model and time axis."""
 
     result: R
     files: Files = UNPLACED

@@ -115,8 +115,7 @@ def curves(
 ) -> Curves:
     """Thin curves without losing peaks, and interrupt them where rows are missing.
 
-    Gaps narrower than a thousandth of the session are drawn through, except those between
-    recordings.
+    Gaps narrower than a thousandth of the session, within a recording, are drawn through.
 
     - `time`, `values`: (r,), s of the session, and the curves over it
     - `peaks_of`: sequence of (r,), curves whose smallest and largest rows are kept in each bucket

@@ -123,8 +123,7 @@ def require_writable(
     The folder is created if it does not exist, and removed again (with the created parents) if the
     work inside the ``with`` fails and left nothing in it.
 
-    `names` are those of the files that will be written into `out`; with `force` any existing files
-    may be replaced.
+    `names` are those of the files that will be written into `out`; `force` replaces any files.
 
     Raises
     ------

@@ -317,13 +317,14 @@ def _changes(
             if link or drive
         ],
         ranges=ranges,
-        local=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
+        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
         effects=effects,
         notes=[*robot.remarks, *notes],
     )
 
 
 def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[str, ...]:
+    """Return one parameter as a row of changes.md."""
     name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
     kind = kind_of(name)
     where = ""

@@ -349,6 +349,7 @@ def with_values(
 
 
 def _moments(body: pin.Inertia) -> dict[str, str]:
+    """Return the moments of inertia as attributes ixx … izz of a URDF."""
     values = numbers_text(body.inertia[np.triu_indices(3)])
     return dict(zip(_MOMENTS, values.split(), strict=True))
 

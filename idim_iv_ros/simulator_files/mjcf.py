@@ -108,8 +108,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     derivative actuators are used if they express the whole law; else motors, whose commands are
     torques.
 
-    Raises UsageError: a coupled transmission whose drives have less inertia or damping than it
-    takes from them.
+    Raises UsageError: drives of a coupled transmission with less inertia or damping than it needs.
     """
     robot, law = exported.robot, exported.law
     values = _less_tendons(exported.drives, robot)
@@ -193,6 +192,7 @@ def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) 
 def _joint(
     exported: ExportedRobot, values: JointValues, native: NativeEffects, joint: int
 ) -> dict[str, str]:
+    """Return the attributes of a joint: axis, drive, friction, range, stiffness."""
     robot, law = exported.robot, exported.law
     axis = np.array(exported.urdf.joints[robot.joints[joint]].axis)
     damping = np.array([values.damping[joint], *native.damping.get(joint, ())])

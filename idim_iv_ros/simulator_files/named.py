@@ -3,8 +3,7 @@
 Friction, drive inertia and constant torques are numbers of their joint, a wrong link is that of its
 joint, a payload is a separate body. Parameters of a body that the recording does not determine come
 from a reference: the nominal link, or a ball of water of the payload's mass. If the determined
-numbers belong to no physical body, the nearest one is used, numbers weighted by their standard
-deviations.
+numbers belong to no physical body, the nearest one is used, weighted by standard deviations.
 
 A structural effect of friction was found together with a refit of its joint's friction, so that
 changes of this friction by no other cause belong to the effect.
@@ -308,7 +307,7 @@ def _nearest_body(
 
 
 def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
-    """Return whether parameters (10,) are of a physical body, not tiny against the reference."""
+    """Return whether parameters (10,) are of a physical body, and not below 1e-4 of `reference`."""
     try:
         root = np.linalg.inv(upper_root(pseudo_inertia(reference)))
     except np.linalg.LinAlgError:

@@ -230,8 +230,8 @@ class ExportedRobot:
     def negative_friction(self) -> tuple[SimulatedEffect, ...]:
         """Return Fv and Fc below zero as effects with the same torque (`Cause.instead_of`).
 
-        Simulators allow no negative friction: the sum of a joint's friction is simulated, limited
-        to dissipation.
+        Simulators allow no negative friction: a joint's total friction is simulated, if
+        dissipative.
         """
         values = self.model.values
         return tuple(
@@ -297,8 +297,7 @@ def link_bodies(
 ) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
     """Return the inertials of changed links, and notes on them.
 
-    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
-    in messages.
+    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF.
 
     Raises UsageError: a link for which no physical body is left.
     """

@@ -20,7 +20,6 @@ class EffectsFile(Document):
 
     - `base_parameters`: those that differ from the configuration's, by name
     - `effects`: with numbers as in docs/simulation.md; `native` ones are in the MJCF of the file
-      already
     - `recordings`: names of the recordings that they were found on
     """
 

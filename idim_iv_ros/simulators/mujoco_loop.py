@@ -112,7 +112,10 @@ def _run(
     effects: Effects | None,
     steps: int,
 ) -> MujocoMotion:
-    """Simulate from the position and velocity of a state; `joints` are in the order of both."""
+    """Simulate a loop from positions and velocities of `state`; `steps` are in a control period.
+
+    `joints` are in the order of loop and state. Stops early if the motion diverges.
+    """
     qpos, dof = (
         np.array([int(getattr(model.joint(name), address)[0]) for name in joints])
         for address in ("qposadr", "dofadr")

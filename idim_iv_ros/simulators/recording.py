@@ -195,8 +195,7 @@ def simulate(
     Topics: the joint states and the reference of the configuration (``/joint_reference`` where it
     names none), and ``/robot_description`` with the URDF of the nominal model.
 
-    - `configuration`: with a URDF and a control law; `simulated_robot` says how the robot differs
-      from both
+    - `configuration`: with a URDF and a control law; `simulated_robot` is how the robot differs
     - `out`: the bag; with several seeds ``-SEED`` is put before its suffix
     - `trajectory`: references; the robot starts on its first sample
     - `effects`: a diagnosis (`gap.json`): the robot is its extended model, with its causes

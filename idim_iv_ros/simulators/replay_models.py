@@ -147,6 +147,7 @@ def require_same_native(
 
 
 def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:
+    """Return constant torques by joint, N m (N), as effects."""
     return tuple(
         SimulatedEffect(name_of("offset"), robot.joints[joint], {"offset": float(value)})
         for joint, value in values.items()

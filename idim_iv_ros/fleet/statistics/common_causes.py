@@ -129,9 +129,9 @@ def _size_groups(robots: Robots, ordinary: Collection[str]) -> list[dict[str, Ca
 
 
 def _sizes_agree(one: CauseSummary, other: CauseSummary) -> bool:
-    """Return whether two causes may be equal: each number of both agrees in sign and size.
+    """Return whether two causes may be equal: their common numbers agree in sign and size.
 
-    The 95 % are for all numbers together (Bonferroni).
+    Intervals hold for all numbers together, 95 % (Bonferroni).
     """
     first, second = _with_std(one), _with_std(other)
     same = first.keys() & second.keys()

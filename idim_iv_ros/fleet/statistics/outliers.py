@@ -84,7 +84,7 @@ _TAIL = 20  # of these with a smaller p-value; beyond, both fall in proportion
 
 @dataclass(frozen=True)
 class Outlying:
-    """How far the k robots of a type are from the others in m quantities."""
+    """Comparison of the k robots of a type with the others, in m quantities."""
 
     statistics: FloatArray  # (k, m), studentised distance from the others
     p_values: FloatArray  # (k, m)

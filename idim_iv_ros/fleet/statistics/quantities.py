@@ -93,8 +93,8 @@ class RobotBags:
 class TypeBags:
     """Usable bags of the robots of one type.
 
-    Bags in `other_model` have other base parameters, geometry or unit than most of the type and are
-    not comparable.
+    Bags in `other_model` have other base parameters, geometry or units than most, and are not
+    comparable.
     """
 
     type: str

@@ -87,8 +87,7 @@ def resemblance(robots: Sequence[RobotBags]) -> float | None:
 
     Each robot has one number, the mean over its quantities of the lag-one correlation of their
     deviations from the robot's mean, plus 1 / k as a correction for the mean of k bags (Kendall,
-    Biometrika 41, 1954). Wilcoxon's test over robots is used, on which one changed robot has little
-    influence.
+    Biometrika 41, 1954). Wilcoxon's test over robots is used, robust against one changed robot.
     """
     correlations = [correlation for robot in robots if (correlation := _lag_one(robot)) is not None]
     if len(correlations) < _FEWEST_ROBOTS:

@@ -55,7 +55,7 @@ class HeardRobot:
 
 @dataclass(frozen=True)
 class Parts:
-    """What a collection works with; `gone` returns whether nobody waits for the result."""
+    """Everything a collection needs; `gone` returns whether no client waits for its result."""
 
     robot: HeardRobot
     controller: Controller

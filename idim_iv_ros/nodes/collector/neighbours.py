@@ -72,8 +72,7 @@ class Controller:
     ``joint_trajectory``, which reports no failure. With ``auto`` the action is used if its server
     was ready at the last call of `missing`, else the topic.
 
-    Raises UsageError: control_msgs, which the action needs, is not installed; or `name` is not
-    valid in ROS.
+    Raises UsageError: control_msgs, needed for the action, is not installed, or `name` is invalid.
     """
 
     def __init__(self, node: Node, name: str, interface: str) -> None:

@@ -170,6 +170,7 @@ class EstimateHistory:
         return [self._comparison(entry, significance) for entry in ordered]
 
     def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
+        """Compare one identification with its baseline, and find since when it drifts."""
         of_kind = [entry for entry in self.entries if entry.kind == newest.kind]
         comparable = [entry for entry in of_kind if entry.independent_of(newest)]
         chosen = [entry for entry in comparable if entry.baseline]

@@ -124,8 +124,7 @@ def confined(folder: Path, name: str, what: str) -> Path:
     `name` is relative to the folder, or absolute and inside it; `what` is the parameter that holds
     the folder, for the message.
 
-    Raises UsageError: the name is empty, contains ``..``, or leads out of the folder, be it by a
-    link.
+    Raises UsageError: the name is empty, contains ``..``, or leads out of the folder.
     """
     if len(name) > _LONGEST:
         raise UsageError(f"{what}: a name of {len(name)} characters is too long")

@@ -115,6 +115,7 @@ class JobQueue:
             self._abandon(running, f"ended after {over[0]:g} s without a result")
 
     def _abandon(self, job: Job, why: str) -> None:
+        """Kill the worker of a running job, or remove a waiting one, for a reason."""
         if job is self.running and self._worker is not None:
             job.message = job.message or why
             self._worker.kill()
@@ -125,6 +126,7 @@ class JobQueue:
             self._wake()
 
     def _begin(self, job: Job) -> None:
+        """Create the folder of a job and start its worker."""
         settings, configuration = self._settings(), job.configuration
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)

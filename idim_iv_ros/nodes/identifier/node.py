@@ -51,8 +51,7 @@ class ManagedNode(LifecycleNode):
     """A lifecycle node: unconfigured, inactive, active or finalized.
 
     `transitions` maps ``configure``, ``activate`` and so on to functions, which raise IdimError if
-    the transition is impossible. A failed transition leaves the state as it was; the reason is
-    logged.
+    the transition is impossible. A failed transition is logged and leaves the state as it was.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -218,6 +217,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
             return None
 
     def _ended(self, job: Job) -> None:
+        """Publish the result of an ended job, or log why there is none; tell the client."""
         if job.success:
             try:
                 (self._publisher if job.task == "identification" else self._gaps).add(job)

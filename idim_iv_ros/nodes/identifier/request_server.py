@@ -84,8 +84,7 @@ class RequestServer:
     name look the same in lists and in policies. The types `service` and `action` have the same
     request fields, answers `success`, `message` and `result`, feedback `stage` and `progress`.
     `submit` takes a request and its listener, and returns the job, or None if it was refused and
-    the listener has the reason. `cancel` takes a job. `result` returns the message of the job that
-    ended last.
+    the listener has the reason. `cancel` takes a job. `result` returns the last message.
     """
 
     def __init__(

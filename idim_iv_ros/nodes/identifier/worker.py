@@ -37,8 +37,7 @@ def _do_job(request: Request, events: Connection) -> None:
 class Worker:
     """A process that carries out one job and ends.
 
-    `heard` takes each event of `identification_worker` in a thread, at last ``{"gone": exit
-    status}``.
+    `heard` takes the events of `identification_worker` in a thread, at last ``{"gone": status}``.
     """
 
     def __init__(self, request: Request, heard: Callable[["Worker", Event], None]) -> None:
@@ -65,6 +64,7 @@ class Worker:
             self._thread.join()
 
     def _listen(self, pipe: Connection) -> None:
+        """Start the process and pass on its events until it ends; then kill its children."""
         try:
             self._process.start()  # waits until all is loaded
         except (OSError, EOFError) as error:

@@ -117,6 +117,7 @@ class ModelSource:
         return changed
 
     def _describe(self, text: str, source: str) -> None:
+        """Build the model of a URDF text; `source` names it in messages."""
         model = build_inverse_model(self._configuration, text, source)
         carried = {
             joint.name: link

@@ -88,6 +88,7 @@ class WriterThread(threading.Thread):
             self.failure = f"messages could not be written: {one_line(error)}"
 
     def _work(self) -> None:
+        """Process the queue: messages of each topic together, functions in between."""
         waiting: dict[str, list[_Batch]] = {}
         while True:
             try:
@@ -104,6 +105,7 @@ class WriterThread(threading.Thread):
         self._write(waiting)
 
     def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
+        """Count waiting messages by topic, and hand them to the session."""
         messages: list[Message] = []
         for topic, batches in waiting.items():
             taken = [message for batch in batches for message in batch.taken]

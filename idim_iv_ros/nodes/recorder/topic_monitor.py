@@ -75,8 +75,7 @@ class JointContent:
 class Received:
     """A batch of messages of one topic as the middleware handed it over.
 
-    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), -1 where there
-    are none.
+    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), or -1.
     """
 
     messages: list[bytes]

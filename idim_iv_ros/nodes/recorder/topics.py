@@ -233,7 +233,7 @@ def _offered_qos(publisher: TopicEndpointInfo) -> OfferedQos:
 
 
 class TopicSet:
-    """All topics to record; `say` takes a line when a topic cannot be recorded."""
+    """All topics to record; `say` takes a sentence on a topic that cannot be recorded."""
 
     def __init__(
         self, node: Node, settings: RecorderSettings, say: Callable[[str], object]
@@ -317,8 +317,8 @@ class TopicSet:
 def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     """Return the topics of joint states, effort, reference, link states and robot description.
 
-    Relative names are in the namespace of the node, and remapped; the robot description may also be
-    the global one.
+    Relative names are in the namespace of the node, and remapped; the robot description may be
+    global.
     """
     signals, joints = SignalsSection(), tuple[str, ...]()
     if settings.configuration:

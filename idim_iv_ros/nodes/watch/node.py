@@ -140,8 +140,7 @@ class JointView:
 
     Unknown numbers are NaN; efforts in `unit`. `share` is the RMS of the residual over the last
     second of motion, divided by the noise floor; `level_share` over ten seconds, with its `limit`
-    from scatter and parameter uncertainty; `level` is ``good``, ``beyond`` the limit, or
-    ``unknown``.
+    from scatter and parameter uncertainty; `level` is ``good``, ``beyond`` or ``unknown``.
     """
 
     name: str
@@ -313,6 +312,7 @@ class Watcher:
         self._nodes["drift of parameters"] = message.message
 
     def _view(self) -> LiveView:
+        """Return the present state of all joints and nodes, to show it."""
         message, nodes = self._prediction, dict(self._nodes)
         topic = self.node.resolve_topic_name(_TOPIC)
         if message is None:

@@ -130,8 +130,8 @@ class JointValues(NamedTuple):
     """Joint quantities in one message.
 
     `stamp`: of its header, ns; zero without one. `names`: of the joints; empty for an array without
-    names. `numbers` (n,): by quantity, in the order of the names. `origins`: field of the message
-    by quantity.
+    names. `numbers` (n,): by quantity, ordered as the names. `origins`: field of the message by
+    quantity.
     """
 
     stamp: int
@@ -149,8 +149,7 @@ class JointMessageType:
     """How messages of one topic are decoded.
 
     `name`: message type. `schema`: its definition in the bag. `field`: the field to read; None for
-    the usual one. `reference`: whether to read references of the controller rather than
-    measurements.
+    the usual one. `reference`: whether to read references, not measurements.
     """
 
     name: str
@@ -260,6 +259,7 @@ class JointMessageType:
         return content.joint_names, fields
 
     def _interfaces(self, content: Any, quantities: Sequence[str]) -> _Quantities:
+        """Return joint names and numbers of a DynamicJointState, by interface."""
         wanted = {name: name for name in QUANTITIES}
         if self.field is not None:
             wanted[_field_quantity(quantities)] = self.field

@@ -101,8 +101,7 @@ def _equal_layout(
     """Decode at once all JointStates of a batch with the same layout as one `message`.
 
     Drivers nearly always publish the same joints in the same order. Such messages differ in stamp
-    and numbers only. None where the numbers have another byte order, and are no view of the
-    message.
+    and numbers only. None for numbers with another byte order.
     """
     whole, size = np.frombuffer(message, dtype=np.uint8), len(message)
     fixed = np.ones(size, dtype=bool)

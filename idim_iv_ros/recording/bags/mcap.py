@@ -265,6 +265,7 @@ class McapFile(BagFile):
     def _walk(
         self, content: mmap.mmap | bytes, wanted: set[str], place: int
     ) -> Iterator[tuple[str, MessageBatch]]:
+        """Yield the messages of all records from `place` on, and count damages."""
         loose: tuple[int, int] | None = None  # messages outside chunks: where they begin and end
         chunk = b""
         index: dict[int, IntArray] = {}  # of the messages of each channel, behind their chunk

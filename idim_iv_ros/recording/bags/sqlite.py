@@ -65,6 +65,7 @@ class SqliteFile(BagFile):
         return numbers
 
     def _define(self, connection: sqlite3.Connection) -> None:
+        """Read the definitions of message types, if the database has them."""
         columns = ("topic_type", "encoding", "encoded_message_definition")
         try:
             self._require_table(connection, "message_definitions", set(columns))
@@ -97,6 +98,7 @@ class SqliteFile(BagFile):
     def _messages(
         self, connection: sqlite3.Connection, topics: dict[int, str]
     ) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, log time, ns, and bytes of all readable rows; skip damaged pages."""
         query = (
             "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED "
             f"WHERE rowid > ? AND topic_id IN ({', '.join('?' * len(topics))}) ORDER BY rowid"

@@ -112,8 +112,7 @@ class GrowingMcap:
 
         `announce` takes the new summary just before it is written; it may raise OSError, too.
 
-        Raises OSError: it could not be written; the file is as before, and no added message is
-        lost.
+        Raises OSError: it could not be written; the file is as before, and no message is lost.
         """
         self._writer.flush()
         self._waiting += self._stream.take()

@@ -179,10 +179,10 @@ class JointTopic:
     Attributes
     ----------
     name : str
-        Without a leading slash it is in a bag as of a node without a namespace.
+        Name of the topic; a leading slash is added if it has none.
     joints : sequence of str
     time : (n,) s
-    position, velocity, effort : (n, n_joints) or None
+    position (rad or m), velocity, effort : (n, n_joints) or None
     """
 
     name: str

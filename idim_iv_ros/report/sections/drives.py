@@ -53,6 +53,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
 
 
 def _row(result: GapResult, transmission: Transmission) -> dict[str, str]:
+    """Return the table row of a transmission: its numbers, or bounds of them."""
     small = small_unit(result, transmission.joint)
     bound = ""
     if transmission.stiffness is None and transmission.stiffness_at_least is not None:

@@ -117,6 +117,7 @@ def _colour(share: float) -> str:
 
 
 def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
+    """Return variables of the template with the drawing of the robot."""
     return {"robot": _shaded_robot(report), "missing": report.nominal.missing, **context}
 
 
