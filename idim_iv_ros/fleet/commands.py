@@ -36,7 +36,7 @@ BAGS = "bags"  # folder of the results of bags, below those of the fleet
 DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results of the fleet
 # Share of the progress that the identification of the bags takes.
 _IDENTIFIED = 0.5
-# Bags whose content is looked at at once: disks and stores answer several.
+# Bags whose content is read in parallel: disks and stores serve several requests.
 _THREADS = 8
 _WHOSE = ("uri", "content", "key", "robot", "type", "time")
 

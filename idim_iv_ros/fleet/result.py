@@ -21,8 +21,8 @@ Status = Literal["ok", "missing", "corrupt", "unusable"]
 class JointNoise:
     """Residual of one joint, N m (N for a prismatic joint).
 
-    `rms`: of the bag's estimate; `floor`: of the noise of the measured torque in the band of the
-    rows, which no model explains.
+    `rms`: RMS of the bag's residual; `floor`: noise of the measured torque in the band of the rows,
+    which no model explains.
     """
 
     joint: str
@@ -82,7 +82,7 @@ class BagResult(Document):
       autocorrelation of the residual; in `units`. Of a bag in segments IDIM-IV is the average
       weighted by covariance, and IDIM-LS that of the whitened rows of all
     - `given`: (p,), values of the nominal model; null where there are none
-    - `condition_number`: of the stacked regressor matrix
+    - `condition_number`: that of the stacked regressor matrix
     - `verdict`, `sentence`: verdict on the identification in a word and in a sentence
     - `checks`: findings on the recording: losses, frozen channels, segments
     - `diagnosis`: where the bag was diagnosed
@@ -209,9 +209,8 @@ class FleetType:
     """Results on the robots of one type.
 
     - `robots`, `bags`: number of robots with usable bags, and of the bags that were used
-    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: what their diagnoses have in
-      common
-    - `notes`: what could not be judged, and why
+    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: common findings
+    - `notes`: sentences on what could not be judged, and why
     """
 
     type: str
@@ -254,7 +253,7 @@ class ParameterChange:
     """A change of one quantity of one robot over time.
 
     - `kind`: ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last
-    - `p_value`: of the null hypothesis that nothing changed, the search over dates included
+    - `p_value`: p-value of the null hypothesis that nothing changed, the search over dates included
     - `begin`: time of the first bag that is changed, ISO 8601; `begin_low`, `begin_high`: it lies
       between these bags, 95 %
     - `before`, `after`: level before the change, and at the last bag
@@ -290,10 +289,10 @@ class FleetRobot:
     - `reasons`: all reasons in sentences
     - `bags`, `not_used`: number of bags that were used, and of the others
     - `first`, `last`: times of the first and last bag that were used, null where unknown
-    - `p_value`, `change_p_value`: of the null hypotheses that the robot is one of its type, and
-      that nothing changed over time
+    - `p_value`, `change_p_value`: p-values of the null hypotheses that the robot is one of its
+      type, and that nothing changed over time
     - `quantities`: in the order of its type's
-    - `diagnosis`: of its last bag that was diagnosed
+    - `diagnosis`: that of its last diagnosed bag
     """
 
     robot: str
@@ -332,7 +331,7 @@ class FleetResult(Document):
     - `false_discoveries`: largest expected share of false ones among the robots that differ, and
       among those that changed
     - `level`: level of all intervals
-    - `robots`: what needs attention first; `bags`: in the order in which they were given
+    - `robots`: sorted by attention; `bags`: in the order in which they were given
     - `screen`: which robots to diagnose
     """
 

@@ -252,7 +252,7 @@ def run_tasks(
             answer = future.result()
         elif future.status == "error":
             error = future.exception()
-            # Of a worker that came later?
+            # A worker of another version may have joined.
             if isinstance(error, (ImportError, AttributeError, UsageError)):
                 _require_same_version(client)
             died = isinstance(error, KilledWorker)

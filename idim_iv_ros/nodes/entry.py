@@ -67,7 +67,7 @@ def run_node(
     try:
         try:
             with warnings.catch_warnings():
-                # Of a node that cannot be made rclpy warns, too, that it cannot be unmade.
+                # After a failed construction rclpy warns that the node cannot be destroyed.
                 warnings.simplefilter("ignore", RuntimeWarning)
                 refuse_unknown_arguments(arguments)
                 rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)

@@ -19,7 +19,7 @@ from idim_iv_ros.signal_source import field_of, topic_of
 from idim_iv_ros.types import FloatArray
 
 _DEPTH = 5_000  # messages that wait: 0.5 s at 10 kHz
-_NEWEST = 32  # the same where the newest are enough: joints may have messages of their own
+_NEWEST = 32  # likewise where only the newest are needed: joints may have separate messages
 _LARGEST = 1_000_000  # bytes
 _LOOK = 0.01  # s; a callback for each message of a fast robot would take half a core
 _SEARCH = 0.1  # s between two looks for publishers
@@ -90,7 +90,7 @@ class JointTopic:
             nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
             return dict.fromkeys(self._fields, nothing)
         arrived = batch_of(taken)
-        # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
+        # Some drivers leave the stamp empty, and arrays of numbers have none.
         times = np.where(arrived.sent > 0, arrived.sent, arrived.received)
         batch = MessageBatch.of(list(zip(times.tolist(), arrived.messages, strict=True)))
         self._lacks = ""

@@ -18,7 +18,7 @@ from idim_iv_ros.statistics.residuals import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 from idim_iv_ros.validation import first_problem
 
-# What must be as it was when the result was made: its numbers mean something else otherwise.
+# Keys that must have the values of the identification, on which the parameters depend.
 _SAME = {
     "robot": ("gravity", "position_offset", "motor_to_joint", "motor_to_joint_torque", "couplings"),
     "signals": ("effort_scale", "effort_unit"),
@@ -30,12 +30,12 @@ _SAME = {
 class IdentifiedModel:
     """Model, parameters and filters of one identification."""
 
-    path: Path  # Of the result
+    path: Path  # of the result.json
     result: IdentificationResult
     model: InverseModel
-    transform: JointTransform  # From what the topics hold to the joints
+    transform: JointTransform  # from quantities of the topics to those of the joints
     values: FloatArray  # (b,): Base parameters
-    processing: ProcessingSection  # That the result was made with
+    processing: ProcessingSection  # filters of the identification
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -53,8 +53,8 @@ def identified_model(
 ) -> IdentifiedModel:
     """Read a result.json and check that it belongs to this robot and configuration.
 
-    - `path`: of the result
-    - `model`, `source`: of the configuration (`build_inverse_model`), and the name of its URDF
+    - `path`: path of the result.json
+    - `model`, `source`: model of the configuration (`build_inverse_model`), name of its URDF
 
     Raises UsageError: one line: it cannot be read, or is of another robot, URDF or configuration.
     """
@@ -151,8 +151,8 @@ class JointLevel:
     rms: float
     noise_floor: float
     rows: int
-    seconds: float  # That these rows make
-    limit: float | None  # RMS over noise floor that scatter explains; None where it is not known
+    seconds: float  # of motion in these rows
+    limit: float | None  # of RMS over noise floor by scatter; None if unknown
     why_no_limit: str
 
     @property
@@ -190,7 +190,7 @@ def joint_levels(
 ) -> tuple[JointLevel, ...]:
     """Compare every joint's residual with that of the identification.
 
-    - `rate`: of the samples, Hz; with another rate than the identification's the noise floor is
+    - `rate`: sampling rate, Hz; with another rate than the identification's the noise floor is
       another (noise folds into the band of the motion), and there is no limit
     - `false_warnings`: accepted number a day of motion while the model fits, of all joints
     """

@@ -225,8 +225,8 @@ class Prediction:
     Arrays are (n_joints,), in N m (N); NaN where there is no number.
     """
 
-    stamp: int  # Of the sample, ns; of the newest sample where nothing is predicted, 0 without any
-    reason: str  # Why nothing is predicted; empty where something is
+    stamp: int  # of the predicted sample, else of the newest, ns; 0 without any
+    reason: str  # why nothing is predicted; empty for a prediction
     measured: FloatArray
     predicted: FloatArray
     residual: FloatArray
@@ -239,7 +239,7 @@ class LivePrediction:
     - `one_topic`: whether positions and efforts come in the same messages
 
     - `rows`: decimated residual, to judge its size by
-    - `rate`: of the samples, Hz; None while it is measured
+    - `rate`: sampling rate, Hz; None while it is measured
     """
 
     def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:
@@ -328,7 +328,7 @@ class LivePrediction:
                 self._restart(
                     f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
                 )
-                # Of the samples before the change there are none left to measure a rate from.
+                # All samples were dropped: the rate must be measured again.
                 return self._why
         return ""
 

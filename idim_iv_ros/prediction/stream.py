@@ -79,8 +79,8 @@ class SampleStream:
     - `restarted`: why the last `add` dropped all older samples (a pause, a clock that was set), or
       empty
     - `late`: number of samples left out because their stamps do not increase
-    - `arrived`: when `reached` changed last, ns
-    - `rate`: of the samples, Hz; None until `measure_rate` determines it
+    - `arrived`: time of the last change of `reached`, ns
+    - `rate`: sampling rate, Hz; None until `measure_rate` determines it
     """
 
     def __init__(self, name: str, turning: Sequence[bool]) -> None:

@@ -52,7 +52,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     topic, count = messages.topic, len(messages)
     if count < 2:
         raise DataError(f"{where}: {count} messages on {topic}: nothing to identify from")
-    # Of a driver that fills in no stamps, a few may be set all the same.
+    # A driver that leaves stamps empty may still set a few.
     headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
     arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
     time = messages.stamps if headed else arrival
@@ -168,7 +168,7 @@ def _longest_chain(
         first = max(0, stretch - _STRETCHES)
         start, ends = starts[stretch], stops[first:stretch] - 1
         steps, arrived = time[start] - time[ends], arrival[start] - arrival[ends]
-        # As usual, or after a pause in which the time of arrival went on, too.
+        # By a usual step, or after a pause in which the time of arrival advanced, too.
         pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
         follows = _is_usual_step(steps, interval) | pause
         if follows.any():

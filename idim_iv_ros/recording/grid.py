@@ -20,11 +20,11 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Samples from which on a stretch without a gap is interpolated by a spline.
 _SPLINE_SAMPLES = 8
-# Numbers up to which all joints are interpolated together: an hour of all would fill the memory.
+# Numbers up to which all joints are interpolated at once: an hour of all would fill the memory.
 _AT_ONCE = 100_000
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3
-# Share of a sample by which a held value may come late and still belong to it.
+# Share of a sample by which a value may come late and still count for it.
 _EARLY = 0.25
 # A rounded rate may drift by this share of a sample over the recording.
 _DRIFT = 0.25

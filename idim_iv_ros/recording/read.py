@@ -37,8 +37,8 @@ from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
 LEAST_SAMPLES = 20
-# A grid may be longer than its messages by so much: more is holes.
-_NOTED = 0.1  # s that are cut off without a word
+# A grid with many more samples than messages consists of gaps.
+_NOTED = 0.1  # s that are cut off without a note
 _SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
 
 
@@ -312,7 +312,7 @@ def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
 # s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
 # lose about a tenth of a second at each edge.
 SEGMENT = 300.0
-# A topic that is this far behind the others, in segments, has ended: nobody waits for it.
+# A topic this many segments behind the others has ended, and is not waited for.
 _BEHIND = 2
 
 

@@ -80,8 +80,8 @@ class FrozenStretches:
     """Stretches of a recording in which one channel is frozen.
 
     `channel` in words: ``effort of joint_2 on /joint_states``. `samples`: measurements left out;
-    `share`: of all measurements of the channel. `first`: beginning of the first stretch, s from the
-    start of the recording. `longest`: duration of the longest, s.
+    `share`: these over all measurements of the channel. `first`: beginning of the first stretch, s
+    from the start of the recording. `longest`: duration of the longest, s.
     """
 
     channel: str

@@ -160,8 +160,8 @@ class TextFormat:
 class TextTable:
     """A table in text, with or without a row of names.
 
-    `names`: of the columns; numbers from 0 where there are none. A comment in front of the numbers
-    counts as names if it has as many columns, as NumPy writes it.
+    `names`: names of the columns, or their numbers from 0. A comment in front of the numbers counts
+    as names if it has as many columns, as NumPy writes it.
 
     Raises UsageError: there is nothing but comments.
     """

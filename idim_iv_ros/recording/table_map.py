@@ -33,7 +33,7 @@ _POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "m
 _SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
 _SPEEDS["rpm"] = 2.0 * np.pi / 60.0
 _EFFORTS = {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "kN": 1e3, "A": 1.0, "mA": 1e-3}
-# Of references and encoders behind the gears they are those of positions.
+# References and link positions have the units of positions.
 _UNITS_OF = {"velocity": _SPEEDS, "velocity_reference": _SPEEDS, "effort": _EFFORTS}
 
 _TIME = re.compile(r"^(t|time|times|timestamp|stamp|sec|secs|seconds|clock)([_ .(\[]|$)", re.I)

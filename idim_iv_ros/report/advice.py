@@ -42,7 +42,7 @@ from idim_iv_ros.report.numerals import (
 from idim_iv_ros.report.section import Files, Report
 from idim_iv_ros.statistics.verdict import Verdict
 
-# Badge of each verdict on an identification: class, sign; in the order of `Verdict`.
+# Badge of each verdict on an identification: CSS class, sign; in the order of `Verdict`.
 _BADGES = dict(
     zip(get_args(Verdict), (("good", "✓"), ("fair", "≈"), ("bad", "✕"), ("open", "?")), strict=True)
 )

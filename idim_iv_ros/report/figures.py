@@ -16,7 +16,7 @@ from idim_iv_ros.encoding import json_text
 INK, MUTED, GRID = "var(--ink)", "var(--muted)", "var(--grid)"
 BLUE, ORANGE, GREY = "var(--blue)", "var(--orange)", "var(--grey)"
 SHADE = "var(--shade)"
-# Of the directions of motion: no colours of models.
+# Colours of the directions of motion, none of which is that of a model.
 FORWARD, BACKWARD = "var(--forward)", "var(--backward)"
 FORWARD_BAND, BACKWARD_BAND = "var(--forward-band)", "var(--backward-band)"
 

@@ -94,7 +94,7 @@ class Files:
         return f"{self.command('record', out='new')}\nidim-iv {command} new/* {words}"
 
 
-# Of a page that is made apart from the files of its result.
+# For a page without the files of its result.
 UNPLACED = Files()
 
 

@@ -94,7 +94,7 @@ def write_report(
         except OSError as error:
             raise _refusal(Path(out), error) from error
     try:
-        # That of an earlier result would pass for the page of this one.
+        # The page of an earlier result would pass for that of this one.
         page.unlink(missing_ok=True)
         write_together({page: draw()})
     except Exception as error:

@@ -31,7 +31,7 @@ from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
-# Of the nominal link the rest must have at least this share in every direction.
+# A body must have at least this share of the reference's inertia in every direction.
 _LEAST = 1e-4
 # Torque that bodies and friction would take for theirs.
 _NO_BODY = ("torque scale", "gravity")
@@ -147,7 +147,7 @@ def corrected_model(
                 for name, change in changes.items():
                     value = given[name] + _round(change)
                     changed[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
-    # Of the refit's friction beside an effect, what left-out causes account for goes with them.
+    # Changes of the refit's friction by causes that are left out are removed with them.
     others = [_changes(effect, robot.joints) for effect in left_out if effect.kind == "parametric"]
     for cause in causes:
         joints = [joint for joint in (cause.joint, cause.other_joint) if joint]

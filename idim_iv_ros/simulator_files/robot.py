@@ -129,7 +129,7 @@ class JointValues:
     # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
     # MuJoCo's with the defaults of its solver
     lead: FloatArray
-    couplings: tuple[Coupled, ...] = ()  # Of the transmission
+    couplings: tuple[Coupled, ...] = ()  # of coupled transmissions
 
 
 Result = GapResult | IdentificationResult

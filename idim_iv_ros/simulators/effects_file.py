@@ -18,7 +18,7 @@ EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
 class EffectsFile(Document):
     """A file of effects, by an export or a user.
 
-    - `base_parameters`: those that differ from the configuration's, by name
+    - `base_parameters`: values by name that differ from the configuration's
     - `effects`: with numbers as in docs/simulation.md; `native` ones are in the MJCF of the file
     - `recordings`: names of the recordings that they were found on
     """

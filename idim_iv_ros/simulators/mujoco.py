@@ -10,9 +10,9 @@
         effects.apply(model, data)
         mujoco.mj_step(model, data)
 
-The laws, and when they are asked, are those of `simulation.effect_kernel`: what opposes motion
-becomes dry friction and damping of the step, which MuJoCo solves together with contacts and limits,
-and what does not becomes an applied force.
+The laws, and their times of evaluation, are those of `simulation.effect_kernel`: torques that
+oppose motion become dry friction and damping of the step, which MuJoCo solves together with
+contacts and limits, and all others become an applied force.
 
 `apply` writes of the joints that have effects: `dof_frictionloss` and `dof_damping` of the model,
 and `qfrc_applied` of the data. But for constant torques it takes their dry friction as stiff as

@@ -45,7 +45,7 @@ class MujocoMotion:
 
     position: FloatArray  # rad (m): of the encoders
     torque: FloatArray  # N m (N): command of the law
-    diverged: str = ""  # Why it ended early; empty if it did not
+    diverged: str = ""  # why the simulation ended early; empty if it did not
 
 
 def run_in_mujoco(
@@ -61,11 +61,12 @@ def run_in_mujoco(
 ) -> MujocoMotion:
     """Simulate references and a control law in closed loop; return position and torque.
 
-    - `model`: with a motor ``replay_NAME`` for each joint, and the parts that the effects need
+    - `mujoco`, `model`: module and model, with a motor ``replay_NAME`` for each joint and parts for
+      effects
     - `robot`: its joints have the order of the law and the references
-    - `parameters`: of the model: effects that replace dry friction need it
-    - `effects`: those not in the model already, changes of the control law included
-    - `longest_step`: s; a shaft may need shorter ones
+    - `parameters`: those of the model; effects that replace dry friction need them
+    - `effects`: effects that are not in the model already, and changes of the control law
+    - `longest_step`: largest time step, s; a shaft may need shorter ones
 
     Raises UsageError: see `Effects`.
     """

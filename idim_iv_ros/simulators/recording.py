@@ -36,7 +36,7 @@ from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.types import FloatArray
 
-# Of the section `simulated_robot`: what the recorder adds.
+# Keys of the section `simulated_robot` that concern the recorder.
 _NOISE = {
     *("position_noise", "torque_noise", "encoder_resolution"),
     *("disturbance", "disturbance_bandwidth", "stamp_jitter"),

@@ -333,7 +333,10 @@ class _Comparison:
         recorded: Sequence[FloatArray],
         noise: FloatArray,
     ) -> dict[str, ReplayError]:
-        """Return RMS errors with intervals from blocks of time, and their ratio to the noise."""
+        """Return RMS errors over all recordings by name, with intervals and ratio to the noise.
+
+        `simulated`, `recorded`: (n_samples, n_names) of each recording; `noise`: RMS (n_names,).
+        """
         sums = []
         for motion, simulation, recording in zip(self.motions, simulated, recorded, strict=True):
             squares = np.nan_to_num((simulation - recording)[motion.span] ** 2)

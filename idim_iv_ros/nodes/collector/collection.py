@@ -30,9 +30,9 @@ from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
 _REST = 0.5  # s that are recorded before and after the motion
-_DISCOVERY = 3.0  # s that a neighbour may need to be found
-_CHECK, _IDENTIFICATION = 5.0, 20.0  # s, about, for the share that is done
-_PLANNING = 0.1  # of the whole, whose duration is known only afterwards
+_DISCOVERY = 3.0  # s until a node must be discovered
+_CHECK, _IDENTIFICATION = 5.0, 20.0  # s, about, for the progress
+_PLANNING = 0.1  # share of the progress: the duration is known only afterwards
 
 
 class HeardRobot:
@@ -151,7 +151,7 @@ class Collection:
             ),
             _PLANNING,
         )
-        find()  # that took its time
+        find()  # planning took a while
         return passes_of(
             model,
             limits,

@@ -14,15 +14,15 @@ from idim_iv_ros.nodes.joint_topic import JointPositions, Place
 from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
-STANDING = 0.2  # s in which a robot at rest moves less than
+STANDING = 0.2  # s in which a robot at rest moves less than STILL
 STILL = 0.01  # rad (m)
 
-_SIGN_OF_LIFE = 0.5  # s between two words on what is done
+_SIGN_OF_LIFE = 0.5  # s between two progress reports
 _SETTLED = 3.0  # s until a robot that was stopped rests
 _SLACK = 0.1  # s around the delay of the controller
-_MOVED = 0.5  # of the allowed error: the robot has begun
+_MOVED = 0.5  # share of the allowed error by which a robot that has begun moved
 _STEP = 0.01  # s between two delays that are tried
-_UNSEEN = 1.0  # s that a motion is waited for which is too small to be seen
+_UNSEEN = 1.0  # s to wait for a motion that is too small to be noticed
 
 Say = Callable[[str, float, float, str], None]
 State = tuple[FloatArray, FloatArray]

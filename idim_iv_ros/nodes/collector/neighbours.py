@@ -29,13 +29,13 @@ _CODES = (
     "PATH_TOLERANCE_VIOLATED",
     "GOAL_TOLERANCE_VIOLATED",
 )
-_ANSWER = 15.0  # s; the recorder gives up a disk that hangs after ten
+_ANSWER = 15.0  # s to wait for an answer; the recorder waits ten for a disk
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
 _BETWEEN_LOOKS, _ABSENCES = 0.4, 2  # s between two looks for clients; looks that must find none
 _WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
-Tick = Callable[[], None]  # lets a little time pass; may raise why nothing more is to be done
+Tick = Callable[[], None]  # sleeps a little; raises when the collection must end
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: Tick) -> None:
@@ -266,7 +266,7 @@ class RecorderNeighbour:
         self._call_service("start", tick)
 
     def stop(self, *, aborted: bool = False) -> Path:
-        """Have the recorder close its bag (`aborted`: as useless), and return the bag's folder.
+        """Have the recorder close its bag, or abort it, and return the bag's folder.
 
         A UsageError says why the recorder refuses, or that it names no bag in time.
         """

@@ -14,7 +14,7 @@ from idim_iv_ros.nodes.identifier.job import WAITING, Job
 from idim_iv_ros.nodes.identifier.worker import Event, StartWorker, Worker
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 
-_SIGN_OF_LIFE = 1.0  # s; who asked hears at least so often what is done
+_SIGN_OF_LIFE = 1.0  # s between two progress reports to the client, at most
 
 
 class JobQueue:

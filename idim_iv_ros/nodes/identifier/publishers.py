@@ -61,7 +61,7 @@ class ResultPublisher:
     def publish_last(self) -> None:
         """Read the history; publish the newest result whose file can be read, and its drift."""
         history = self._history = EstimateHistory(self._directory)
-        # Of those that are shown the newest, else the newest of all.
+        # The newest that may be shown; without any, the newest of all.
         for entry in sorted(history.entries, key=_is_shown)[::-1]:
             try:
                 path = self._directory / entry.folder / RESULT

@@ -143,7 +143,7 @@ _LOOK = 0.5  # s between two looks for publishers and for a new result
 _MARKERS = 0.2  # s between two messages for RViz
 _DIAMETER, _TEXT, _LIFT = 0.14, 0.05, 0.12  # m
 _GREY = (0.55, 0.55, 0.58)
-# As good as the identification, twice its noise floor, four times or more.
+# Colours at one, two and four times the noise floor of the identification.
 _COLOURS = ((0.13, 0.60, 0.33), (0.95, 0.68, 0.10), (0.80, 0.12, 0.16))
 _ALPHA = 0.75
 _DESCRIPTIONS = ("robot_description", "/robot_description")

@@ -61,7 +61,7 @@ class WatchedTopic:
     """Subscription, channel and counts of one topic.
 
     `name` is fully qualified. `types` are the usable message types; None: any installed type.
-    `joints`, `needed`: as in JointContent. `depth`: messages that the middleware queues.
+    `joints`, `needed`: see JointContent. `depth`: messages that the middleware queues.
     `best_effort`: subscribe best effort and volatile whatever the publishers offer. `problem`,
     `note`: why the topic is not recorded, or what is unusual, or empty. `had_publishers`: whether
     there ever was one. `too_large`: number of messages left out for their size. `substitutes`:

@@ -1,4 +1,4 @@
-"""`idim-iv watch`: what predictor, recorder and identifier say, until Ctrl-C."""
+"""`idim-iv watch`: the state of predictor, recorder and identifier, until Ctrl-C."""
 
 import math
 import threading

@@ -111,11 +111,11 @@ def in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str
 class BagFile(ABC):
     """One file of a bag.
 
-    `path`: of the file, or its name for messages where it is not on this machine. `topics`: type of
-    each topic so far. `definitions`: definition of each type so far, where the file holds it.
-    `truncated`: whether the end of the file is missing, known once it was read. `damaged`: number
-    of unreadable stretches and messages, which are left out. `missing`: known number of lost
-    messages of each wanted topic. `counted`: whether `missing` is complete.
+    `path`: path of the file; for a remote file its name, for messages. `topics`: type of each topic
+    so far. `definitions`: definition of each type so far, where the file holds it. `truncated`:
+    whether the end of the file is missing, known once it was read. `damaged`: number of unreadable
+    stretches and messages, which are left out. `missing`: known number of lost messages of each
+    wanted topic. `counted`: whether `missing` is complete.
     """
 
     path: Path

@@ -32,11 +32,11 @@ _LONGEST_METADATA = 1 << 24  # bytes
 class Bag:
     """One recording on disk or in a remote store; can be given wherever a path of a bag can.
 
-    `path`: as the user gave it; of a remote bag its name, for messages. `sources`: files of a
-    remote bag by name, in the order of recording. `topics`: type of each topic; complete once the
-    bag was read. `definitions`: definition of each type, as far as the bag holds it. `damages`:
-    what is wrong with which file. `seen`, `missing`: number of messages of each wanted topic that
-    were read, and that are known to be lost. `counted`: whether `missing` is complete.
+    `path`: path by the user; for a remote bag its name, for messages. `sources`: files of a remote
+    bag by name, in the order of recording. `topics`: type of each topic; complete once the bag was
+    read. `definitions`: definition of each type, as far as the bag holds it. `damages`: what is
+    wrong with which file. `seen`, `missing`: number of messages of each wanted topic that were
+    read, and that are known to be lost. `counted`: whether `missing` is complete.
     """
 
     path: Path

@@ -120,7 +120,7 @@ _VERSIONS = {
 
 
 QUANTITIES = ("position", "velocity", "effort")
-# The same point under the names of newer and older versions of control_msgs.
+# Names of one point in newer and older versions of control_msgs.
 _SAME = {"reference": "desired", "desired": "reference", "feedback": "actual", "actual": "feedback"}
 _ASKED, _MEASURED, _OUTPUT = ("reference", "desired"), ("feedback", "actual"), ("output",)
 POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
@@ -129,7 +129,7 @@ POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
 class JointValues(NamedTuple):
     """Joint quantities in one message.
 
-    `stamp`: of its header, ns; zero without one. `names`: of the joints; empty for an array without
+    `stamp`: header stamp, ns; zero without header. `names`: joints; empty for an array without
     names. `numbers` (n,): by quantity, ordered as the names. `origins`: field of the message by
     quantity.
     """
@@ -250,7 +250,7 @@ class JointMessageType:
             ("velocity", "velocities", points),
             ("effort", "effort", efforts),
         ):
-            # Of a version with both names only one is filled.
+            # Versions with both names fill one of them.
             for point in allowed:
                 numbers = getattr(getattr(content, point, None), member, ())
                 if len(numbers):

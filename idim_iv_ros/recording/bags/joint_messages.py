@@ -133,9 +133,9 @@ def _equal_layout(
 class _Layout:
     """Joints and fields that messages have in common.
 
-    `number`: in the order of first occurrence. `names`: of the joints in a message. `columns`,
+    `number`: from 0 in the order of first occurrence. `names`: joints in a message. `columns`,
     `places` (k,) int: of the requested joints in a message, their columns in the result and their
-    places in the message. `origins`: as in `JointMessages`.
+    places in the message. `origins`: see `JointMessages`.
     """
 
     number: int
@@ -149,7 +149,7 @@ class _Layout:
 class JointMessageReader:
     """Decodes batches of one topic and collects the requested fields.
 
-    `topic`: as the user gave it, perhaps with a field. `fields`: ``position``, ``velocity`` or
+    `topic`: name by the user, perhaps with a field. `fields`: ``position``, ``velocity`` or
     ``effort``; for an array of numbers ``effort`` is its data.
     """
 
@@ -363,9 +363,9 @@ def without_impossible(
 ) -> tuple[FloatArray, str]:
     """Replace impossible values by NaN; return the values and a sentence on them, or an empty one.
 
-    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: of the
-    columns. `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row, and
-    number of the first one. `missing`: whether NaN is impossible, too.
+    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: names of
+    the columns. `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row,
+    and number of the first one. `missing`: whether NaN is impossible, too.
 
     Raises DataError: too many values are impossible.
     """

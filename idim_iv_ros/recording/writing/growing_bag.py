@@ -49,7 +49,7 @@ class GrowingMcap:
     leaves the file as it was, and keeps its messages for the next one.
 
     `path`: must not exist. `storage`: compression and size of the chunks. `counts`: number of
-    messages added to each topic. `summary`: what is on disk.
+    messages added to each topic. `summary`: content on disk.
 
     Raises OSError: the file cannot be made.
     """

@@ -53,8 +53,8 @@ class OfferedQos:
     """Quality of service of one publisher, as rosbag2 writes it.
 
     `reliability`: ``reliable`` or ``best_effort``. `durability`: ``volatile`` or
-    ``transient_local``. `depth`: of the publisher's history; discovery does not say it, and a
-    replay does not need it.
+    ``transient_local``. `depth`: length of the publisher's history; discovery does not say it, and
+    a replay does not need it.
     """
 
     reliability: str = "reliable"

@@ -20,7 +20,7 @@ from idim_iv_ros.report.numerals import count, exact, is_number, number, percent
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
 
-# From little to much; distinguished on white and on black, and by lightness.
+# From small to large shares; distinct on white and on black, and by lightness.
 _COLOURS = ((0.0, (154, 181, 204)), (0.45, (240, 170, 95)), (1.0, (190, 52, 20)))
 # Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
 _AXIS, _AXIS_ALONE = 0.07, 0.2
