@@ -58,8 +58,8 @@ class Output:
         the file `name` in the folder `out`. Returns the result, and the paths of numbers and page,
         None without --out.
 
-        Raises UsageError, before computing: files cannot be written, or neither --out nor --json
-        given.
+        Raises UsageError, before computing: files cannot be written, or there is no --out nor
+        --json.
         """
         from idim_iv_ros.configuration import load_configuration
         from idim_iv_ros.report import require_writable, write_report

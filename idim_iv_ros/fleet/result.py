@@ -227,11 +227,10 @@ class FleetType:
 class RobotQuantity:
     """One quantity of one robot.
 
-    - `value`, `low`, `high`: all bags in one regression, with a 95 % interval that covers how much
-      bags differ
-    - `distance`: distance from the other robots of the type, in standard deviations of that
-      difference; where the quantity changed over time, of its value before. Null where nothing says
-      what is ordinary
+    - `value`, `low`, `high`: estimate from all bags, with a 95 % interval that includes their
+      scatter
+    - `distance`: distance from the other robots of the type, in its standard deviations; where the
+      quantity changed over time, of its value before. Null with too few robots
     - `p_value`: p-value of the null hypothesis that the robot is one of its type
     - `differs`: from the type at the fleet's false discovery rate; `changed`: over time;
       `unsteady`: from bag to bag, more than in other robots

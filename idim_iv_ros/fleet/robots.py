@@ -169,7 +169,7 @@ def robots_of(
 
 
 def path_of(entry: BagEntry | BagResult, config: Path) -> Path:
-    """Return the configuration file for the robot of a bag, from a folder or the only one.
+    """Return `config`, or in that folder the file for the robot, else for the type, of a bag.
 
     Raises UsageError: the folder has none.
     """

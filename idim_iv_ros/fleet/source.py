@@ -43,8 +43,7 @@ class StoreError(OSError):
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
     """Call a file system, and turn its errors into OSErrors.
 
-    Raises StoreError: access is denied, or the store does not answer. OSError: the file is
-    unreadable.
+    Raises StoreError: access is denied, or the store does not answer. OSError: as for local files.
     """
     try:
         return function(*arguments, **named)

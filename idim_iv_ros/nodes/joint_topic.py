@@ -156,8 +156,7 @@ class JointPositions:
     as in `JointTopic`. `last` is None before all positions have come.
 
     Joints may come in several messages; the stamp of the position is the oldest of their newest
-    stamps. A message whose stamp is repeated is ignored: some drivers repeat it when the robot is
-    off.
+    stamps. A repeated stamp is ignored: drivers may repeat messages when the robot is off.
     """
 
     def __init__(

@@ -109,8 +109,7 @@ class ResidualRows:
 
     - `places`: (r,) int, numbers of their samples on the grid
     - `residual`: (r, n_joints) N m (N)
-    - `counts`: (r, n_joints) bool, whether the identification would use it: measured, not near a
-      reversal
+    - `counts`: (r, n_joints) bool, whether the row is measured and not near a reversal
     - `variance`: (r, n_joints) (N m)² (N²) of the prediction by the uncertainty of the parameters
     """
 

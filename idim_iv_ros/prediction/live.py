@@ -1,8 +1,7 @@
 """Prediction of a running robot's efforts from the samples that have arrived.
 
 Positions pass through the filter of the identification, forward and backward, over a sliding
-window; a sample waits until the later samples that its filter needs have come (`lag`). There are
-two outputs:
+window; a sample waits (`lag`) until the later ones that its filter needs have come. Two outputs:
 
 - **curves**, as early as possible: efforts measured and predicted, smoothed without phase;
 - **rows**, about a second later: the residual through the parallel decimation of the
@@ -73,7 +72,7 @@ class PredictionWindow:
     def _curve_filter(self, wanted: float) -> tuple[float, int]:
         """Return cut-off, Hz, of the filter that smooths curves, and its delay in samples.
 
-        The cut-off is that of the rows, or higher as far as the allowed lag requires.
+        The cut-off is `wanted`, or higher as far as the allowed lag requires.
         """
         rate = self.rate
         allowed = max(_CURVE_LAG - self._wait / rate, _LEAST_SMOOTHING) * rate

@@ -76,7 +76,7 @@ class SampleStream:
     - `name`: their quantity: ``position`` or ``effort``
     - `turning`: (n_joints,), whether the values are positions that may wrap after one turn
 
-    - `restarted`: why the last `add` dropped all older samples (a pause, a clock that was set), or
+    - `restarted`: why the last `add` dropped older samples (a pause, a clock that was set), or
       empty
     - `late`: number of samples left out because their stamps do not increase
     - `arrived`: time of the last change of `reached`, ns

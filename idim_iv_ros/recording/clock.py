@@ -154,7 +154,7 @@ def on_one_clock(
 
 
 def _is_usual_step(steps: IntArray, interval: float) -> BoolArray:
-    """Return whether steps of time, ns, are usual from one message to the next, (n,) bool."""
+    """Return whether steps (n,), ns, are usual for messages with an `interval`, (n,) bool."""
     longest = max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
     return np.asarray((steps >= -_SET_BACK * interval) & (steps <= longest))
 
@@ -162,7 +162,7 @@ def _is_usual_step(steps: IntArray, interval: float) -> BoolArray:
 def _longest_chain(
     starts: IntArray, stops: IntArray, time: IntArray, arrival: IntArray, interval: float
 ) -> IntArray:
-    """Return the segments (k,) of the chain with most messages in which time increases."""
+    """Return the segments (k,) of the longest chain along which time increases, by messages."""
     messages, before = stops - starts, np.full(len(starts), -1)
     for stretch in range(1, len(starts)):
         first = max(0, stretch - _STRETCHES)

@@ -84,15 +84,15 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
 
 
 def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
-    """Mark the frozen values of a position, (n,) bool; each run ends in a jump."""
+    """Mark frozen values of a position (n,) that end in a jump, (n,) bool; see `frozen_efforts`."""
     return _find_runs(position, position, speed, jumps=True)
 
 
 def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps: bool) -> BoolArray:
-    """Mark runs of equal values (n,) in motion that are much longer than the usual runs.
+    """Mark runs of equal values (n,) that are unusually long while the joint moves, (n,) bool.
 
     With `jumps`, and where the channel is smooth, a run must end in a jump; else it must be much
-    longer than the runs around it.
+    longer than the runs around it. `speed` as in `frozen_efforts`.
     """
     none = np.zeros(len(values), dtype=bool)
     # Runs of equal values; a missing value equals none.
@@ -140,7 +140,7 @@ def moving_speed(position: FloatArray) -> float:
 
 
 def _moves_during(position: FloatArray, first: IntArray, last: IntArray, speed: float) -> BoolArray:
-    """Return whether the joint moves faster than `speed` during each run, (n_runs,) bool."""
+    """Return whether the joint moves faster than `speed` during runs first … last, (n_runs,)."""
     after = np.minimum(last + 1, len(position) - 1)
     middle = position[(first + after) // 2]
     distance = np.abs(middle - position[first]) + np.abs(position[after] - middle)
@@ -161,7 +161,7 @@ def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolA
 
 
 def _ends_in_jump(values: FloatArray, first: IntArray, last: IntArray) -> BoolArray:
-    """Return whether each run ends in a step much larger than those after it, (n_runs,) bool."""
+    """Return whether runs first … last end in a step much larger than those after, (n_runs,)."""
     steps = np.concatenate([np.abs(np.diff(values)), np.full(_STEPS_AFTER + 2, np.nan)])
     steps = np.where(np.isfinite(steps), steps, 0.0)
     after = np.lib.stride_tricks.sliding_window_view(steps, _STEPS_AFTER).max(axis=1)

@@ -120,7 +120,7 @@ def on_grid(
 
 
 def _hold(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
-    """Return the last finite value at `seconds` (n,) up to each `target` (m,), s."""
+    """Return the last finite of `values` (n, k) at `seconds` (n,) before each `target` (m,), s."""
     out = np.zeros((len(target), values.shape[1]))
     invented = np.ones(out.shape, dtype=bool)
     for joint in range(values.shape[1]):
@@ -225,7 +225,7 @@ def without_pauses(
 
 
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
-    """Replace the invented samples of one joint (n,) in gaps by a smooth motion, in place."""
+    """Replace the invented ones of the values (n,) of one joint by a smooth motion, in place."""
     edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     since = np.concatenate([[0], ends])  # where what is measured before each gap begins
@@ -245,7 +245,7 @@ def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
 
 
 def _edge_velocity(samples: FloatArray, rate: float) -> float:
-    """Return the slope at the first sample, by a parabola (few: a line); zero for one sample."""
+    """Return the slope at the first of the samples (n,), by a parabola (few: a line), 1/s."""
     if len(samples) < 2:
         return 0.0
     degree = 2 if len(samples) >= _EDGE_SAMPLES else 1
@@ -257,7 +257,7 @@ def _edge_velocity(samples: FloatArray, rate: float) -> float:
 def _bridge(
     seconds: FloatArray, duration: float, ends: tuple[float, float], speeds: tuple[float, float]
 ) -> FloatArray:
-    """Return positions at `seconds` (n,) of a motion between two positions with given velocities.
+    """Return positions at `seconds` (n,) between two ends with given velocities, `duration` apart.
 
     In a long gap it slows down to rest, and speeds up at the end.
     """

@@ -226,7 +226,7 @@ def session_of(recordings: Sequence[Recording]) -> Session:
 
 
 def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
-    """Return a stretch of the session in times of its recordings: "9.9 to 15 s of run2.mcap"."""
+    """Return `low` to `high`, s of the session, in recordings: "9.9 to 15 s of run2.mcap"."""
     place = int(np.searchsorted([part.start for part in parts], low, side="right")) - 1
     first = parts[max(place, 0)]
     since = low - first.start

@@ -135,8 +135,8 @@ def read_map(path: FilePath) -> tuple[TableMap, Path]:
 def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return stamps (n,) s and every signal (n, n_joints) in SI units.
 
-    Raises UsageError or DataError: no such column, a cell that is no number, or some joints lack a
-    signal.
+    Raises UsageError or DataError: no such column, a cell that is no number, or a signal of some
+    joints.
     """
     signals: dict[str, list[str]] = {}
     for signal in SIGNALS:

@@ -119,7 +119,7 @@ def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
 def _turns_between(
     time: IntArray, position: Unwrapped, reference_time: IntArray, reference: Unwrapped
 ) -> FloatArray:
-    """Return whole turns (n,) to add to a reference, constant between breaks."""
+    """Return whole turns (n,) to add to a reference to follow its position, by segment."""
     finite = np.isfinite(position.position)
     start = time[0]
     positions = np.interp(reference_time - start, (time - start)[finite], position.position[finite])

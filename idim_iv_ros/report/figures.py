@@ -57,7 +57,7 @@ class Mark:
 
 
 def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]:
-    """Return numbers packed as 16-bit integers with scale, which the page's script unpacks.
+    """Return values (n,) packed as 16-bit integers with scale, which the page's script unpacks.
 
     They take a sixth of the text, and resolve more than the pixels of a screen. A number that is
     not finite interrupts a line.
@@ -81,7 +81,7 @@ def line(
     hover: str,
     **options: object,
 ) -> dict[str, Any]:
-    """Return a trace of a line; ``{"same": k}`` is the abscissa of the figure's k-th trace."""
+    """Return a trace of a line through `y` (n,); ``{"same": k}`` is the `x` of trace k."""
     return {
         "type": "scatter",
         "mode": "lines",
@@ -96,7 +96,7 @@ def line(
 def dots(
     x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, size: float = 2.6
 ) -> dict[str, Any]:
-    """Return a trace of single samples; of many, some are drawn at random.
+    """Return a trace of samples `x`, `y` (n,); if there are many, of some drawn at random.
 
     Every n-th sample of a periodic motion would always be at the same place.
     """
@@ -115,7 +115,7 @@ def dots(
 def outline(
     x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, **options: object
 ) -> dict[str, Any]:
-    """Return a trace of a filled area without a line."""
+    """Return a trace of a filled area with the corners `x`, `y` (n,), without a line."""
     return {
         "type": "scatter",
         "mode": "none",
@@ -200,7 +200,7 @@ def over_time(
     behind: Sequence[dict[str, Any]] = (),
     **options: object,
 ) -> Figure:
-    """Return a figure with curves over `time`, s, in two panels; upper title of the axes first.
+    """Return a figure of curves over `time` (n,), s, in two panels with `titles` of their axes.
 
     - `split`: share of the height that is below the upper panel
     - `behind`: traces that are drawn before the curves

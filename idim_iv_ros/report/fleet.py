@@ -200,6 +200,7 @@ def headline(result: FleetResult) -> str:
 
 
 def _share(result: FleetResult) -> str:
+    """Return the false discovery rate in percent."""
     return f"{100.0 * result.false_discoveries:g}{THIN}%"
 
 

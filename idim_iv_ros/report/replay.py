@@ -45,7 +45,7 @@ def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
 
 
 def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """Return the variables of the template."""
+    """Return the variables of the template ``replay.html.j2``."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     plots = [
         (series.joint, series.bag, replay_figure(result, series, index))
@@ -176,7 +176,7 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
 
 
 def error_words(error: ReplayError, scale: float, unit: str) -> str:
-    """Return an error with the half-width of its 95 % interval, and its ratio to the noise."""
+    """Return an error times `scale`, half-width of its 95 % interval, and ratio to the noise."""
     half = 0.5 * scale * (error.high - error.low)
     times = (
         f" ({round_number(error.over_noise, 2)} × noise)" if np.isfinite(error.over_noise) else ""

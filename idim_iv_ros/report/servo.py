@@ -27,7 +27,7 @@ def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
 
 
 def shown(result: ServoResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """Return the variables of the template."""
+    """Return the variables of the template ``servo.html.j2``."""
     plots = [
         (series.joint, series.recording, servo_figure(series, index))
         for index, series in enumerate(result.series)

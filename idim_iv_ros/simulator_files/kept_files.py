@@ -294,7 +294,7 @@ class _Mjcf:
 
 
 def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return principal moments (3,) and the quaternion (4,) of their axes, w first.
+    """Return the principal moments (3,) and axes as quaternion (4,), w first, of `inertia`.
 
     Order and signs are nearest to the axes `before` (3, 3), so that a small change of a body
     changes its numbers little.

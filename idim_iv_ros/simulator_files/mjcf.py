@@ -92,7 +92,7 @@ def inertial_of(body: pin.Inertia, anchor: FloatArray | None = None) -> dict[str
 
 
 def friction_solver(lead: float, step: float) -> dict[str, str]:
-    """Return solver attributes so that dry friction turns `lead` s early, or with least delay.
+    """Return solver attributes for friction that turns `lead` s early, or within two steps.
 
     Early: 1/b = d T / 2 with the time constant T and the impedance d of MuJoCo's documentation.
     """
@@ -105,8 +105,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     """Return the model as text, with effects that its elements hold, and comments at the top.
 
     Locked joints and fixed links are part of the body that carries them. Proportional and
-    derivative actuators are used if they express the whole law; else motors, whose commands are
-    torques.
+    derivative actuators are used if they express the whole law, else motors.
 
     Raises UsageError: drives of a coupled transmission with less inertia or damping than it needs.
     """

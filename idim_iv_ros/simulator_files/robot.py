@@ -230,8 +230,7 @@ class ExportedRobot:
     def negative_friction(self) -> tuple[SimulatedEffect, ...]:
         """Return Fv and Fc below zero as effects with the same torque (`Cause.instead_of`).
 
-        Simulators allow no negative friction: a joint's total friction is simulated, if
-        dissipative.
+        Simulators allow no negative friction: only a joint's total friction is simulated.
         """
         values = self.model.values
         return tuple(

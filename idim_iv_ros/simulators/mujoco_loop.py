@@ -61,8 +61,7 @@ def run_in_mujoco(
 ) -> MujocoMotion:
     """Simulate references and a control law in closed loop; return position and torque.
 
-    - `mujoco`, `model`: module and model, with a motor ``replay_NAME`` for each joint and parts for
-      effects
+    - `model`: with motors ``replay_NAME`` of the joints, and the parts that `effects` need
     - `robot`: its joints have the order of the law and the references
     - `parameters`: those of the model; effects that replace dry friction need them
     - `effects`: effects that are not in the model already, and changes of the control law

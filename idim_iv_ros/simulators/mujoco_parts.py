@@ -35,7 +35,7 @@ _LEAST_MASS = 1e-6  # kg
 
 
 def nearest_parameters(model: InverseModel, values: FloatArray) -> DynamicParameters:
-    """Return the standard parameters with given base parameters (b,) nearest to the nominal model.
+    """Return the standard parameters nearest to the nominal ones with base parameters (b,).
 
     Distances are relative: parameters that are small in the nominal model change little.
     """

@@ -307,7 +307,7 @@ class _Comparison:
         return ReplayStage(model.name, model.words, tracking, torque, tool)
 
     def _tool_error(self, positions: Sequence[FloatArray]) -> ReplayError:
-        """Return the error of the centre of the last link, m."""
+        """Return the error of the centre of the last link, m, for positions by recording."""
         tree = self.robot.pinocchio
         data, last = tree.createData(), tree.njoints - 1
         centre = np.array(tree.inertias[last].lever)

@@ -1,7 +1,6 @@
 """Statistics of a fleet: comparison of many bags of many robots.
 
-- `quantities`: base parameters and residuals of each bag as columns; regression over all bags of a
-  robot
+- `quantities`: base parameters and residuals of each bag; regression over all bags of a robot
 - `random_effects`: variance between units beyond that of their estimates; estimates of a type
 - `robots`: scatter of one robot's bags; changes at a robot, their time and size; correlation of
   successive bags; comparison of all robots of a type

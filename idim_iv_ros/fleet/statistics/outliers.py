@@ -38,7 +38,7 @@ class Chosen:
 
 
 def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
-    """Select units, and entries of selected units, at one false discovery rate for all groups.
+    """Select units, and entries of selected units, at the false discovery rate `level`.
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
@@ -58,7 +58,7 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
 
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
-    """Return which null hypotheses are rejected, (k,) bool; never one with p-value NaN."""
+    """Return which of p-values (k,) are rejected at the rate `level`, (k,) bool; NaN never is."""
     tested = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
     if tested.any():
@@ -67,7 +67,7 @@ def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
 
 
 def _simes(p_values: FloatArray) -> float:
-    """Return Simes' p-value of all (m,) hypotheses together; NaN where none was tested."""
+    """Return Simes' p-value of all hypotheses with p-values (m,); NaN where none was tested."""
     ordered = np.sort(p_values[np.isfinite(p_values)])
     if not len(ordered):
         return float("nan")
@@ -104,7 +104,7 @@ def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
 
 
 def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return calibrated p-values (k, m); NaN where there are too few robots."""
+    """Return calibrated p-values (k, m) of values and variances (k, m); NaN for few robots."""
     raw = _stepwise_p_values(values, variances)
     counts = np.isfinite(raw).sum(axis=0)
     result = np.full(raw.shape, np.nan)
@@ -127,7 +127,10 @@ def _null_p_values(robots: int) -> FloatArray:
 
 
 def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return each robot's smallest p-value (k, m), of its test and of robots nearer the others."""
+    """Return p-values (k, m) before calibration: each the smallest of robots removed later.
+
+    Values and variances are (k, m); see the module for the procedure.
+    """
     estimated = np.isfinite(values) & np.isfinite(variances)
     remaining = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)
@@ -160,7 +163,7 @@ def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
 def _distance(
     value: FloatArray, variance: FloatArray, others: FloatArray, variances: FloatArray
 ) -> FloatArray:
-    """Return the studentised distance (m,) of one robot from others."""
+    """Return the studentised distance (m,) of a robot's values (m,) from `others` (k, m)."""
     between = between_variance(others, variances)
     _, mean, uncertainty = generalised_q(others, variances, between)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -170,7 +173,7 @@ def _distance(
 def _distances(
     values: FloatArray, variances: FloatArray, left_out: NDArray[np.bool_]
 ) -> FloatArray:
-    """Return studentised distances (k, m) of each robot from the others that do not differ."""
+    """Return studentised distances (k, m) of robots from the others, without those left out."""
     statistics = np.full(values.shape, np.nan)
     ordinary = np.where(left_out, np.nan, values)
     for robot in range(len(values)):

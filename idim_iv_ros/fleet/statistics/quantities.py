@@ -51,7 +51,7 @@ def regression(factor: FloatArray, rows: int) -> Regression:
 
 
 def shares(factors: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return matrices W_r (p, p), Σ W_r = 1, that weight the bags' estimates in the joint one."""
+    """Return matrices W_r (p, p), Σ W_r = 1, that weight estimates of bags by their R factors."""
     width = factors[0].shape[1] - 1
     root = independent_basis(stacked(factors)[:, :width], tolerance=NOT_SHOWN).inverse_root(width)
     inverse = root @ root.T
@@ -93,8 +93,7 @@ class RobotBags:
 class TypeBags:
     """Usable bags of the robots of one type.
 
-    Bags in `other_model` have other base parameters, geometry or units than most, and are not
-    comparable.
+    Bags in `other_model` have other base parameters, geometry or units than most: not comparable.
     """
 
     type: str

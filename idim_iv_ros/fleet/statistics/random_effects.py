@@ -26,7 +26,7 @@ _CLOSE = 1e-12
 def generalised_q(
     values: FloatArray, variances: FloatArray, between: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Q, weighted mean and its variance, (m,) each, of k units at τ² = `between` (m,)."""
+    """Return Q, weighted mean, its variance, (m,) each, of values (k, m) at τ² = `between` (m,)."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     weights = np.where(estimated, 1.0 / (np.where(estimated, variances, 1.0) + between), 0.0)
     filled = np.where(estimated, values, 0.0)
@@ -40,7 +40,7 @@ def generalised_q(
 def between_variance(
     values: FloatArray, variances: FloatArray, target: FloatArray | None = None
 ) -> FloatArray:
-    """Return τ² (m,) at which Q equals `target` (m,); zero where Q is below it already.
+    """Return τ² (m,) of values (k, m) at which Q equals `target` (m,); zero if Q is below it.
 
     By default the target is k − 1 of each column: the estimate of Paule and Mandel.
     """
@@ -101,7 +101,7 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
 
 
 def _spread(values: FloatArray) -> FloatArray:
-    """Return the range (m,) of each column, zero where it is empty."""
+    """Return the range (m,) of each column of values (k, m), zero where it is empty."""
     estimated = np.isfinite(values)
     largest = np.where(estimated, values, -np.inf).max(axis=0)
     return np.where(

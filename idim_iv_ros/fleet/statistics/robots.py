@@ -62,10 +62,10 @@ def over_time(robots: Sequence[tuple[RobotBags, FloatArray, FloatArray]]) -> lis
 def _change(
     values: FloatArray, variances: FloatArray, times: FloatArray, prior: float
 ) -> Change | None:
-    """Search one quantity for a change; a robot that scatters more is judged by itself alone.
+    """Search values (k,) at times (k,), days, for a change; None where there are too few bags.
 
-    A robot whose model lacks an effect differs from motion to motion; with the smaller scatter of
-    the other robots, these differences would pass for changes.
+    A robot that scatters more than others is tested by its own scatter, since with the smaller one
+    of others (`prior` degrees of freedom) motions with a missing effect would pass for changes.
     """
     change = change_of(values, variances, times, prior) if len(values) >= LEAST else None
     if change is None or prior == 0.0:
@@ -199,7 +199,7 @@ def _prior(robots: Sequence[RobotBags], between: FloatArray) -> FloatArray:
 
 @cache
 def _spread(dof: float, prior: float) -> float:
-    """Return the distance of the quartiles of log F."""
+    """Return the quartiles' distance of log F with (dof, prior) degrees of freedom."""
     return float(np.subtract(*np.log(scipy.stats.f.ppf([0.75, 0.25], dof, prior))))
 
 
@@ -223,7 +223,7 @@ def _estimate(
     changes: OverTime,
     alpha: float,
 ) -> tuple[FloatArray, ...]:
-    """Estimate one robot: rows (m,) of `Estimates`."""
+    """Return the rows (m,) of `Estimates` for one robot; `between` (m,) is the bags' variance."""
     between = np.nan_to_num(between)
     (count,) = _counts([robot])
     q, _, _ = generalised_q(robot.values, robot.variances, between)

@@ -317,8 +317,7 @@ class TopicSet:
 def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     """Return the topics of joint states, effort, reference, link states and robot description.
 
-    Relative names are in the namespace of the node, and remapped; the robot description may be
-    global.
+    Relative names are in the node's namespace, and remapped; the robot description may be global.
     """
     signals, joints = SignalsSection(), tuple[str, ...]()
     if settings.configuration:

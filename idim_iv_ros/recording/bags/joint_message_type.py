@@ -130,8 +130,7 @@ class JointValues(NamedTuple):
     """Joint quantities in one message.
 
     `stamp`: header stamp, ns; zero without header. `names`: joints; empty for an array without
-    names. `numbers` (n,): by quantity, ordered as the names. `origins`: field of the message by
-    quantity.
+    names. `numbers` (n,): by quantity, ordered as the names. `origins`: their fields.
     """
 
     stamp: int

@@ -402,7 +402,7 @@ def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
 
 
 def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:
-    """Return the bytes that the messages of a channel at `places` (k,) take; 0 if one is none."""
+    """Return the size of a channel's messages at `places` (k,) of a buffer; 0 if one is none."""
     if len(places) == 0 or places.min() < 0 or places.max() > len(buffer) - HEAD - MESSAGE_HEAD:
         return 0
     owner = buffer[places + HEAD] + 256 * buffer[places + HEAD + 1].astype(np.int64)
@@ -413,6 +413,6 @@ def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:
 
 
 def integers(buffer: NDArray[np.uint8], offsets: IntArray) -> IntArray:
-    """Return little-endian 64-bit integers at unaligned places."""
+    """Return little-endian 64-bit integers at unaligned `offsets` (k,) of a buffer."""
     raw = buffer[offsets[:, None] + np.arange(8)]
     return np.asarray(raw.view("<i8")[:, 0], dtype=np.int64)

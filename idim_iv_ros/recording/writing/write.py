@@ -263,7 +263,7 @@ _STAMP = 4  # bytes before the stamp
 
 
 def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
-    """Serialised messages (n, size): one template, its numbers filled in for all at once."""
+    """Return serialised messages (n, size) at stamps (n,), ns, from one template."""
     fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
     given = {name: values for name, values in fields.items() if values is not None}
     template = _template(topic.joints, given)

@@ -42,7 +42,7 @@ def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> floa
 
 
 def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> dict[str, Any]:
-    """Return one model at one joint: bars, and gap, interval and tracking error as text."""
+    """Return one model at one joint: bars as shares of `largest`, and its numbers as text."""
     value = stage.torque_rms.get(joint)
     interval = stage.torque_ci95.get(joint)
     if interval is not None and not (is_number(interval[0]) and is_number(interval[1])):
@@ -66,7 +66,7 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> di
 
 
 def bar(css: str, low: float, high: float) -> Bar:
-    """Return the part of a bar between two shares of its full length."""
+    """Return the part of a bar from `low` to `high`, shares of its full length."""
     start, length = round(100.0 * low, 2), round(100.0 * (high - low), 2)
     return {"css": css, "start": start, "length": length}
 

@@ -114,7 +114,7 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
 def _stems(
     correlation: FloatArray, colour: str, name: str, offset: float, rate: float
 ) -> dict[str, Any]:
-    """Return a trace of vertical lines with dots, one for each lag."""
+    """Return a trace of vertical lines with dots, one for each lag; `rate` in Hz."""
     lags = np.arange(len(correlation))
     height = np.nan_to_num(np.asarray(correlation, dtype=float))
     apart = np.full(len(lags), np.nan)
