@@ -67,7 +67,7 @@ class JointTopic:
         self._lacks, self._met = "", False
 
     def look(self) -> None:
-        """Look for publishers."""
+        """Look for publishers, and subscribe to the topic."""
         self._topic.look()
 
     def close(self) -> None:

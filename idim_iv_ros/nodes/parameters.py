@@ -89,7 +89,7 @@ class NodeProgram(Generic[Kind]):
     def _follow_changes(self) -> None:
         """Check and apply parameters that are set from now on."""
         self.node.add_on_set_parameters_callback(self._validate)
-        self.node.add_post_set_parameters_callback(self._changed)
+        self.node.add_post_set_parameters_callback(self._apply_changes)
 
     def _refuse(self, given: Mapping[str, Any]) -> str:
         """Return why parameters cannot be set now; empty if they can. For subclasses."""
@@ -110,7 +110,7 @@ class NodeProgram(Generic[Kind]):
             reason = str(error).removeprefix("parameter ")
         return SetParametersResult(successful=not reason, reason=reason)
 
-    def _changed(self, parameters: list[Parameter]) -> None:
+    def _apply_changes(self, parameters: list[Parameter]) -> None:
         self._settings = changed(self._settings, parameters)
         self._apply({item.name for item in parameters})
 

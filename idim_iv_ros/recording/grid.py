@@ -113,7 +113,7 @@ def on_grid(
             continue
         gap = GAP * max(median, 1.0 / grid.rate)
         out[:, joints] = _resample(target, stamps, values[measured][:, joints], gap)
-        invented[:, joints] = _unsupported(target, stamps, gap)[:, None]
+        invented[:, joints] = _in_gap(target, stamps, gap)[:, None]
         for joint in joints if smooth else ():
             bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(read_only(out), read_only(invented), origin)
@@ -152,7 +152,7 @@ def _resample(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: f
     return np.asarray(out)
 
 
-def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
+def _in_gap(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
     """Return whether each `target` (m,), s, lies in a gap of the `stamps` (n,), s."""
     after = np.searchsorted(stamps, target, side="left")
     before = np.clip(after - 1, 0, len(stamps) - 1)

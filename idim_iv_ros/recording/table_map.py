@@ -272,7 +272,7 @@ def proposed_map(table: Path) -> str:
         )
     lines = [
         "# Which column is what: correct it, then idim-iv import OUT.mcap --columns THIS_FILE",
-        f"file: {_quoted(table.name)}  # beside this map",
+        f"file: {_quote(table.name)}  # beside this map",
     ]
     positions = [columns["position"] for columns in joints.values()]
     decimal, iso = _text_format(table, time, positions)
@@ -281,11 +281,11 @@ def proposed_map(table: Path) -> str:
     else:
         named = next((u for u, words in _UNITS if re.search(words, time, re.I)), "s")
         unit = "iso" if iso else named
-        lines.append(f"time: {{column: {_quoted(time)}, unit: {unit}}}  # s, ms, us, ns or iso")
+        lines.append(f"time: {{column: {_quote(time)}, unit: {unit}}}  # s, ms, us, ns or iso")
     lines.append("joints:  # names as the URDF has them")
     for joint, columns in joints.items():
         shown = f"joint_{joint}" if joint.isdigit() else joint or "joint_1"
-        pairs = ", ".join(f"{s}: {_quoted(columns[s])}" for s in SIGNALS if s in columns)
+        pairs = ", ".join(f"{s}: {_quote(columns[s])}" for s in SIGNALS if s in columns)
         lines.append(f"  {shown}: {{{pairs}}}")
     position, velocity, effort = (
         _unit_in_names(units, [columns[signal] for columns in joints.values() if signal in columns])
@@ -341,6 +341,6 @@ def _matching_unit(text: str, units: Mapping[str, float]) -> str:
     return unit if unit in units else ""
 
 
-def _quoted(name: str) -> str:
+def _quote(name: str) -> str:
     """Return a name as a YAML scalar, quoted if necessary."""
     return "'" + name.replace("'", "''") + "'"

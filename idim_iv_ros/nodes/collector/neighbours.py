@@ -252,11 +252,12 @@ class RecorderNeighbour:
         return ""
 
     def _reported(self, message: RecorderStatus) -> None:
+        """Remember the recorder's status, and its time and period, s."""
         now = self._clock()
         if self._status is not None:
             self._period = now - self._heard_at
         self._status, self._heard_at = message, now
-        # What it said before it began may come later.
+        # A status from before the start may arrive after it.
         self._records = self._records or message.state == RecorderStatus.RECORDING
 
     def start(self, tick: Tick) -> None:

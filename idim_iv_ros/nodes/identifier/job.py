@@ -132,8 +132,8 @@ def confined(folder: Path, name: str, what: str) -> Path:
         raise UsageError(f"{name!r} names no file in {what}")
     if ".." in Path(name).parts:
         raise UsageError(f"{name}: '..' is not allowed; name a file in {what}")
-    path = _resolved(folder / name, name)
-    if not path.is_relative_to(_resolved(folder, what)):
+    path = _resolve(folder / name, name)
+    if not path.is_relative_to(_resolve(folder, what)):
         raise UsageError(f"{name}: leads out of {what}")
     return path
 
@@ -145,7 +145,7 @@ def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
     folder, or is no regular file.
     """
     path = confined(folder, name, "bag_directory")
-    root = _resolved(folder, "bag_directory")
+    root = _resolve(folder, "bag_directory")
     try:
         files: Iterable[Path] = path.iterdir() if path.is_dir() else [path]
         return path, sum(_size(file, root, name) for file in files)
@@ -156,7 +156,7 @@ def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
 
 
 def _size(file: Path, root: Path, name: str) -> int:
-    if not _resolved(file, name).is_relative_to(root):
+    if not _resolve(file, name).is_relative_to(root):
         raise UsageError(f"{name}: its file {file.name} leads out of bag_directory")
     status = file.stat()
     if stat.S_ISDIR(status.st_mode):
@@ -166,7 +166,7 @@ def _size(file: Path, root: Path, name: str) -> int:
     return status.st_size
 
 
-def _resolved(path: Path, name: str) -> Path:
+def _resolve(path: Path, name: str) -> Path:
     try:
         return path.resolve()
     except (OSError, RuntimeError) as error:  # too long, or a link to itself

@@ -102,7 +102,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._gaps = GapPublisher(node, folder)
         self._guard = node.create_guard_condition(lambda: self._jobs.poll())
         self._jobs = JobQueue(
-            lambda: self._settings, self._guard.trigger, self._ended, start_worker=start_worker
+            lambda: self._settings, self._guard.trigger, self._job_ended, start_worker=start_worker
         )
         self._servers = (
             self._request_server("identification", srv.Identify, action.Identify, self._publisher),
@@ -216,7 +216,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
             listener.ended(False, str(error))
             return None
 
-    def _ended(self, job: Job) -> None:
+    def _job_ended(self, job: Job) -> None:
         """Publish the result of an ended job, or log why there is none; tell the client."""
         if job.success:
             try:

@@ -50,7 +50,7 @@ class Recorder(NodeProgram[RecorderSettings]):
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("recorder"), RecorderSettings, arguments)
         node = self.node
-        self._session = RecordingSession(self._settings, self._now, self._ended)
+        self._session = RecordingSession(self._settings, self._now, self._bag_ended)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
         self._topics = TopicSet(node, self._settings, node.get_logger().error)
@@ -179,7 +179,7 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._bags.publish(message)
         return message
 
-    def _ended(self, closed: ClosedBag, faulty: bool) -> None:
+    def _bag_ended(self, closed: ClosedBag, faulty: bool) -> None:
         message, log = self._announce(closed, faulty), self.node.get_logger()
         self._sentence, warns = bag_sentence(message, self._topics.topics, self._writer)
         if warns:
@@ -223,7 +223,7 @@ class SnapshotService:
         self._writing: Future[None] | None = None
         self._errors: set[str] = set()
         self._taken = float("-inf")
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._watch_errors, 100)
 
     @property
     def _session(self) -> RecordingSession:
@@ -254,8 +254,8 @@ class SnapshotService:
         if self._writing is not None:
             self._writing.exception()
 
-    def _diagnosed(self, array: DiagnosticArray) -> None:
-        # Not the recorder's own: a full disk takes no snapshot.
+    def _watch_errors(self, array: DiagnosticArray) -> None:
+        # Without the recorder's errors: with a full disk a snapshot is impossible.
         mine = (self._node.get_name(), self._node.get_fully_qualified_name())
         errors = {
             status.name: f"{status.name}: {status.message}"

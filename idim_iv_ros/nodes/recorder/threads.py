@@ -77,11 +77,11 @@ class WriterThread(threading.Thread):
         while not self._ended:
             self._wake.wait(_PERIOD)
             self._wake.clear()
-            self._guarded(self._work)
-            self._guarded(self.session.tick)
-        self._guarded(self._work)
+            self._guard(self._work)
+            self._guard(self.session.tick)
+        self._guard(self._work)
 
-    def _guarded(self, step: Callable[[], None]) -> None:
+    def _guard(self, step: Callable[[], None]) -> None:
         try:
             step()
         except Exception as error:  # the thread must live on: what comes next can be written

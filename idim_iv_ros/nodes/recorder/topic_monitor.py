@@ -163,11 +163,11 @@ class TopicMonitor:
             self.content.look(batch.messages)
 
     def _count_backward(self, batch: Received) -> None:
-        back = _falling(batch.sent, self._last_sent) | _falling(batch.received, self._last_received)
+        back = _drops(batch.sent, self._last_sent) | _drops(batch.received, self._last_received)
         self._last_sent, self._last_received = int(batch.sent[-1]), int(batch.received[-1])
         if self._has_header:
             stamps = header_stamps(batch.messages)
-            back |= _falling(stamps, self._last_stamp)
+            back |= _drops(stamps, self._last_stamp)
             self._last_stamp = int(stamps[-1])
         self.backward += int(np.count_nonzero(back))
 
@@ -187,7 +187,7 @@ def batch_of(taken: Sequence[Taken]) -> Received:
     )
 
 
-def _falling(times: IntArray, before: int | None) -> NDArray[np.bool_]:
+def _drops(times: IntArray, before: int | None) -> NDArray[np.bool_]:
     return np.asarray(np.diff(times, prepend=times[0] if before is None else before) < 0)
 
 

@@ -279,7 +279,7 @@ class TopicSet:
 
     def look(self) -> None:
         """Look for publishers, and for topics that have appeared."""
-        self._extra = [*self._extra, *self._appeared()]
+        self._extra = [*self._extra, *self._new_topics()]
         for topic in self.topics:
             topic.look()
             if topic.problem and self._said.get(topic.name) != topic.problem:
@@ -291,7 +291,7 @@ class TopicSet:
         for topic in self.topics:
             topic.close()
 
-    def _appeared(self) -> list[WatchedTopic]:
+    def _new_topics(self) -> list[WatchedTopic]:
         """Return new topics that match the expression and have a publisher."""
         if self._expression is None or time.monotonic() - self._looked < _PERIOD:
             return []

@@ -91,7 +91,7 @@ class MotionSimulation:
             samples = round(max(0.5, self._seconds(way)) * self.rate) + 1
             # A polynomial of fifth order from rest to rest, slow against the speed limits.
             parts += [start + way * quintic(np.linspace(0.0, 1.0, samples)[:, None])[0], motion]
-        return self._simulated(np.concatenate(parts), seed)
+        return self._simulate(np.concatenate(parts), seed)
 
     def continued(
         self, history: FloatArray, elapsed: float, trajectory: Trajectory, seed: int
@@ -114,9 +114,9 @@ class MotionSimulation:
         blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
         time = np.arange(1, samples + 1) / rate
         whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
-        return self._simulated(whole, seed)
+        return self._simulate(whole, seed)
 
-    def _simulated(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
+    def _simulate(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
         """Simulate references (n_samples, n_joints), a rest added after them."""
         rest = round(REST * self.rate)
         whole = np.concatenate(

@@ -261,10 +261,10 @@ class Watcher:
         self._joints: dict[str, JointView] = {}
         self._nodes: dict[str, str] = {}
         self._predictors = 0
-        node.create_subscription(Prediction, _TOPIC, self._predicted, 50)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 50)
-        node.create_subscription(RecorderStatus, "recorder/status", self._recorded, 10)
-        node.create_subscription(DriftReport, "identifier/drift", self._drifted, LATCHED)
+        node.create_subscription(Prediction, _TOPIC, self._take_prediction, 50)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 50)
+        node.create_subscription(RecorderStatus, "recorder/status", self._take_status, 10)
+        node.create_subscription(DriftReport, "identifier/drift", self._take_drift, LATCHED)
         steady_timer(node, _DRAWN, self._draw)
         self._console = Console()
         self._live: Live | None = None
@@ -285,12 +285,12 @@ class Watcher:
         self.node.destroy_node()
         self._console.print("watch: ended")
 
-    def _predicted(self, message: Prediction) -> None:
+    def _take_prediction(self, message: Prediction) -> None:
         self._prediction, self._heard_at = message, time.monotonic()
         if self._page is not None:
             self._page.publish(self._view().to_json())
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
         namespace = self.node.get_namespace().rstrip("/")
         for status in message.status:
             source, _, what = status.name.partition(": ")
@@ -302,13 +302,13 @@ class Watcher:
             elif node == f"{namespace}/identifier" and what == "identification":
                 self._nodes["identifier"] = status.message
 
-    def _recorded(self, message: RecorderStatus) -> None:
+    def _take_status(self, message: RecorderStatus) -> None:
         words = _STATES[message.state] if message.state < len(_STATES) else "unknown"
         if message.bag and message.state:
             words = f"{words} {message.bag}, {message.duration:.0f} s"
         self._nodes["recorder"] = f"{words}: {message.fault}" if message.fault else words
 
-    def _drifted(self, message: DriftReport) -> None:
+    def _take_drift(self, message: DriftReport) -> None:
         self._nodes["drift of parameters"] = message.message
 
     def _view(self) -> LiveView:

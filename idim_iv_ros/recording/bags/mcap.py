@@ -219,7 +219,7 @@ class McapFile(BagFile):
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield topic and raw messages of the wanted topics, chunk by chunk; see `BagFile`."""
-        with self._opened() as source:
+        with self._open() as source:
             summary = read_summary(source)
             self._description = summary or McapDescription()
             self.topics = self._description.topics
@@ -238,12 +238,12 @@ class McapFile(BagFile):
 
     def summarised_topics(self) -> dict[str, str]:
         """Return the type of each topic from the summary; empty without one."""
-        with self._opened() as source:
+        with self._open() as source:
             summary = read_summary(source)
         return {} if summary is None else dict(summary.topics)
 
     @contextmanager
-    def _opened(self) -> Iterator[ByteSource]:
+    def _open(self) -> Iterator[ByteSource]:
         if self.source is not None:
             yield self.source
             return
