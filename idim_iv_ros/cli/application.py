@@ -41,7 +41,7 @@ _show = rich_utils.rich_format_error
 
 
 def _show_error(error: Any) -> None:
-    """Show what is wrong with an option; where no configuration is given, how to make one."""
+    """Print an error in an option; for a missing configuration, also how to make one."""
     cause = error.__cause__
     if type(cause).__name__ == "ValidationError":  # recent versions of typer: pydantic's words
         from idim_iv_ros.validation import first_problem

@@ -32,7 +32,7 @@ Verbose = Annotated[bool, Option("--verbose", "-v", help="Print long tables whol
 
 
 def numbers(option: str, text: str) -> list[float]:
-    """Read finite numbers separated by commas."""
+    """Return finite numbers from a text in which commas separate them."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError as error:

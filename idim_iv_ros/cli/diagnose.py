@@ -19,15 +19,15 @@ AGAINST = "--against"
 
 
 class WithSets(TyperCommand):
-    """A command whose `--against` takes all names up to the next option, as bags do."""
+    """A command whose option `--against` takes all names up to the next option."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments with one `--against` in front of every name that belongs to it."""
+        """Parse the arguments after repeating `--against` before every name that belongs to it."""
         return super().parse_args(ctx, list(separated_sets(args)))
 
 
 def separated_sets(arguments: Sequence[str]) -> Iterator[str]:
-    """Yield the arguments with one `--against` in front of every name that belongs to it."""
+    """Yield the arguments with `--against` repeated before every name that belongs to it."""
     belongs = False
     for place, argument in enumerate(arguments):
         if argument == "--":

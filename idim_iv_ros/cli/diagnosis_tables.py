@@ -36,7 +36,7 @@ _MOST_NAMES = 4  # of hints
 
 
 def print_diagnosis(console: Console, result: GapResult) -> None:
-    """Print what the first screen of the report says, one line a cause and a joint."""
+    """Print the first screen of the report: one line for each cause and each joint."""
     if result.contrast is not None:
         _print_contrast(console, result, result.contrast)
     tone, _, words = VERDICTS[result.verdict]
@@ -60,14 +60,14 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
     if names:
         more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
         console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))
-    left = (len(result.findings), len(untestable(result)), len(result.notes))
+    lengths = (len(result.findings), len(untestable(result)), len(result.notes))
     kinds = ("finding", "untestable effect", "note")
-    counts = [plural(count, kind) for count, kind in zip(left, kinds, strict=True) if count]
+    counts = [plural(count, kind) for count, kind in zip(lengths, kinds, strict=True) if count]
     console.print(Text(f"The report has {', '.join(['all numbers', *counts])}"))
 
 
 def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
-    """Print the answer, and what changed with its numbers."""
+    """Print whether two sets of recordings differ, and what changed with its numbers."""
     tone, _, words = contrast_badge(contrast)
     console.print(Text(f"Contrast: {words}.", style=f"bold {_STYLES[tone]}"))
     console.print(Text(" ".join(contrast_headline(result, contrast))))
@@ -93,17 +93,17 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
 
 
 def _parameters(parameters: dict[str, EffectParameter]) -> str:
-    """Return the best determined numbers under their names in gap.json, and how many are left."""
+    """Return the best determined numbers with their names in gap.json, and how many are left."""
     lines = []
     for name, parameter in surest(parameters, _MOST_NUMBERS).items():
         number = filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
         lines.append(f"{name.replace('_', ' ')} = {' '.join(number)}")
-    left = len(parameters) - len(lines)
-    return "\n".join([*lines, f"and {left} more"] if left else lines)
+    remaining = len(parameters) - len(lines)
+    return "\n".join([*lines, f"and {remaining} more"] if remaining else lines)
 
 
 def _print_gaps(console: Console, result: GapResult) -> None:
-    """Print one line a joint: the gap of the first model and of the last one, and the noise."""
+    """Print one line a joint: its gap in the first and in the last model, and the noise."""
     first, last = result.stages[0], result.stages[-1]
     floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
     rows = []
@@ -119,5 +119,6 @@ def _print_gaps(console: Console, result: GapResult) -> None:
 
 
 def _arrow(pair: Sequence[float | None], unit: str, factor: float = 1.0) -> str:
+    """Return two numbers with their unit as text: “before → after”."""
     numbers = [number(None if value is None else factor * value) for value in pair]
     return MISSING if pair[0] is None and pair[1] is None else f"{' → '.join(numbers)} {unit}"

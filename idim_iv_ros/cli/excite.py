@@ -166,7 +166,7 @@ def _print_excitation(
 def _print_limits(
     console: Console, model: InverseModel, limits: MotionLimits, use: LimitUse
 ) -> None:
-    """Print the largest share of each limit joint by joint, and the lowest moving frame."""
+    """Print the most used limit of each joint, and the lowest height of a moving frame."""
     console.print(f"Largest share of each limit (allowed: {100 * limits.margin:g} %)")
     shares = (use.position, use.velocity, use.acceleration, use.torque)
     rows = [
@@ -189,7 +189,7 @@ def _print_limits(
 def _print_segments(
     console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
 ) -> None:
-    """Print the segments by kind with the effects that they reveal, and the limits used."""
+    """Print the segments by kind with the effects that they show, and the limits used."""
     from idim_iv_ros.excitation.segments import NOT_REVEALED
 
     segments = diagnosis.segments

@@ -78,7 +78,7 @@ def fleet_command(
     force: shared.Force = False,
     quiet: shared.Quiet = False,
 ) -> None:
-    """Identify or diagnose a fleet, whichever the command is called."""
+    """Run `fleet identify` or `fleet diagnose`, by the name of the command."""
     from idim_iv_ros.fleet.commands import diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.fleet.table import FILE, write_table
@@ -97,19 +97,19 @@ def fleet_command(
             _, page = write_report(
                 answer.result, out, reports=reports, force=force, config=config, bags=[source]
             )
-    _print(output.console, answer, pages)
+    _print_fleet(output.console, answer, pages)
     output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
     if page is not None:
         output.line(f"Report: {page}")
     if not any(bag.used for bag in answer.result.bags):
-        output.line(f"Next: {_next(name, run, answer)}")
+        output.line(f"Next: {_next_command(name, run, answer)}")
         first = answer.result.bags[0]
         words = f"none of {len(answer.bags):,} bags can be used"
         raise DataError(f"{words}: {first.uri}: {first.why_not}")
 
 
-def _next(name: str, run: FleetRun, answer: Fleet) -> str:
-    """Return the command that says more of a bag on this machine, or else the same again."""
+def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
+    """Return the next command: check a failed bag on this machine, or the same command again."""
     from idim_iv_ros.fleet.robots import path_of
     from idim_iv_ros.fleet.source import is_local, local_path
 
@@ -121,7 +121,7 @@ def _next(name: str, run: FleetRun, answer: Fleet) -> str:
 
 
 def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
-    """Write the reports of the robots that were diagnosed, and return them by robot."""
+    """Write the reports of the diagnosed robots, and return their addresses by robot."""
     from idim_iv_ros.report import write_report
 
     pages = {}
@@ -136,8 +136,8 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     return pages
 
 
-def _print(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
-    """Print which robots need attention, what their types say, and what was left out."""
+def _print_fleet(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
+    """Print the robots that need attention, their types, and the bags left out."""
     from idim_iv_ros.report.fleet import headline
 
     result = answer.result

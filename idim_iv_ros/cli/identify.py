@@ -128,7 +128,7 @@ def print_physical(
     config: Path,
     *options: str,
 ) -> None:
-    """Name the command that takes the answer into a simulator; else say why it cannot be."""
+    """Print the command that exports the result to a simulator; else why it cannot be."""
     if result.physical is None:
         if result.why_no_physical:
             output.line(f"No physical parameters for a simulator: {result.why_no_physical}")
@@ -168,7 +168,7 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
 
 
 def print_verdict(console: Console, result: IdentificationResult) -> None:
-    """Print verdict, fit, where the instruments came from, and what was left out."""
+    """Print verdict, fit, source of the instruments, and parameters that were left out."""
     fit = result.fit
     lines = [
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
@@ -192,7 +192,7 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
 
 
 def data_warnings(result: IdentificationResult) -> list[str]:
-    """Return what was lost of each bag, or left out because a channel froze."""
+    """Return sentences on lost messages and frozen channels of each bag."""
     warnings = []
     for bag in result.bags:
         sentences = [note.sentence for note in bag.notes if note.limits]

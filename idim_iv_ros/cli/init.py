@@ -82,7 +82,7 @@ def init_command(
 
 
 def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
-    """Write the map of a table, and say what comes next."""
+    """Write the proposed map of a table, and print the next command."""
     from idim_iv_ros.recording.table_map import proposed_map
 
     require_file_place([out], force=force)

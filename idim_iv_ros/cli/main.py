@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def _words(error: Exception) -> str:
-    """Say what went wrong: what the machine refuses is no defect, wherever it comes up."""
+    """Return an error in words; a refusal of the operating system is not called a defect."""
     if isinstance(error, OSError):
         where = "" if error.filename is None else f"{error.filename}: "
         return f"{where}{error.strerror or error}"
@@ -71,7 +71,7 @@ def _words(error: Exception) -> str:
 
 
 def _require_names(arguments: Sequence[str]) -> None:
-    """Refuse an argument that is empty, and the name ``-`` for a file."""
+    """Refuse an empty argument, and ``-`` as the name of a file."""
     for option, argument in pairwise(["", *arguments]):
         if not argument and option != "--namespace":
             raise UsageError("an argument is empty; is a variable of the shell not set?")
@@ -84,7 +84,7 @@ _NARROWEST = 20  # columns in which words of the tables can be read
 
 
 def prepare_streams() -> None:
-    """Make stdout and stderr take whatever is printed.
+    """Make stdout and stderr accept any text, whatever their encoding.
 
     Raises UsageError: stdout is closed.
     """
@@ -96,21 +96,21 @@ def prepare_streams() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors=SPELT)
     for name in {"write", "flush"} - set(vars(sys.stdout)):
-        setattr(sys.stdout, name, _naming(STDOUT, getattr(sys.stdout, name)))
+        setattr(sys.stdout, name, _with_file_name(STDOUT, getattr(sys.stdout, name)))
     columns = os.environ.get("COLUMNS", "")
     if not (columns.isdecimal() and int(columns) >= _NARROWEST):
         os.environ.pop("COLUMNS", None)
 
 
 def drop_stdout() -> None:
-    """Let what still waits for stdout go nowhere: Python would complain of it at its end."""
+    """Discard the buffered stdout, about which Python would complain at its exit."""
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, sys.stdout.fileno())
     os.close(devnull)
 
 
 def complain(text: str) -> None:
-    """Print what went wrong as one line on stderr."""
+    """Print an error as one line on stderr."""
     from rich.console import Console
     from rich.text import Text
 
@@ -118,8 +118,8 @@ def complain(text: str) -> None:
     Console(stderr=True, soft_wrap=True).print(line)
 
 
-def _naming(name: str, write: Callable[..., object]) -> Callable[..., object]:
-    """Return the same function, whose errors say which file it is of."""
+def _with_file_name(name: str, write: Callable[..., object]) -> Callable[..., object]:
+    """Return the function `write` such that its OSErrors name the file."""
 
     def named(*arguments: object) -> object:
         try:

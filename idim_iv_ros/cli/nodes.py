@@ -70,7 +70,7 @@ def predict_command(
 
     Example: idim-iv predict --config ur5.yaml --result results/result.json
     """
-    _run("predictor", context, config, namespace, _prediction(result, results))
+    _run("predictor", context, config, namespace, _predictor_parameters(result, results))
 
 
 def watch_command(
@@ -99,12 +99,12 @@ def watch_command(
     if config is None and result is not None:
         raise UsageError("--result needs --config: the result is used where efforts are predicted")
     predictor = None if config is None else _node("predictor").Predictor
-    parameters = {} if config is None else _prediction(result, results)
+    parameters = {} if config is None else _predictor_parameters(result, results)
     _run("watch", context, config, namespace, parameters, web, predictor)
 
 
-def _prediction(result: Path | None, results: Path) -> dict[str, object]:
-    """Return the parameters of the predictor."""
+def _predictor_parameters(result: Path | None, results: Path) -> dict[str, object]:
+    """Return the parameters of the node `predictor` from options."""
     if result is not None and not result.is_file():
         raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
     places = {"output_directory": results, "result": result}
@@ -121,8 +121,7 @@ def _run(
 ) -> None:
     """Run a node of `idim_iv_ros.nodes` until a signal, and exit with its status.
 
-    The node gets the robot's file, ROS parameters by name, the arguments of ROS that the user
-    gave, and `settings`.
+    The node gets the robot's file, ROS parameters by name, the user's ROS arguments, `settings`.
     """
     if config is not None:
         from idim_iv_ros.configuration import load_configuration
@@ -134,7 +133,7 @@ def _run(
 
 
 def _node(name: str) -> Any:
-    """Import a node, or say what is missing."""
+    """Import a module of a node, or raise UsageError with what is not installed."""
     try:
         return importlib.import_module(f"idim_iv_ros.nodes.{name}.node")
     except ModuleNotFoundError as error:
@@ -147,7 +146,7 @@ def _node(name: str) -> Any:
 def ros_arguments(
     namespace: str, parameters: Mapping[str, object], others: Sequence[str]
 ) -> list[str]:
-    """Return arguments of ROS that set the namespace and the parameters, and those of the user."""
+    """Return arguments of ROS for namespace and parameters, followed by those of the user."""
     if others and others[0] != "--ros-args":
         raise UsageError(f"no such option: {others[0]} (arguments of ROS go behind --ros-args)")
     for option, word in pairwise(others):

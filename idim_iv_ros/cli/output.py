@@ -1,4 +1,4 @@
-"""Where a command's words go: tables for people, one JSON document for programs, or nothing."""
+"""Output of a command: tables for people, one JSON document for programs, or nothing."""
 
 import re
 import sys
@@ -33,7 +33,7 @@ AnyResult = TypeVar("AnyResult", bound=Any)
 class Output:
     """Stdout and stderr of one command.
 
-    `console` takes nothing with `quiet` or `as_json`; `progress()` is `shown_progress`.
+    `console` prints nothing with `quiet` or `as_json`; `progress()` is `shown_progress`.
     """
 
     def __init__(self, *, quiet: bool = False, as_json: bool = False):
@@ -52,14 +52,14 @@ class Output:
         force: bool,
         **options: Any,
     ) -> tuple[AnyResult, Path | None, Path | None]:
-        """Compute a result of bags, write its numbers and its page, and print it for a program.
+        """Compute a result of bags, write its numbers and its page, and print it as JSON if asked.
 
         `compute` takes bags, configuration, `options` and `progress`; the numbers are written to
-        the file `name` in the folder `out`. Returned are the result, and the paths of numbers and
-        page, which are None without --out.
+        the file `name` in the folder `out`. Returns the result, and the paths of numbers and page,
+        None without --out.
 
-        Raises UsageError: there is no place for a file, or neither --out nor --json: nothing was
-        computed.
+        Raises UsageError, before computing: files cannot be written, or there is no --out nor
+        --json.
         """
         from idim_iv_ros.configuration import load_configuration
         from idim_iv_ros.report import require_writable, write_report
@@ -80,35 +80,35 @@ class Output:
         return result, numbers, page
 
     def name_files(self, numbers: Path | None, page: Path | None) -> None:
-        """Name the page that was written, else the numbers."""
+        """Print the path of the page that was written, else that of the numbers."""
         if page is not None:
             self.line(f"Report: {page}")
         elif numbers is not None:
             self.line(f"Numbers: {numbers}")
 
     def line(self, text: str) -> None:
-        """Print text in which nothing is markup, unbroken: paths stay whole."""
+        """Print text without markup and line breaks, so that paths stay whole."""
         self.console.print(Text(text), soft_wrap=True)
 
     def warn_quietly(self, warnings: Iterable[str]) -> None:
-        """Print warnings on stderr where the tables with these warnings are not printed."""
+        """Print warnings on stderr if the tables that contain them are not printed."""
         if self.console.quiet:
             self.warn(warnings)
 
     def warn(self, warnings: Iterable[str]) -> None:
-        """Print warnings on stderr, whatever stdout is for."""
+        """Print warnings on stderr."""
         for warning in warnings:
             print(f"Warning: {warning}", file=sys.stderr)
 
     def document(self, content: Mapping[str, object]) -> None:
-        """Print the result for a program, if that was asked for."""
+        """Print the result as JSON, if --json was given."""
         if self.as_json:
             sys.stdout.write(json_text(content, encoding=sys.stdout.encoding or "utf-8"))
 
 
 @contextmanager
 def shown_progress(quiet: bool = False) -> Iterator[Progress]:
-    """Show stage, share and time on stderr: a bar that goes, or a line every few seconds."""
+    """Show stage, share and time on stderr: a progress bar, or a line every few seconds."""
     if quiet or not sys.stderr.isatty():
         yield (lambda stage, share: None) if quiet else _lines()
         return
@@ -120,7 +120,7 @@ def shown_progress(quiet: bool = False) -> Iterator[Progress]:
 
 
 def _lines() -> Progress:
-    """Return what prints a line of what is reported, one in an interval at most."""
+    """Return a progress callback that prints a line, at most one in an interval."""
     begin = latest = time.monotonic()
 
     def report(stage: str, share: float) -> None:
@@ -136,7 +136,7 @@ def _lines() -> Progress:
 
 @contextmanager
 def report_warnings() -> Iterator[None]:
-    """Print each `ReportWarning` as one line on stderr; other warnings as without this context."""
+    """Print each `ReportWarning` in the ``with`` block as one line on stderr."""
     console = Console(stderr=True, soft_wrap=True, highlight=False)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ReportWarning)
@@ -152,7 +152,7 @@ def report_warnings() -> Iterator[None]:
 
 
 def print_marked(console: Console, mark: str, texts: Iterable[str], style: str = "") -> None:
-    """Print texts, one a line, each behind the same word: ``Note: …``."""
+    """Print texts, one a line, each after the same word: ``Note: …``."""
     for text in texts:
         console.print(Text.assemble((f"{mark}:", style), f" {text}"))
 
@@ -175,12 +175,12 @@ def print_table(
     most: int | None = None,
     rest: str = "--verbose prints them",
 ) -> None:
-    """Print rows of plain text under a title; columns that say nothing in any row are left out.
+    """Print rows of plain text under a title; columns that are empty in all rows are left out.
 
-    A heading that begins with ``>`` stands over numbers with their units, aligned to the right.
-    Names and numbers stay on one line: only texts are broken where the terminal is narrow, for
-    which rich wants the least width of every column. Of more than `most` rows the first are
-    printed, how many are left, and in the words of `rest` where they are.
+    A heading that begins with ``>`` is for numbers with units, aligned to the right. Names and
+    numbers stay on one line: only texts are wrapped where the terminal is narrow, for which rich
+    needs the least width of every column. Of more than `most` rows the first are printed, then the
+    number of the others, and in the words of `rest` where they are.
     """
     shown = rows[:most]
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")

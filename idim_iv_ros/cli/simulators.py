@@ -140,7 +140,7 @@ def export_command(
     from idim_iv_ros.simulator_files import export
 
     output = Output(quiet=quiet, as_json=as_json)
-    made = export(
+    paths = export(
         result,
         load_configuration(config),
         out,
@@ -150,27 +150,27 @@ def export_command(
         remainder=remainder,
         randomize=randomize,
     )
-    files = [str(file) for file in made.files]
-    notes, missing = list(made.notes), list(made.not_native)
+    files = [str(file) for file in paths.files]
+    notes, missing = list(paths.notes), list(paths.not_native)
     output.document({"files": files, "not_native": missing, "notes": notes})
     for note in notes:
         output.line(f"Note: {note}")
     if missing:
-        why = "MuJoCo has no element for" if made.urdf else "Your MJCF was not given elements for"
+        why = "MuJoCo has no element for" if paths.urdf else "Your MJCF was not given elements for"
         output.line(
-            f"{why} {', '.join(missing)}: {made.effects.name} holds "
+            f"{why} {', '.join(missing)}: {paths.effects.name} holds "
             "them for its loop (docs/simulators.md)"
         )
     for file in files:
         output.line(f"Written: {file}")
-    output.line(f"What is new, and how sure it is: {made.changes}")
+    output.line(f"What is new, and how sure it is: {paths.changes}")
     # A result has the names of its recordings alone: they are looked for where it lies.
     folders = (Path(), *result.parents)
     bags = [
         next((folder / name for folder in folders if (folder / name).exists()), Path(name))
-        for name in made.bags
+        for name in paths.bags
     ]
-    options = ("--model", str(made.mjcf), "--effects", str(made.effects), "--out", "replayed")
+    options = ("--model", str(paths.mjcf), "--effects", str(paths.effects), "--out", "replayed")
     output.line(f"Next: {next_command('replay', bags, config, *options)}")
 
 

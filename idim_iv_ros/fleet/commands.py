@@ -1,8 +1,8 @@
-"""What `idim-iv fleet` does: identify every bag by itself, and diagnose the robots that stand out.
+"""What `idim-iv fleet` does: identify every bag, compare robots, and diagnose those that stand out.
 
-A task runs on a worker: it may run twice, and knows of no other bag. Robots of a type are compared
-by R factors first. Only those that differ or changed are diagnosed, each from its newest bags
-together, and a few ordinary ones for what all of the type share.
+Tasks run on Dask workers, maybe twice, and depend on one bag only. Robots of a type are first
+compared by R factors. Only those that differ or changed are diagnosed, each from its newest bags
+together, and a few ordinary ones, which show what all of the type share.
 """
 
 from collections.abc import Iterable, Sequence
@@ -36,15 +36,15 @@ BAGS = "bags"  # folder of the results of bags, below those of the fleet
 DIAGNOSES = "diagnoses"  # folder of the diagnoses of robots, below the results of the fleet
 # Share of the progress that the identification of the bags takes.
 _IDENTIFIED = 0.5
-# Bags whose content is looked at at once: disks and stores answer several.
+# Bags whose content is read in parallel: disks and stores serve several requests.
 _THREADS = 8
 _WHOSE = ("uri", "content", "key", "robot", "type", "time")
 
 
 def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagResult, ...]:
-    """Identify every bag of a fleet that was not identified before, in the order of the source.
+    """Identify the bags of a fleet, in the order of the source; earlier results are reused.
 
-    A bag that cannot be used says why.
+    A bag that cannot be used has a result with the reason.
 
     Raises
     ------
@@ -75,29 +75,29 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
 
 
 def owned_by(result: BagResult, entry: BagEntry) -> BagResult:
-    """Return a result with what the source says of the bag: a kept one may have another name."""
+    """Return a result with the bag's robot, type, time and URI of the source, which may be new."""
     time = entry.time or result.time
     return replace(result, uri=entry.uri, robot=entry.robot, type=entry.type, time=time)
 
 
 def without_repeats(results: Iterable[BagResult]) -> tuple[BagResult, ...]:
-    """Leave out a recording that is there twice: it would pass for a repeat without any noise."""
+    """Mark repeated recordings as unusable: they would pass for repeats without any noise."""
     first: dict[str, str] = {}
-    kept = []
+    unique = []
     for result in results:
         before = first.setdefault(result.content, result.uri) if result.status == "ok" else None
         if before is not None and before != result.uri:
             about = {name: getattr(result, name) for name in _WHOSE}
             reason = f"the same recording as {before}"
             result = BagResult(**about, status="unusable", reason=reason)
-        kept.append(result)
-    return tuple(kept)
+        unique.append(result)
+    return tuple(unique)
 
 
 def content_task(uri: str) -> BagResult:
-    """Return a bag with the digest of its content, or why it cannot be read.
+    """Return a bag with the digest of its content, or with the reason why it cannot be read.
 
-    Raises UsageError: its store can be asked for no bag at all.
+    Raises UsageError: its store answers for none of its bags.
     """
     status: Status
     try:
@@ -114,11 +114,11 @@ def content_task(uri: str) -> BagResult:
 
 
 def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
-    """Identify one bag; whatever is wrong with it is in the result.
+    """Identify one bag; if that fails, the result has the reason.
 
-    A bag without a topic that can be read, or with damages, is corrupt.
+    A bag without a readable topic, or with damages, is corrupt.
 
-    Raises OSError: its store does not answer: later it may.
+    Raises OSError: its store does not answer now.
     """
     bag = Bag(Path(uri))
     try:
@@ -138,9 +138,8 @@ def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
 class Fleet:
     """All results of a fleet.
 
-    `bags` are in the order of the source. `diagnoses` have the diagnosis of each robot of
-    `FleetResult.screen`, or why there is none; what was made in this run has the series that a
-    report draws.
+    `bags` are in the order of the source. `diagnoses` have, by robot of `FleetResult.screen`, its
+    diagnosis or the reason why there is none; only those made in this run have series to draw.
     """
 
     bags: tuple[BagResult, ...]
@@ -149,7 +148,7 @@ class Fleet:
 
 
 def identify_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
-    """Identify every bag of a fleet, and say what they say together; see `identify_bags`."""
+    """Identify every bag of a fleet, and compare its robots; see `identify_bags`."""
     bags = identify_bags(run, progress)
     if progress is not None:
         progress("comparing the robots", 1.0)
@@ -157,9 +156,9 @@ def identify_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
 
 
 def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
-    """Identify every bag, then diagnose the robots that need it and some that represent their type.
+    """Identify every bag, then diagnose the robots that stand out and some typical ones.
 
-    Parameters, errors: as `identify_bags`. What was diagnosed before is kept.
+    Parameters and errors are as for `identify_bags`. Earlier diagnoses are reused.
     """
     identified = identify_fleet(run, part_of(progress, 0.0, _IDENTIFIED))
     _, robots = robots_of(find_bags(run.source), Path(run.config))
@@ -183,11 +182,11 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
 
 
 def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
-    """Diagnose bags of one robot together, on a worker; or why they cannot be.
+    """Diagnose bags of one robot together, on a worker; return the reason if that fails.
 
-    The bags are read whole, those that are far away by their index.
+    Remote bags are read by their index.
 
-    Raises OSError: their store does not answer: later it may.
+    Raises OSError: their store does not answer now.
     """
     try:
         return diagnose([open_bag(uri) for uri in uris], robot.local())
@@ -196,7 +195,7 @@ def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
 
 
 def gap_summary(gap: GapResult) -> GapSummary:
-    """Return a diagnosis in short; a cause whose numbers may all be zero is none."""
+    """Return a summary of a diagnosis, without causes whose numbers may all be zero."""
     causes = (
         CauseSummary(c.effect, c.kind, c.joint, c.parameters, c.torque_gap.shrinkage)
         for c in gap.causes

@@ -1,4 +1,4 @@
-"""From the results of all bags to the document of the fleet."""
+"""From the results of all bags to the document of the fleet, fleet.json."""
 
 import math
 from collections import defaultdict
@@ -42,12 +42,12 @@ _WHY_DIAGNOSE = {
 
 
 def fleet_result(results: Sequence[BagResult]) -> FleetResult:
-    """Say what the bags of a fleet say together.
+    """Compare the robots of a fleet by the results of its bags.
 
-    `results` are those of all bags, also of those that cannot be used, each recording once
-    (`identify_bags`). Their order matters for the list of bags alone.
+    `results` are those of all bags, unusable ones included, each recording once (`identify_bags`).
+    Their order matters for the list of bags alone.
 
-    Raises UsageError: there is none.
+    Raises UsageError: there is no bag.
     """
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")
@@ -78,7 +78,7 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
         ]
         types.append(kind)
         robots += members
-        screen += _screened(compared, members)
+        screen += _screen(compared, members)
     robots += [robot_without_bags(kind, name, bags) for (kind, name), bags in unused.items()]
     return FleetResult(
         false_discoveries=FALSE_DISCOVERIES,
@@ -99,7 +99,7 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
 
 
 def _fleet_type(compared: ComparedType) -> FleetType:
-    """Return one type: its quantities, what diagnoses say together, and what is not judged."""
+    """Return the results on one type: quantities, common causes, and what is not judged."""
     group = compared.bags
     causes = {
         robot.robot: causes_of_robot(robot.bags)
@@ -125,7 +125,7 @@ def _fleet_type(compared: ComparedType) -> FleetType:
 
 
 def _notes(compared: ComparedType) -> list[str]:
-    """Say what of a type cannot be judged, and why."""
+    """Return sentences on what cannot be judged of a type, and why."""
     notes = []
     count = len(compared.bags.robots)
     robots = f"{count} robot{'s' if count != 1 else ''}"
@@ -175,10 +175,10 @@ def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
     )
 
 
-def _screened(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
-    """Return the robots of a type that deserve a diagnosis, and those that represent the type.
+def _screen(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
+    """Return the robots of a type that deserve a diagnosis, and typical ones.
 
-    These are the ordinary ones nearest to the others, by their largest studentised distance.
+    Typical are the ordinary robots with the smallest largest studentised distance.
     """
     conspicuous: list[Screened] = []
     typical: list[tuple[float, str, Screened]] = []
@@ -198,7 +198,7 @@ def _screened(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Scre
 
 
 def _urgency(robot: FleetRobot) -> tuple[int, float, float, str, str]:
-    """Return by what robots are sorted: attention, largest distance, smallest p-value, names."""
+    """Return the key to sort robots: attention, largest distance, smallest p-value, names."""
     p_values = [p for p in (robot.p_value, robot.change_p_value) if math.isfinite(p)]
     distance = max((abs(q.distance) for q in robot.quantities if q.differs), default=0.0)
     attention = get_args(Attention).index(robot.attention)
@@ -216,7 +216,7 @@ def fleet_robot(
     type_quantities: Sequence[TypeQuantity],
     unused: Sequence[BagResult],
 ) -> FleetRobot:
-    """Return the robot at `place` of its type, with its `unused` bags counted."""
+    """Return the results on the robot at `place` of its type; its `unused` bags are counted."""
     robot, over_time = compared.bags.robots[place], compared.changes[place]
     quantities = _quantities(compared, place)
     changed = map(int, np.flatnonzero(over_time.changed))
@@ -264,7 +264,7 @@ def fleet_robot(
 
 
 def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> FleetRobot:
-    """Return a robot of which no bag could be used."""
+    """Return the result of a robot of which no bag could be used."""
     reasons = (_unused_words(bags, 0), "nothing is known of it")
     return FleetRobot(
         robot=name, type=kind, attention="recordings", reasons=reasons, bags=0, not_used=len(bags)
@@ -272,7 +272,7 @@ def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> Fleet
 
 
 def _quantities(compared: ComparedType, place: int) -> tuple[RobotQuantity, ...]:
-    """Return all quantities of a robot; residuals, compared by logarithms, in their own unit."""
+    """Return all quantities of a robot in their units; residuals are compared as logarithms."""
     estimates, outlying = compared.estimates, compared.outlying
     value, half = estimates.values[place], estimates.half[place]
     residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
@@ -326,7 +326,7 @@ def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
 
 
 def _unused_words(unused: Sequence[BagResult], used: int) -> str:
-    """Say how many bags of a robot could not be used, and how many are missing or corrupt."""
+    """Return a sentence on how many bags of a robot are unusable, missing or corrupt."""
     statuses = [bag.status for bag in unused]
     counts = {status: statuses.count(status) for status in ("missing", "corrupt")}
     detail = "".join(f", {count} of them {name}" for name, count in counts.items() if count)
@@ -335,7 +335,7 @@ def _unused_words(unused: Sequence[BagResult], used: int) -> str:
 
 
 def _difference_words(quantity: RobotQuantity, usual: TypeQuantity, joints: Sequence[str]) -> str:
-    """Say in what and how far a robot differs from its type."""
+    """Return a sentence on the quantity in which a robot differs from its type, and how far."""
     far = math.isfinite(quantity.distance)
     distance = f"{abs(quantity.distance):.3g} standard deviations" if far else ""
     side = "above" if quantity.distance > 0.0 else "below"
@@ -355,7 +355,7 @@ def _difference_words(quantity: RobotQuantity, usual: TypeQuantity, joints: Sequ
 
 
 def _change_words(change: ParameterChange, joints: Sequence[str]) -> str:
-    """Say what changed, when, and by how much."""
+    """Return a sentence on what changed, when, and by how much."""
     first, last = change.begin_low[:10], change.begin_high[:10]
     when = f"on {first}" if first == last else f"between {first} and {last}"
     what = _parameter_words(change.name, joints)
@@ -375,7 +375,7 @@ def _change_words(change: ParameterChange, joints: Sequence[str]) -> str:
 
 
 def _parameter_words(name: str, joints: Sequence[str]) -> str:
-    """Say what a base parameter is, with its name in the tables: “link mass at joint_2 (M2)”."""
+    """Return a base parameter in words, with its name: “link mass at joint_2 (M2)”."""
     words = words_of_name(name, joints)
     return words if words == name else f"{words} ({name})"
 

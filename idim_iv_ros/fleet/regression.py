@@ -1,4 +1,4 @@
-"""One bag identified: its own estimate, and the R factor that represents it among others."""
+"""Identification of one bag: its estimate, and the R factor for regressions over many bags."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ _FIRST_YEAR = 2000
 
 @dataclass(frozen=True)
 class Segment:
-    """What is kept of one segment of a bag."""
+    """Identification of one segment of a bag."""
 
     start: float  # s, on the clock of the bag
     duration: float  # s
@@ -46,7 +46,7 @@ class Segment:
 def bag_fields(
     recordings: Iterable[Recording | DataError], configuration: Configuration
 ) -> dict[str, Any]:
-    """Identify the segments of one bag one after the other: `time`, `duration` … of `BagResult`.
+    """Identify the segments of one bag in turn; return the fields of `BagResult` from `time` on.
 
     Raises UsageError or DataError: as `identify`; a segment that supports no estimate is left out
     if another one does.
@@ -63,7 +63,7 @@ def bag_fields(
                 errors.append(error)
     if not segments:
         raise errors[0] if errors else DataError("the bag holds no recording")
-    return _joined(segments, [f"a segment is left out: {error}" for error in errors])
+    return _join(segments, [f"a segment is left out: {error}" for error in errors])
 
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
@@ -81,10 +81,10 @@ def _segment(recording: Recording, configuration: Configuration) -> Segment:
 
 
 def whitened_r_factor(identification: Identified) -> FloatArray:
-    """R (b + 1, b + 1) of [X y] of all joints, each whitened by the model of its own residual.
+    """Return R (b + 1, b + 1) of [X y], each joint whitened by the model of its residual.
 
-    The whitened residual has unit variance: rows of different joints and bags count as they should
-    when they are stacked. The diagonal is not negative, so that equal rows have equal factors.
+    The whitened residual has unit variance, so that stacked rows of different joints and bags have
+    the right weight. The diagonal is not negative, so that equal rows have equal factors.
     """
     rows, models = identification.rows, identification.refined.models
     width = len(identification.prepared.model.base.columns) + 1
@@ -96,12 +96,12 @@ def whitened_r_factor(identification: Identified) -> FloatArray:
 
 
 def stacked(factors: Sequence[FloatArray]) -> FloatArray:
-    """R factor (b + 1, b + 1) of the rows of several, without a negative diagonal."""
+    """Return the R factor (b + 1, b + 1) of all rows behind several R factors."""
     return _square(r_factor(np.vstack(factors)))
 
 
 def _square(factor: FloatArray) -> FloatArray:
-    """R factor with as many rows as columns and no negative diagonal."""
+    """Return a square R factor whose diagonal is not negative."""
     width = factor.shape[1]
     whole = np.zeros((width, width))
     signs = np.where(np.diag(factor) < 0.0, -1.0, 1.0)
@@ -110,7 +110,7 @@ def _square(factor: FloatArray) -> FloatArray:
 
 
 def _why_not(result: IdentificationResult) -> str:
-    """Say why a bag is represented by least squares; nothing where the instruments are accepted."""
+    """Return why a bag is represented by least squares; empty if the instruments are accepted."""
     instruments = result.instruments
     if instruments.accepted:
         return ""
@@ -122,8 +122,8 @@ def _why_not(result: IdentificationResult) -> str:
     return f"the instruments are rejected{where}"
 
 
-def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
-    """Join the segments of a bag; `left_out` says which were not used."""
+def _join(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
+    """Return the fields of `BagResult` from all segments; `left_out` has reasons of failed ones."""
     first, result = segments[0], segments[0].result
     factor = stacked([segment.r_factor for segment in segments])
     samples = {joint: sum(segment.rows[joint] for segment in segments) for joint in first.rows}
@@ -170,7 +170,7 @@ def _joined(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, A
 def _values(
     segments: Sequence[Segment], factor: FloatArray, rows: int, estimator: Estimator
 ) -> tuple[FloatArray, FloatArray]:
-    """Return estimate and deviations (b,) of the bag, all segments together.
+    """Return estimate and standard deviations (b,) of the bag from all its segments.
 
     Segments are independent: IDIM-IV estimates are averaged with the inverse of their covariances
     as weights, and least squares is solved on the stacked R factor.
@@ -195,7 +195,7 @@ def _values(
 
 
 def date_of(stamp: float) -> str | None:
-    """ISO 8601 of the first stamp of a recording; None where the stamps are no dates."""
+    """Return a recording's first stamp, s since 1970, as ISO 8601; None if it is no date."""
     try:
         time = datetime.fromtimestamp(stamp, timezone.utc)
     except (ValueError, OverflowError, OSError):

@@ -1,4 +1,4 @@
-"""The documents of a fleet: what is kept of one bag, and fleet.json, what all say together."""
+"""Documents of a fleet: the result of one bag, and fleet.json with the comparison of all."""
 
 import math
 from dataclasses import dataclass, field
@@ -21,8 +21,8 @@ Status = Literal["ok", "missing", "corrupt", "unusable"]
 class JointNoise:
     """Residual of one joint, N m (N for a prismatic joint).
 
-    `rms`: of the bag's own estimate; `floor`: of the noise of the measured torque in the band of
-    the rows, which no model explains.
+    `rms`: RMS of the bag's residual; `floor`: noise of the measured torque in the band of the rows,
+    which no model explains.
     """
 
     joint: str
@@ -32,9 +32,9 @@ class JointNoise:
 
 @dataclass(frozen=True)
 class CauseSummary:
-    """One accepted cause of a diagnosis.
+    """One cause in the summary of a diagnosis.
 
-    `shrinkage`: share of the torque gap above the noise floor that goes with it.
+    `shrinkage`: share of the torque gap above the noise floor that the cause removes.
     """
 
     effect: str
@@ -46,7 +46,7 @@ class CauseSummary:
 
 @dataclass(frozen=True)
 class GapSummary:
-    """A diagnosis in short: verdict, accepted causes (strongest first), and one sentence."""
+    """Summary of a diagnosis: verdict, causes (strongest first), and one sentence."""
 
     verdict: GapVerdict
     causes: tuple[CauseSummary, ...] = ()
@@ -55,7 +55,7 @@ class GapSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class BagResult(Document):
-    """One bag: whose it is, whether it can be used, and what it says of the base parameters.
+    """Result of one bag: its robot, whether it can be used, and its base parameters.
 
     Where `status` is not ``ok``, `reason` says why, and everything from `duration` on is empty or
     null as far as it is unknown.
@@ -82,7 +82,7 @@ class BagResult(Document):
       autocorrelation of the residual; in `units`. Of a bag in segments IDIM-IV is the average
       weighted by covariance, and IDIM-LS that of the whitened rows of all
     - `given`: (p,), values of the nominal model; null where there are none
-    - `condition_number`: of the stacked regressor matrix
+    - `condition_number`: that of the stacked regressor matrix
     - `verdict`, `sentence`: verdict on the identification in a word and in a sentence
     - `checks`: findings on the recording: losses, frozen channels, segments
     - `diagnosis`: where the bag was diagnosed
@@ -140,7 +140,7 @@ WhyDiagnose = Literal["differs", "changed", "unsteady", "typical"]
 
 @dataclass(frozen=True, kw_only=True)
 class FleetBag:
-    """One bag, and why it was not used; empty where it was."""
+    """One bag of the fleet; `why_not` says why it was not used, or is empty."""
 
     uri: str
     robot: str
@@ -188,12 +188,12 @@ class TypeQuantity:
 
 @dataclass(frozen=True)
 class CommonCause:
-    """A cause that diagnoses named, of one sign and size.
+    """A cause in the diagnoses of one or several robots, with equal sign and size.
 
     - `robots`: robots that have it; those that have the effect with another size are another cause
     - `of_type`: whether nearly all diagnosed robots that are ordinary for their type have it
     - `parameters`: mean over these robots of each number that half of them determine or more; the
-      standard deviation is that of the mean, with what the robots differ by
+      standard deviation is that of the mean, including the scatter of the robots
     """
 
     effect: str
@@ -206,11 +206,11 @@ class CommonCause:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetType:
-    """The robots of one type.
+    """Results on the robots of one type.
 
     - `robots`, `bags`: number of robots with usable bags, and of the bags that were used
-    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: what the diagnoses say together
-    - `notes`: what could not be judged, and why
+    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: common findings
+    - `notes`: sentences on what could not be judged, and why
     """
 
     type: str
@@ -227,11 +227,10 @@ class FleetType:
 class RobotQuantity:
     """One quantity of one robot.
 
-    - `value`, `low`, `high`: all bags in one regression, with a 95 % interval that covers how much
-      bags differ
-    - `distance`: distance from the other robots of the type, in standard deviations of that
-      difference; where the quantity changed over time, of its value before. Null where nothing says
-      what is ordinary
+    - `value`, `low`, `high`: estimate from all bags, with a 95 % interval that includes their
+      scatter
+    - `distance`: distance from the other robots of the type, in its standard deviations; where the
+      quantity changed over time, of its value before. Null with too few robots
     - `p_value`: p-value of the null hypothesis that the robot is one of its type
     - `differs`: from the type at the fleet's false discovery rate; `changed`: over time;
       `unsteady`: from bag to bag, more than in other robots
@@ -253,7 +252,7 @@ class ParameterChange:
     """A change of one quantity of one robot over time.
 
     - `kind`: ``step``, or ``ramp``: it begins after the bag before `begin` and goes on to the last
-    - `p_value`: of the null hypothesis that nothing changed, the search over dates included
+    - `p_value`: p-value of the null hypothesis that nothing changed, the search over dates included
     - `begin`: time of the first bag that is changed, ISO 8601; `begin_low`, `begin_high`: it lies
       between these bags, 95 %
     - `before`, `after`: level before the change, and at the last bag
@@ -282,17 +281,17 @@ class ParameterChange:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetRobot:
-    """One robot.
+    """Results on one robot.
 
     - `attention`: strongest reason to look at it: ``differs`` from its type, ``changed`` over time,
       ``unsteady`` from bag to bag, ``recordings`` that cannot be used; or ``none``
     - `reasons`: all reasons in sentences
     - `bags`, `not_used`: number of bags that were used, and of the others
     - `first`, `last`: times of the first and last bag that were used, null where unknown
-    - `p_value`, `change_p_value`: of the null hypotheses that the robot is one of its type, and
-      that nothing changed over time
+    - `p_value`, `change_p_value`: p-values of the null hypotheses that the robot is one of its
+      type, and that nothing changed over time
     - `quantities`: in the order of its type's
-    - `diagnosis`: of its last bag that was diagnosed
+    - `diagnosis`: that of its last diagnosed bag
     """
 
     robot: str
@@ -312,7 +311,7 @@ class FleetRobot:
 
 @dataclass(frozen=True)
 class Screened:
-    """A robot that deserves a diagnosis.
+    """A robot to diagnose.
 
     `why`: ``typical`` ones represent their type; `bags`: URIs to diagnose, newest first.
     """
@@ -326,12 +325,12 @@ class Screened:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetResult(Document):
-    """What the bags of a fleet say together: fleet.json.
+    """Comparison of all robots of a fleet: the document fleet.json.
 
     - `false_discoveries`: largest expected share of false ones among the robots that differ, and
       among those that changed
     - `level`: level of all intervals
-    - `robots`: what needs attention first; `bags`: in the order in which they were given
+    - `robots`: sorted by attention; `bags`: in the order in which they were given
     - `screen`: which robots to diagnose
     """
 

@@ -1,4 +1,4 @@
-"""What a result of a bag depends on: its content, the code, and the configuration of its robot."""
+"""Identity of results: digests of bag content, code and configuration, for their reuse."""
 
 import errno
 import hashlib
@@ -36,10 +36,9 @@ _WITHOUT = ("cli", "nodes", "report")
 
 
 def content_of(uri: str) -> str:
-    """Digest of the content of a bag: SHA-256 of local files.
+    """Return the digest of the content of a bag: SHA-256 of local files.
 
-    Of what is far away, size and checksum as its store keeps them (where it keeps none, the time
-    when it was written): nothing is fetched.
+    Remote files are not fetched: of them, size and checksum (else time of writing) in their store.
 
     Raises OSError or UsageError or DataError: it cannot be found or read.
     """
@@ -49,7 +48,7 @@ def content_of(uri: str) -> str:
         if not is_there(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
         for file in bag_files(path):
-            digest.update(_of_file(file))
+            digest.update(_file_digest(file))
         return digest.hexdigest()
     system, name = file_system(uri)
     for part in bag_parts(system, name):
@@ -61,8 +60,8 @@ def content_of(uri: str) -> str:
     return digest.hexdigest()
 
 
-def _of_file(path: Path) -> bytes:
-    """SHA-256 of a file, read block by block."""
+def _file_digest(path: Path) -> bytes:
+    """Return the SHA-256 of a file, read block by block."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(_BLOCK):
@@ -71,7 +70,7 @@ def _of_file(path: Path) -> bytes:
 
 
 def configuration_digest(configuration: Configuration, description: bytes) -> str:
-    """Digest of a configuration and its robot description, wherever both lie."""
+    """Return the digest of a configuration and its robot description, wherever both lie."""
     values = configuration.changed("robot", urdf=None, mjcf=None).model_dump(mode="json")
     kind = "mjcf" if configuration.robot.mjcf is not None else "urdf"
     text = json.dumps([values, kind], sort_keys=True).encode()
@@ -80,7 +79,7 @@ def configuration_digest(configuration: Configuration, description: bytes) -> st
 
 @cache
 def code_version() -> str:
-    """Version of the program, and a digest of its code as far as it makes results of bags."""
+    """Return the version of the program with a digest of the code that makes results of bags."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
@@ -92,7 +91,7 @@ def code_version() -> str:
 
 
 def key_of(content: str, configuration: str, version: str, kind: str) -> str:
-    """Name under which a result is kept."""
+    """Return the key under which a result is kept."""
     return hashlib.sha256("\n".join((content, configuration, version, kind)).encode()).hexdigest()
 
 
@@ -100,7 +99,7 @@ def key_of(content: str, configuration: str, version: str, kind: str) -> str:
 class Robot:
     """A configuration with its robot description (URDF or MJCF; empty where the bags have it).
 
-    That is all that a worker needs; `digest` is that of both.
+    Workers need nothing else; `digest` is that of both.
     """
 
     configuration: Configuration
@@ -109,7 +108,7 @@ class Robot:
 
     @classmethod
     def of(cls, configuration: Configuration) -> "Robot":
-        """Read the robot description, and refuse what would be wrong for every bag."""
+        """Read the robot description, and check what would be wrong for every bag."""
         configured_request(configuration)
         path = configuration.robot.description
         description = b"" if path is None else path.read_bytes()
@@ -118,7 +117,7 @@ class Robot:
         return cls(configuration, description, configuration_digest(configuration, description))
 
     def local(self) -> Configuration:
-        """Return the configuration with a robot description on this machine."""
+        """Return the configuration with a file of the robot description on this machine."""
         path = self.configuration.robot.description
         if path is None or (path.is_file() and path.read_bytes() == self.description):
             return self.configuration
@@ -135,6 +134,7 @@ _folders: list[tempfile.TemporaryDirectory[str]] = []  # until the worker ends
 
 @cache
 def _kept(name: str, description: bytes) -> Path:
+    """Write a robot description into a temporary folder and return its path, once."""
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     _folders.append(folder)
     path = Path(folder.name) / name
@@ -145,10 +145,10 @@ def _kept(name: str, description: bytes) -> Path:
 def robots_of(
     entries: Sequence[BagEntry], config: Path
 ) -> tuple[tuple[BagEntry, ...], dict[str, Robot]]:
-    """Find the configuration of every robot by its name, and build its model once.
+    """Find the configuration of each robot of the bags, and build its model once.
 
     `config` is a YAML file for all, or a folder with ``ROBOT.yaml`` or ``TYPE.yaml``, the first
-    before the second. The entries get a type where none was given: the name of that file.
+    before the second. Entries without a type get the name of that file as type.
 
     Raises UsageError: a robot without configuration, a wrong one, or a robot of two types.
     """
@@ -169,7 +169,7 @@ def robots_of(
 
 
 def path_of(entry: BagEntry | BagResult, config: Path) -> Path:
-    """Return the configuration of the robot of a bag, in a folder of them or the only one.
+    """Return `config`, or in that folder the file for the robot, else for the type, of a bag.
 
     Raises UsageError: the folder has none.
     """

@@ -1,4 +1,4 @@
-"""What is asked of a fleet, what is kept of it, and its tasks on Dask, a few ahead."""
+"""A run over a fleet: its settings, earlier answers on disk, and its tasks on Dask."""
 
 import itertools
 import logging
@@ -25,7 +25,7 @@ D = TypeVar("D", bound=Document)
 
 @dataclass(frozen=True)
 class FleetRun:
-    """One run over the bags of a fleet.
+    """Settings of one run over the bags of a fleet.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class FleetRun:
         arguments: Sequence[tuple[Any, ...]],
         done: Callable[[int, Any, str], None],
     ) -> None:
-        """See `run_tasks`; nothing is started where there is nothing to do."""
+        """Run tasks as `run_tasks`, on Dask; without tasks nothing is started."""
         if arguments:
             with connected(self.scheduler, self.workers) as client:
                 run_tasks(client, function, arguments, done)
@@ -65,12 +65,12 @@ class FleetRun:
         stage: tuple[str, str],
         progress: Progress | None,
     ) -> list[D | str]:
-        """Call a function for all tasks that earlier runs did not do, and keep what it returns.
+        """Return the answers of a function to all tasks; earlier answers are read from disk.
 
         A task is the key under which its answer is kept, and the arguments of the function. This
-        returns a document of `kind`, which becomes a file in `folder` below `out`, or says why
-        there is none; then another run tries again. `stage` says in words what is done and to
-        what: ``("identifying", "bags")``. The answers are in the order of the tasks.
+        returns a document of `kind`, which becomes a file in `folder` below `out`, or the reason
+        why there is none; then another run tries again. `stage` names the activity and its objects:
+        ``("identifying", "bags")``. The answers are in the order of the tasks.
 
         Raises
         ------
@@ -78,13 +78,13 @@ class FleetRun:
             An answer cannot be written, or as `run_tasks`.
         """
         paths = [Path(self.out) / folder / f"{key}.json" for key, _ in tasks]
-        answers: list[D | str] = [_read(kind, path) or "" for path in paths]
+        answers: list[D | str] = [_earlier_answer(kind, path) or "" for path in paths]
         waiting = [place for place, answer in enumerate(answers) if not answer]
         total, count, begin = len(waiting), 0, time.monotonic()
 
         def report() -> None:
             if progress is not None and waiting:
-                words = _words(stage, count, total, time.monotonic() - begin)
+                words = _progress_words(stage, count, total, time.monotonic() - begin)
                 progress(words, count / total)
 
         def done(number: int, answer: D | str | None, why: str) -> None:
@@ -109,16 +109,16 @@ class FleetRun:
         return answers
 
 
-def _read(kind: type[D], path: Path) -> D | None:
-    """Return what an earlier run kept; None where there is nothing that this version can read."""
+def _earlier_answer(kind: type[D], path: Path) -> D | None:
+    """Return the answer of an earlier run; None where this version can read none."""
     try:
         return kind.from_json(path.read_text(encoding="utf-8"), str(path))
     except (FileNotFoundError, UsageError, ValueError):
         return None
 
 
-def _words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:
-    """Say how many are done, how fast, and how long the rest takes."""
+def _progress_words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:
+    """Return a sentence: how many are done, how fast, and how long the rest takes."""
     words = f"{stage[0]} {done:,} of {total:,} {stage[1]}"
     if not done or seconds <= 0.0:
         return words
@@ -151,7 +151,7 @@ _TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
 
 @contextmanager
 def connected(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any]:
-    """Connect to a running scheduler, or start workers on this machine and end them again.
+    """Connect to a running scheduler, or start workers on this machine for a ``with`` block.
 
     Raises UsageError: Dask is not installed, the scheduler does not answer or has no worker, or its
     workers run another version of this program.
@@ -191,7 +191,7 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
 
 
 def _require_same_version(client: Any) -> None:
-    """Refuse workers of another version, or without this program; lost ones are passed over."""
+    """Refuse workers of another version, or without this program; lost workers are ignored."""
     where = f"--scheduler {client.scheduler.address}"
     for answer in client.run(of_version, code_version(), str, on_error="return").values():
         if isinstance(answer, UsageError):
@@ -204,7 +204,7 @@ def _require_same_version(client: Any) -> None:
 
 
 def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function, on a worker: it may have come after the first look.
+    """Call a function on a worker, whose version is checked first: it may have joined late.
 
     Raises UsageError: the worker runs another version.
     """
@@ -220,10 +220,10 @@ def run_tasks(
     arguments: Sequence[tuple[Any, ...]],
     done: Callable[[int, Any, str], None],
 ) -> None:
-    """Call a function once for each tuple of arguments, in no order.
+    """Call a function on workers once for each tuple of arguments, in no particular order.
 
-    `done` is called here with the place among the arguments, and what the function returned, or
-    None and why there is nothing.
+    `done` is called in this process with the place among the arguments, and the returned value or
+    None, and the error.
 
     Raises UsageError: a worker runs another version of this program.
     """
@@ -252,7 +252,7 @@ def run_tasks(
             answer = future.result()
         elif future.status == "error":
             error = future.exception()
-            # Of a worker that came later?
+            # A worker of another version may have joined.
             if isinstance(error, (ImportError, AttributeError, UsageError)):
                 _require_same_version(client)
             died = isinstance(error, KilledWorker)

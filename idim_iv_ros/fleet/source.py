@@ -1,4 +1,4 @@
-"""Which bags a fleet has, whose they are, and how they are opened: here, or through fsspec."""
+"""The bags of a fleet: list them, find their robots, and open them, locally or by fsspec."""
 
 import csv
 import io
@@ -21,14 +21,14 @@ INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
 
 
 class FetchedFile:
-    """A file of an fsspec file system, see `ByteSource`; `fetched` counts the bytes read so far."""
+    """A file of an fsspec file system as a `ByteSource`; `fetched` counts the bytes read."""
 
     def __init__(self, system: Any, path: str, size: int):
         self.system, self.path, self.size = system, path, size
         self.fetched = 0
 
     def read(self, first: int, last: int) -> bytes:
-        """Bytes `first` … `last`; OSError where they cannot be fetched."""
+        """Return the bytes `first` to `last`, the end excluded; OSError if unreachable."""
         content = reachable(self.system.cat_file, self.path, start=first, end=last)
         self.fetched += len(content)
         if len(content) != last - first:
@@ -37,14 +37,13 @@ class FetchedFile:
 
 
 class StoreError(OSError):
-    """A store cannot be asked for any of its bags: nothing is wrong with them."""
+    """A store answers for none of its bags, so that no bag is at fault."""
 
 
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
-    """Call a file system; whatever its own errors are, they are OSErrors here.
+    """Call a file system, and turn its errors into OSErrors.
 
-    Raises StoreError: nobody may ask, or nobody answers. OSError: this file is not there, or may
-    not be read.
+    Raises StoreError: access is denied, or the store does not answer. OSError: as for local files.
     """
     try:
         return function(*arguments, **named)
@@ -65,7 +64,7 @@ def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
 def file_system(uri: str) -> tuple[Any, str]:
     """Return the file system of a path or URL, and the path in it.
 
-    Raises UsageError: nothing is installed that opens such a URL.
+    Raises UsageError: no library for such a URL is installed.
     """
     try:
         from fsspec import available_protocols
@@ -87,26 +86,23 @@ def file_system(uri: str) -> tuple[Any, str]:
 
 
 def require_stores(uris: Iterable[str]) -> None:
-    """Refuse URLs of a kind that nothing here opens, before any bag is looked at.
-
-    Raises UsageError: there is one; the first is named.
-    """
+    """Raise UsageError for the first URL that no installed library opens."""
     for uri in {uri.partition("://")[0]: uri for uri in uris if not is_local(uri)}.values():
         file_system(uri)
 
 
 def is_local(uri: str) -> bool:
-    """Whether a path or URL names a file of this machine."""
+    """Return whether a path or URL names a file of this machine."""
     return "://" not in uri or uri.startswith("file://")
 
 
 def local_path(uri: str) -> Path:
-    """Return the path of what is local."""
+    """Return the path of a local file given as a path or URL."""
     return Path(uri.removeprefix("file://"))
 
 
 def open_bag(uri: str) -> Bag:
-    """Return a bag, not read yet.
+    """Return a bag at a path or URL, not read yet.
 
     Raises OSError: it cannot be found, or its store does not answer.
     """
@@ -122,7 +118,7 @@ def open_bag(uri: str) -> Bag:
 
 
 def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
-    """Files of a bag (name, size, and what else the store knows), in the order of their names."""
+    """Return the files of a bag (name, size, details of the store), in the order of their names."""
     information = reachable(system.info, path)
     if information["type"] != "directory":
         return [information]
@@ -149,9 +145,9 @@ class BagEntry:
 def find_bags(source: str) -> tuple[BagEntry, ...]:
     """List the bags of a fleet, in the order of the manifest or of their paths.
 
-    A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, also type and
-    time; others are passed over. Or a folder, or a URL that fsspec opens, which is searched:
-    ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags that lie directly in it are of one robot.
+    A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, optionally type
+    and time. Or a folder or URL, in which bags are searched: ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``;
+    bags that lie directly in it are of one robot.
 
     Raises UsageError: nothing is there, no bag is found, or the manifest is wrong.
     """
@@ -179,7 +175,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
 
 
 def _bags(files: Iterable[str]) -> list[str]:
-    """Bags among the files of a tree: rosbag2 folders, and files outside such folders."""
+    """Return the bags among the files of a tree: rosbag2 folders, and files outside them."""
     paths = [PurePosixPath(text) for text in files]
     paths = [path for path in paths if not path.name.startswith(".")]
     folders = {path.parent for path in paths if path.name == METADATA}
@@ -190,14 +186,14 @@ def _bags(files: Iterable[str]) -> list[str]:
 
 
 def _entry(bag: str, folder: str, uri: str) -> BagEntry:
-    """Take robot and type from the folders in which a bag lies."""
+    """Return the entry of a bag, with robot and type from the folders in which it lies."""
     parts = PurePosixPath(bag).relative_to(folder).parts
     robot = parts[-2] if len(parts) > 1 else PurePosixPath(folder).name
     return BagEntry(uri, robot, parts[-3] if len(parts) > 2 else "")
 
 
 def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
-    """Return the rows of a manifest by the names of the columns."""
+    """Return the rows of a manifest, each a dictionary by column."""
     if source.endswith(".parquet"):
         import pyarrow
         from pyarrow import parquet
@@ -238,7 +234,7 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
 
 
 def _absolute(source: str, uri: str) -> str:
-    """Bags of a manifest lie where it lies, unless they say otherwise."""
+    """Return a bag's URI in a manifest as absolute, relative to the manifest."""
     if "://" in uri or Path(uri).is_absolute():
         return uri
     if is_local(source):
@@ -257,14 +253,14 @@ def _time(where: str, value: object) -> str | None:
 
 
 def time_of(text: str) -> datetime:
-    """Read ISO 8601, UTC where it names no zone; ValueError where it is none."""
+    """Return the time in an ISO 8601 text, UTC where it names no zone; ValueError if it is none."""
     # Python 3.10 knows no Z.
     time = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text)
     return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
 
 
 def iso_time(time: datetime) -> str:
-    """``2026-03-01T12:00:00Z``; a time without zone is UTC."""
+    """Return a time as ``2026-03-01T12:00:00Z``; a time without zone is UTC."""
     time = time if time.tzinfo else time.replace(tzinfo=timezone.utc)
     text = time.astimezone(timezone.utc).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z").replace(".000000Z", "Z")

@@ -37,7 +37,7 @@ _COLUMNS = (
 
 
 def write_table(results: Sequence[BagResult], path: Path) -> None:
-    """Write fleet.parquet, complete or not at all.
+    """Write fleet.parquet atomically.
 
     Raises UsageError: it cannot be written, and why.
     """
@@ -57,7 +57,7 @@ def write_table(results: Sequence[BagResult], path: Path) -> None:
 
 
 def _rows(result: BagResult) -> list[dict[str, Any]]:
-    """Return the rows of one bag, one a parameter; what does not exist is null."""
+    """Return the rows of one bag, one a parameter; missing values are null."""
     common: dict[str, Any] = {
         name: getattr(result, name)
         for name in ("uri", "robot", "type", "status", "duration", "verdict")

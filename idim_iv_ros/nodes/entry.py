@@ -1,4 +1,4 @@
-"""What all nodes share: running until a signal, timers, threads."""
+"""Functions of all nodes: run until a signal, timers, threads, folders named by time."""
 
 import os
 import signal
@@ -33,16 +33,16 @@ Result = TypeVar("Result")
 
 
 class Closable(Protocol):
-    """A node and what belongs to it."""
+    """A node that `run_node` can run and close."""
 
     node: Node
 
     def close(self) -> None:
-        """Finish what is going on."""
+        """End all activity, and destroy the node."""
 
 
 class CannotGoOnError(Exception):
-    """Ends a node from one of its callbacks; `why` is printed."""
+    """Raised in a callback, ends the node; `why` is printed."""
 
     def __init__(self, why: IdimError) -> None:
         super().__init__(str(why))
@@ -54,8 +54,8 @@ def run_node(
 ) -> int:
     """Run a node until SIGINT or SIGTERM and return the exit status.
 
-    A callback that fails is logged in one line; the node goes on, unless it is a `CannotGoOnError`.
-    While it is closed it still has its executor.
+    An error in a callback is logged in one line and the node goes on, unless it is a
+    `CannotGoOnError`. The executor still runs while the node is closed.
     """
     if {"-h", "--help"} & set(arguments[1:]):
         print(about)
@@ -67,7 +67,7 @@ def run_node(
     try:
         try:
             with warnings.catch_warnings():
-                # Of a node that cannot be made rclpy warns, too, that it cannot be unmade.
+                # After a failed construction rclpy warns that the node cannot be destroyed.
                 warnings.simplefilter("ignore", RuntimeWarning)
                 refuse_unknown_arguments(arguments)
                 rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
@@ -117,7 +117,7 @@ def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Tim
 
 
 def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
-    """Call a function in a thread that ends with the process, and return its future."""
+    """Call a function in a daemon thread, and return a future of its result."""
     future: Future[Result] = Future()
 
     def work() -> None:
@@ -131,7 +131,7 @@ def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
 
 
 def new_folder_path(directory: Path, prefix: str) -> Path:
-    """Return the path of a folder that is not there yet, named by a prefix and the time."""
+    """Return a path ``PREFIX_date-time`` in a directory where nothing is yet."""
     stamp = time.strftime(f"{prefix}_%Y_%m_%d-%H_%M_%S")
     folder, number = directory / stamp, 1
     while folder.exists():

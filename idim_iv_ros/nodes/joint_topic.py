@@ -1,4 +1,4 @@
-"""Joint quantities as they arrive, many messages at once, and where that says the robot is."""
+"""Joint quantities as they arrive, many messages at once, and the robot's newest position."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from idim_iv_ros.signal_source import field_of, topic_of
 from idim_iv_ros.types import FloatArray
 
 _DEPTH = 5_000  # messages that wait: 0.5 s at 10 kHz
-_NEWEST = 32  # the same where the newest are enough: joints may have messages of their own
+_NEWEST = 32  # likewise where only the newest are needed: joints may have separate messages
 _LARGEST = 1_000_000  # bytes
 _LOOK = 0.01  # s; a callback for each message of a fast robot would take half a core
 _SEARCH = 0.1  # s between two looks for publishers
@@ -27,7 +27,7 @@ _OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 
 
 class JointTopic:
-    """One topic whose numbers are put in the order of the joints, read as the recordings are.
+    """Subscription to joint quantities, in the order of the joints, decoded as in recordings.
 
     `damaged` counts messages that are not of their type.
 
@@ -35,15 +35,15 @@ class JointTopic:
     ----------
     node : Node
     name : str
-        Resolved in the namespace of the node.
+        Name of the topic, resolved in the namespace of the node.
     joints : sequence of str
     fields : mapping of str to (str or None)
         ``position``, ``effort`` or both, with the field of the message that holds it where the
         configuration names one.
     reference : bool
-        Whether it is what the controller was asked for, rather than what was measured.
+        Whether the topic holds references of the controller, rather than measurements.
     newest : bool
-        Whether the newest messages are enough: those before are dropped, and nothing is sent again.
+        Whether only the newest messages are needed: older ones may be dropped (best effort).
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class JointTopic:
         self._lacks, self._met = "", False
 
     def look(self) -> None:
-        """Look for publishers."""
+        """Look for publishers, and subscribe to the topic."""
         self._topic.look()
 
     def close(self) -> None:
@@ -76,7 +76,7 @@ class JointTopic:
 
     @property
     def problem(self) -> str:
-        """Why nothing can come from here; empty where there is no reason."""
+        """Return why no samples can come from the topic; empty if they can."""
         if self._topic.problem:
             return f"{self.name}: {self._topic.problem.removesuffix(': not recorded')}"
         if self._topic.publishers == 0:
@@ -84,13 +84,13 @@ class JointTopic:
         return f"{self.name}: {self._lacks}" if self._lacks else ""
 
     def take(self) -> dict[str, JointSamples]:
-        """Return everything that arrived since the last call, quantity by quantity."""
+        """Return all samples that arrived since the last call, by quantity."""
         taken, channel = self._topic.take(_LARGEST), self._topic.channel
         if not taken or channel is None:
             nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
             return dict.fromkeys(self._fields, nothing)
         arrived = batch_of(taken)
-        # Of drivers that leave the stamp empty, and of arrays of numbers, which have none.
+        # Some drivers leave the stamp empty, and arrays of numbers have none.
         times = np.where(arrived.sent > 0, arrived.sent, arrived.received)
         batch = MessageBatch.of(list(zip(times.tolist(), arrived.messages, strict=True)))
         self._lacks = ""
@@ -105,6 +105,7 @@ class JointTopic:
     def _read(
         self, batch: MessageBatch, kind: JointMessageType, quantities: list[str]
     ) -> dict[str, JointSamples]:
+        """Decode a batch into samples by quantity; note in `_lacks` why there are none."""
         reader = JointMessageReader(self.name, kind, self._joints, quantities)
         try:
             kind.require_readable(self.name, self.name)
@@ -137,10 +138,10 @@ class JointTopic:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a robot is, by one message.
+    """Position of a robot at one time.
 
     `position` (n_joints,): rad (m), in the order of the configuration. `heard`, `measured`:
-    monotonic time of receipt, and of its stamp (of receipt where the stamp is of another clock), s.
+    monotonic times of receipt and of the stamp, s (of receipt where the stamp is by another clock).
     """
 
     position: FloatArray
@@ -149,14 +150,13 @@ class Place:
 
 
 class JointPositions:
-    """Positions of all joints from one topic; messages of other joints are passed over.
+    """The newest positions of all joints from one topic; other joints are ignored.
 
     `source` is a topic of any type that recordings are read from, or ``topic#field``; `reference`
     as in `JointTopic`. `last` is None before all positions have come.
 
-    Joints may come in several messages; what counts is the oldest of their newest stamps. A message
-    with the stamp of the one before is no news: some drivers repeat the last one when the robot is
-    gone.
+    Joints may come in several messages; the stamp of the position is the oldest of their newest
+    stamps. A repeated stamp is ignored: drivers may repeat messages when the robot is off.
     """
 
     def __init__(
@@ -181,22 +181,22 @@ class JointPositions:
 
     @property
     def problem(self) -> str:
-        """Why nothing can come from here; empty where there is no reason."""
+        """Return why no position can come from the topic; empty if one can."""
         absent = f"{self.topic}: no position of {self._absent}" if self._absent else ""
         return self._topic.problem or absent
 
     def age(self) -> float:
-        """Seconds since the last message; infinite before the first."""
+        """Return the time since the last position, s; infinite before the first."""
         return np.inf if self.last is None else time.monotonic() - self.last.heard
 
     def close(self) -> None:
-        """Hear no more."""
+        """Unsubscribe."""
         for timer in self._timers:
             self._node.destroy_timer(timer)
         self._topic.close()
 
     def _look(self) -> None:
-        """Take the newest number of each joint."""
+        """Update each joint's position from the messages that have arrived."""
         taken = self._topic.take()["position"]
         if not len(taken):
             return

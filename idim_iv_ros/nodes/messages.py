@@ -1,4 +1,4 @@
-"""Messages: filled by the names of their fields, and the parts that all nodes write."""
+"""ROS messages filled from objects by the names of their fields; messages on /diagnostics."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -21,11 +21,12 @@ _SAME_NAMES: OtherNames = MappingProxyType({})
 def message_of(
     kind: type[M], part: object, other_names: OtherNames = _SAME_NAMES, /, **given: object
 ) -> M:
-    """Fill a message from the attributes of `part` and from what is given instead of them.
+    """Return a message of type `kind` with fields from the attributes of `part` and from `given`.
 
-    Numbers that are None are NaN, words that are None are empty; without a part all are. Times,
-    also that of a header, are ns since 1970. `other_names` returns, for each type of message that
-    needs it, the fields that no attribute of their name fills.
+    Values in `given` take precedence. Numbers that are None become NaN, texts that are None empty;
+    without a `part` all fields not given do. Times, also that of a header, are ns since 1970.
+    `other_names` has, for a type of message, a function from the object to the fields that differ
+    from its attributes.
     """
     forms: Mapping[str, str] = kind.get_fields_and_field_types()  # type: ignore[attr-defined]
     if part is not None and kind in other_names:
@@ -60,7 +61,7 @@ def message_of(
 def diagnostic_status(
     level: bytes, name: str, hardware: str, sentence: str, values: Mapping[str, object]
 ) -> DiagnosticStatus:
-    """Return the entry; `values` are written as text."""
+    """Return an entry for /diagnostics; `values` are written as text."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     return DiagnosticStatus(
         level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
@@ -68,14 +69,14 @@ def diagnostic_status(
 
 
 class Diagnostics:
-    """What a node says on /diagnostics."""
+    """Publishes a node's status on /diagnostics."""
 
     def __init__(self, node: Node) -> None:
         self._clock = node.get_clock()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def publish(self, *statuses: DiagnosticStatus) -> None:
-        """Say it, with the present time as stamp."""
+        """Publish statuses, stamped with the present time."""
         message = DiagnosticArray(status=list(statuses))
         message.header.stamp = self._clock.now().to_msg()
         self._publisher.publish(message)

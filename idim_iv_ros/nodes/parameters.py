@@ -1,4 +1,4 @@
-"""Parameters of a node as one dataclass: what they mean, what is allowed, and their values."""
+"""A node's parameters as one dataclass: description, allowed values and present values."""
 
 from ast import literal_eval
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -39,10 +39,10 @@ Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of a node's parameters; every field of a child is made with `parameter`."""
+    """Base of the dataclasses of parameters; `parameter` makes every field of a subclass."""
 
     def check(self) -> None:
-        """Check what range and choices cannot express; a UsageError names the parameter."""
+        """Check what ranges and choices cannot express; a UsageError names the parameter."""
 
 
 Kind = TypeVar("Kind", bound=Settings)
@@ -56,24 +56,22 @@ def parameter(
     choices: tuple[str, ...] = (),
     read_only: bool = False,
 ) -> Value:
-    """Return the field of one parameter.
+    """Return the dataclass field of one parameter.
 
-    `about` is its meaning, with the unit; `span` the smallest and largest value of a number;
-    `choices` the texts that are possible (empty: any). What is `read_only` can be given at the
-    start only.
+    `about` describes it, with the unit; `span` is the smallest and largest value of a number;
+    `choices` are the allowed texts (empty: any). `read_only` ones are set at the start only.
     """
     metadata = {"about": about, "span": span, "choices": choices, "read_only": read_only}
-    made: Value = field(default=default, metadata=metadata)
-    return made
+    declared: Value = field(default=default, metadata=metadata)
+    return declared
 
 
 class NodeProgram(Generic[Kind]):
-    """A node and its parameters, which can be set while it runs.
+    """A node with parameters that can be set while it runs.
 
-    `arguments` are the command line of the node.
+    `kind` is the dataclass of the parameters, `arguments` the command line of the node.
 
-    Raises UsageError: a value given at the start is not allowed, or is that of an unknown
-    parameter.
+    Raises UsageError: a value given at the start is not allowed, or a parameter is unknown.
     """
 
     def __init__(self, node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> None:
@@ -81,26 +79,26 @@ class NodeProgram(Generic[Kind]):
         self._settings = declare(node, kind, arguments)
 
     def close(self) -> None:
-        """Finish what is going on."""
+        """Destroy the node; subclasses first end what is under way."""
         self.node.destroy_node()
 
     def _now(self) -> int:
-        """Time of the node, ns."""
+        """Return the node's time, ns."""
         return int(self.node.get_clock().now().nanoseconds)
 
     def _follow_changes(self) -> None:
         """Check and apply parameters that are set from now on."""
-        self.node.add_on_set_parameters_callback(self._check)
-        self.node.add_post_set_parameters_callback(self._changed)
+        self.node.add_on_set_parameters_callback(self._validate)
+        self.node.add_post_set_parameters_callback(self._apply_changes)
 
     def _refuse(self, given: Mapping[str, Any]) -> str:
-        """Say why parameters cannot be set now, or nothing."""
+        """Return why parameters cannot be set now; empty if they can. For subclasses."""
         return ""
 
     def _apply(self, given: set[str]) -> None:
-        """Work with the new `_settings`; `given` are the parameters that were set."""
+        """React to new `_settings`; `given` are names of the parameters set. For subclasses."""
 
-    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+    def _validate(self, parameters: list[Parameter]) -> SetParametersResult:
         given = {item.name: item.value for item in parameters}
         try:
             reason = self._refuse(given)
@@ -112,19 +110,19 @@ class NodeProgram(Generic[Kind]):
             reason = str(error).removeprefix("parameter ")
         return SetParametersResult(successful=not reason, reason=reason)
 
-    def _changed(self, parameters: list[Parameter]) -> None:
+    def _apply_changes(self, parameters: list[Parameter]) -> None:
         self._settings = changed(self._settings, parameters)
         self._apply({item.name for item in parameters})
 
 
 def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind:
-    """Declare all parameters on a node and return their values."""
+    """Declare all parameters of a dataclass on a node and return their values."""
     described = {item.name: item for item in fields(kind)}
     refuse_unknown_parameters(node, list(described), arguments)
-    given = _given(node)
+    given = _overrides(node)
     try:
         for name, item in described.items():
-            value = _accepted(item, given[name]) if name in given else _default(item)
+            value = _checked_value(item, given[name]) if name in given else _default(item)
             node.declare_parameter(name, value, _descriptor(item), ignore_override=True)
         settings = kind(**{name: node.get_parameter(name).value for name in described})
         settings.check()
@@ -133,8 +131,8 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
     return settings
 
 
-def _given(node: Node) -> dict[str, Parameter]:
-    """Return what rcl makes of files and command line; rclpy has no public name for it."""
+def _overrides(node: Node) -> dict[str, Parameter]:
+    """Return parameters of files and command line, by name; rclpy has no public access to them."""
     return dict(node._parameter_overrides)
 
 
@@ -144,8 +142,8 @@ def _default(described: "Field[Any]") -> Any:
     return described.default
 
 
-def _accepted(described: "Field[Any]", given: Parameter) -> Any:
-    """Value of a parameter that is given, in the type of its default."""
+def _checked_value(described: "Field[Any]", given: Parameter) -> Any:
+    """Return the value of a parameter as the type of its field; a UsageError if not allowed."""
     default, span = _default(described), described.metadata["span"]
     choices = described.metadata["choices"]
     needed, kind = Parameter.Type.from_parameter_value(default), given.type_
@@ -180,10 +178,10 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
-    """Return the settings with new values; parameters of others change nothing."""
+    """Return the settings with the values of `parameters`; unknown names are ignored."""
     described = {item.name: item for item in fields(settings)}
     given = {
-        item.name: _accepted(described[item.name], item)
+        item.name: _checked_value(described[item.name], item)
         for item in parameters
         if item.name in described
     }
@@ -199,10 +197,10 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
 
 
 def read_configuration(node: Node, file: str) -> Configuration:
-    """Return the configuration of the parameter ``configuration``, as the node sees its topics.
+    """Return the configuration in a file, with its topics resolved as the node would.
 
-    Raises UsageError: it cannot be read, or names what is no topic; one line that names the
-    parameter.
+    Raises UsageError: one line that names the parameter `configuration`: the file cannot be read,
+    or holds an invalid topic name.
     """
     try:
         return with_topics_of_node(node, load_configuration(Path(file)))
@@ -211,12 +209,11 @@ def read_configuration(node: Node, file: str) -> Configuration:
 
 
 def with_topics_of_node(node: Node, configuration: Configuration) -> Configuration:
-    """Return the configuration for bags that a node asks for.
+    """Return the configuration with its relative topics resolved in the node's namespace.
 
-    Its relative topics are looked for first where the node would subscribe them itself: in its
-    namespace, with its remappings.
+    In a bag they are looked for first under these names, remappings included.
 
-    Raises UsageError: a name is none that ROS allows.
+    Raises UsageError: a name is not valid in ROS.
     """
     names: dict[str, str] = {}
     for name in (*configuration.signals.relative_topics, ROBOT_DESCRIPTION):
@@ -231,7 +228,7 @@ def with_topics_of_node(node: Node, configuration: Configuration) -> Configurati
 
 
 def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
-    """Refuse arguments that are not ROS's, by their names; the first is the program."""
+    """Raise UsageError for arguments that ROS does not know; the first is the program's name."""
     try:
         others = remove_ros_args(list(arguments))[1:]
     except RuntimeError as error:
@@ -246,11 +243,11 @@ def refuse_unknown_arguments(arguments: Sequence[str]) -> None:
 
 
 def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Sequence[str]) -> None:
-    """Refuse parameters besides `names` that only this node can be meant to have; warn of others.
+    """Raise UsageError for parameters besides `names` that were given to this node alone.
 
-    What a file holds for nodes of any name (``/**``) may be meant for its neighbours.
+    The log warns of those in files for nodes of any name (``/**``), which other nodes may need.
     """
-    given = _given(node)
+    given = _overrides(node)
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]
     if not unknown:
         return
@@ -264,7 +261,7 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
 
 
 def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:
-    """Return unknown names, followed by the nearest of `names` where there is one."""
+    """Return unknown names as text, each followed by the most similar of `names`, if any."""
     words = []
     for name in unknown:
         nearest = get_close_matches(name, names, 1, _LIKENESS)
@@ -273,19 +270,19 @@ def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:
 
 
 def _for_any_node(arguments: Sequence[str]) -> set[str]:
-    """Names of the parameters that files hold for nodes of any name: in ``/**``, ``/left/*``."""
+    """Return names of the parameters in files for nodes of any name: in ``/**``, ``/left/*``."""
     files = [Path(file) for option, file in pairwise(arguments) if option == _FILE]
     sections = [item for file in files for item in read_mapping(file).items()]
     wanted = [
         content.get("ros__parameters", {}) for name, content in sections if name.endswith("*")
     ]
-    return {name for parameters in wanted for name in _flat(parameters, "")}
+    return {name for parameters in wanted for name in _dotted_names(parameters, "")}
 
 
-def _flat(parameters: Mapping[str, Any], prefix: str) -> Iterator[str]:
-    """Names of nested parameters, with points."""
+def _dotted_names(parameters: Mapping[str, Any], prefix: str) -> Iterator[str]:
+    """Yield the names of nested parameters, joined by points."""
     for key, value in parameters.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{key}.")
+            yield from _dotted_names(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}"

@@ -97,7 +97,7 @@ class RecorderSettings(Settings):
     status_period: float = _status_period("~/status and /diagnostics")
 
     def check(self) -> None:
-        """Check what the ranges cannot express."""
+        """Check what the ranges cannot express; a UsageError names the parameter."""
         if not self.bag_prefix or self.bag_prefix != Path(self.bag_prefix).name:
             raise UsageError(f"bag_prefix: {self.bag_prefix!r} is not the name of a folder")
         try:
@@ -214,7 +214,7 @@ class CollectorSettings(Settings):
     )
 
     def check(self) -> None:
-        """Check what the ranges cannot express."""
+        """Check what the ranges cannot express; a UsageError names the parameter."""
         if not self.controller:
             raise UsageError("controller: name the controller that follows trajectories")
         if math.isinf(self.floor):
@@ -245,7 +245,7 @@ class PredictorSettings(Settings):
     status_period: float = _status_period()
 
     def check(self) -> None:
-        """Check what the ranges cannot express."""
+        """Check what the ranges cannot express; a UsageError names the parameter."""
         if not self.configuration:
             raise UsageError(_NAME_IT)
 
@@ -261,7 +261,7 @@ class SimulatorSettings(Settings):
     seed: int = parameter(1, "seed of the noise", (0, _LARGEST_SEED))
 
     def check(self) -> None:
-        """Check what the ranges cannot express."""
+        """Check what the ranges cannot express; a UsageError names the parameter."""
         if not self.configuration:
             raise UsageError(_NAME_IT)
         if self.trajectory:

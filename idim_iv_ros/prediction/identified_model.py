@@ -1,4 +1,4 @@
-"""A result.json as a model that predicts, and its residual beside what the identification left."""
+"""A result.json as a model that predicts, and its residual compared with the noise floor."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from idim_iv_ros.statistics.residuals import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 from idim_iv_ros.validation import first_problem
 
-# What must be as it was when the result was made: its numbers mean something else otherwise.
+# Keys that must have the values of the identification, on which the parameters depend.
 _SAME = {
     "robot": ("gravity", "position_offset", "motor_to_joint", "motor_to_joint_torque", "couplings"),
     "signals": ("effort_scale", "effort_unit"),
@@ -30,32 +30,31 @@ _SAME = {
 class IdentifiedModel:
     """Model, parameters and filters of one identification."""
 
-    path: Path  # Of the result
+    path: Path  # of the result.json
     result: IdentificationResult
     model: InverseModel
-    transform: JointTransform  # From what the topics hold to the joints
+    transform: JointTransform  # from quantities of the topics to those of the joints
     values: FloatArray  # (b,): Base parameters
-    processing: ProcessingSection  # That the result was made with
+    processing: ProcessingSection  # filters of the identification
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """In the order of all arrays."""
+        """Return the joints, in the order of all arrays."""
         return self.result.joints
 
     @cached_property
     def noise_floor(self) -> FloatArray:
-        """RMS of the residual that the identification left, (n_joints,) N m (N)."""
+        """Return the RMS of the identification's residual, (n_joints,) N m (N)."""
         return np.array([residual.rms for residual in self.result.residuals])
 
 
 def identified_model(
     path: Path, configuration: Configuration, model: InverseModel, source: str
 ) -> IdentifiedModel:
-    """Read a result.json and make sure that it is of this robot and configuration.
+    """Read a result.json and check that it belongs to this robot and configuration.
 
-    - `path`: of the result
-    - `model`, `source`: of the configuration (`build_inverse_model`), and the name of its URDF in
-      messages
+    - `path`: path of the result.json
+    - `model`, `source`: model of the configuration (`build_inverse_model`), name of its URDF
 
     Raises UsageError: one line: it cannot be read, or is of another robot, URDF or configuration.
     """
@@ -106,14 +105,12 @@ _DAY = 86_400.0  # s
 
 
 class ResidualRows:
-    """The newest rows.
+    """The newest rows of the residual, decimated as in the identification.
 
     - `places`: (r,) int, numbers of their samples on the grid
     - `residual`: (r, n_joints) N m (N)
-    - `counts`: (r, n_joints) bool, whether the identification would use the row: measured, and not
-      near a reversal
-    - `variance`: (r, n_joints) (N m)² (N²), that the uncertainty of the parameters gives the
-      prediction
+    - `counts`: (r, n_joints) bool, whether the row is measured and not near a reversal
+    - `variance`: (r, n_joints) (N m)² (N²) of the prediction by the uncertainty of the parameters
     """
 
     def __init__(self, joints: int, rate: float) -> None:
@@ -124,13 +121,13 @@ class ResidualRows:
         self.variance: FloatArray = np.zeros((0, joints))
 
     def add(self, **new: IntArray | FloatArray | BoolArray) -> None:
-        """Append rows, and give up those that nothing asks for any more."""
+        """Append rows, and drop those older than a minute."""
         for name, rows in new.items():
-            both = np.concatenate([getattr(self, name), rows])
-            setattr(self, name, both[-round(_KEPT * self.rate) :])
+            merged = np.concatenate([getattr(self, name), rows])
+            setattr(self, name, merged[-round(_KEPT * self.rate) :])
 
     def share(self, seconds: float, least: int) -> FloatArray:
-        """RMS (n_joints,) N m (N) over the rows of the last seconds that count.
+        """Return the RMS (n_joints,) N m (N) of the rows that count in the last seconds.
 
         NaN where these are fewer than `least`.
         """
@@ -144,7 +141,7 @@ class ResidualRows:
 
 @dataclass(frozen=True)
 class JointLevel:
-    """The residual of one joint beside that of the identification."""
+    """The residual of one joint compared with that of the identification."""
 
     joint: str
     unit: str
@@ -153,23 +150,23 @@ class JointLevel:
     rms: float
     noise_floor: float
     rows: int
-    seconds: float  # That these rows make
-    limit: float | None  # RMS over noise floor that scatter explains; None where it is not known
+    seconds: float  # of motion in these rows
+    limit: float | None  # of RMS over noise floor by scatter; None if unknown
     why_no_limit: str
 
     @property
     def share(self) -> float:
-        """RMS over noise floor."""
+        """Return RMS over noise floor."""
         return self.rms / self.noise_floor if self.noise_floor > 0.0 else float("nan")
 
     @property
     def beyond(self) -> bool:
-        """Whether the model does not fit any more, or not this motion."""
+        """Return whether the residual exceeds its limit: the model does not fit."""
         return self.limit is not None and self.share > self.limit
 
     @property
     def sentence(self) -> str:
-        """What the residual of the joint says of the model."""
+        """Return a sentence on the residual of the joint and whether the model fits."""
         if self.rows == 0:
             return "no motion to judge by: at rest, or nothing measured"
         much = (
@@ -192,10 +189,9 @@ def joint_levels(
 ) -> tuple[JointLevel, ...]:
     """Compare every joint's residual with that of the identification.
 
-    - `rate`: of the samples, Hz: noise of efforts that are sampled more slowly folds into the band
-      of the motion, so that the noise floor is that of its rate
-    - `false_warnings`: how many of them a day of motion are accepted while the model fits, all
-      joints together
+    - `rate`: sampling rate, Hz; with another rate than the identification's the noise floor is
+      another (noise folds into the band of the motion), and there is no limit
+    - `false_warnings`: accepted number a day of motion while the model fits, of all joints
     """
     result, joints = identified.result, len(identified.joints)
     probability = min(0.5, false_warnings * LEVEL_SECONDS / _DAY / joints)
@@ -235,7 +231,7 @@ def joint_levels(
 
 
 def _other_rate(identified: IdentifiedModel, rate: float) -> str:
-    """Say so where the samples come at another rate than those of the identification."""
+    """Return a sentence if the samples come at another rate than those of the identification."""
     rates = {bag.rate for bag in identified.result.bags}
     if not rates or any(1.0 / _SAME_RATE < rate / other < _SAME_RATE for other in rates):
         return ""

@@ -1,11 +1,9 @@
-"""Prediction of a running robot's efforts from what has arrived so far.
+"""Prediction of a running robot's efforts from the samples that have arrived.
 
-Positions pass through the filter of the identification, forward and backward, over a window that
-slides; a sample waits for what its impulse response needs of later samples (`lag`). Two answers
-come of it:
+Positions pass through the filter of the identification, forward and backward, over a sliding
+window; a sample waits (`lag`) until the later ones that its filter needs have come. Two outputs:
 
-- **curves**, as early as that allows: efforts measured and predicted, both smoothed by the same
-  zero-phase filter;
+- **curves**, as early as possible: efforts measured and predicted, smoothed without phase;
 - **rows**, about a second later: the residual through the parallel decimation of the
   identification, on samples that count there too. Only these are compared with its noise floor.
 """
@@ -41,7 +39,7 @@ _CONTEXT = 0.24
 
 
 class PredictionWindow:
-    """What is filtered, predicted and smoothed of the newest samples, at start + k / rate.
+    """Sliding window of the newest samples, k at start + k / rate: filter, predict and smooth.
 
     `rate` is that of the grid, Hz, `start` its first stamp, ns; `lag` the time from a sample until
     its place on the curves, s; `row_rate` that of decimated samples, Hz.
@@ -72,10 +70,9 @@ class PredictionWindow:
         self._next_row = 0
 
     def _curve_filter(self, wanted: float) -> tuple[float, int]:
-        """Cut-off, Hz, and samples to wait for of what smooths the curves.
+        """Return cut-off, Hz, of the filter that smooths curves, and its delay in samples.
 
-        The cut-off is that of the rows, or so much higher that a sample waits no longer than it
-        may.
+        The cut-off is `wanted`, or higher as far as the allowed lag requires.
         """
         rate = self.rate
         allowed = max(_CURVE_LAG - self._wait / rate, _LEAST_SMOOTHING) * rate
@@ -92,34 +89,36 @@ class PredictionWindow:
 
     @property
     def needed(self) -> int:
-        """Stamp of the oldest sample that is still needed, ns."""
+        """Return the stamp of the oldest sample that is still needed, ns."""
         oldest = min(self._curve_start, self._next_row - self._row_wait - self._factor)
         return self._stamp(max(0, oldest - 3 * self._settled)) - round(1e9 * _CONTEXT)
 
     @property
     def missing(self) -> float:
-        """Time until the first sample of the curves, s."""
+        """Return the time until the first sample of the curves, s."""
         return max(0.0, (self._settled + self._smooth_wait - self._curve_place) / self.rate)
 
     @property
     def _curve_place(self) -> int:
+        """Return the number of the sample that the curves have reached."""
         return self._end - 1 - self._wait - self._smooth_wait
 
     @property
     def _curve_start(self) -> int:
+        """Return the number of the first sample that curves still need."""
         return self._curve_place - max(3 * self._smooth_wait, self._factor, self._around)
 
     def advance(
         self, positions: JointSamples, efforts: JointSamples, until: int, rows: ResidualRows
     ) -> tuple[int, FloatArray, FloatArray] | None:
-        """Take what has arrived up to a stamp, ns, and add the rows that both filters reach.
+        """Process samples up to the stamp `until`, ns; add finished rows to `rows`.
 
         Returns
         -------
         stamp : int
-            Of the newest sample of the curves, ns.
+            Stamp of the newest sample of the curves, ns.
         measured, predicted : (n_joints,) N m (N)
-            Its smoothed efforts; None in place of all three while the filters fill.
+            Smoothed efforts at this sample. None instead of all three while the filters fill.
         """
         self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
         if self.missing > 0.0:
@@ -146,9 +145,9 @@ class PredictionWindow:
         return self._curve(motion, predicted, first)
 
     def _new_rows(self, available: int) -> IntArray:
-        """Numbers of the decimated samples that both filters reach by now, some at a time.
+        """Return the sample numbers of rows that are now complete; empty until several are.
 
-        Where much arrives at once, rows are left out whose past is not there any more.
+        After many samples at once, rows whose past was dropped are left out.
         """
         factor, wait = self._factor, self._settled + self._row_wait
         begin = max(self._next_row, -(-(available + wait) // factor) * factor)
@@ -159,7 +158,7 @@ class PredictionWindow:
     def _motion(
         self, positions: JointSamples, efforts: JointSamples, first: int, available: int
     ) -> Motion:
-        """Samples from number `first` on, filtered by the chain of the identification."""
+        """Return the samples from number `first` on, filtered as in the identification."""
         transform = self._identified.transform
         begin = max(first - 3 * self._settled, available)
         grid = Grid(self._stamp(begin), self.rate, self._end - begin)
@@ -188,15 +187,16 @@ class PredictionWindow:
     def _curve(
         self, motion: Motion, predicted: FloatArray, first: int
     ) -> tuple[int, FloatArray, FloatArray]:
+        """Return stamp, ns, measured and predicted efforts (n_joints,) at the curves' end."""
         place = self._curve_place - first
         begin = max(0, place - 3 * self._smooth_wait)
-        both = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]
+        smoothed = np.hstack([motion.torque, predicted])[begin : place + self._smooth_wait + 1]
         if self._smooth_wait:
-            both = self._smooth(both, self._smoothing)
-        measured, predicted = np.split(both[place - begin], 2)
+            smoothed = self._smooth(smoothed, self._smoothing)
+        measured, predicted = np.split(smoothed[place - begin], 2)
         reach = max(self._factor, self._around)
         around = slice(max(place - reach, 0), place + reach + 1)
-        there = motion.signals.valid[motion.span][around].all(axis=0)
+        valid = motion.signals.valid[motion.span][around].all(axis=0)
         fast = fast_samples(
             motion.position[motion.span],
             self.rate,
@@ -206,8 +206,8 @@ class PredictionWindow:
         moves = fast[around].all(axis=0)
         return (
             self._stamp(self._curve_place),
-            np.where(there, measured, np.nan),
-            np.where(there & moves, predicted, np.nan),
+            np.where(valid, measured, np.nan),
+            np.where(valid & moves, predicted, np.nan),
         )
 
 
@@ -219,13 +219,13 @@ _LEAST_ROWS = 5  # that count, behind a share
 
 @dataclass(frozen=True)
 class Prediction:
-    """One sample of the curves and the newest shares; see the message of that name.
+    """One sample of the curves, and residuals over noise floor; as the message Prediction.
 
     Arrays are (n_joints,), in N m (N); NaN where there is no number.
     """
 
-    stamp: int  # Of the sample, ns; of the newest sample where nothing is predicted, 0 without any
-    reason: str  # Why nothing is predicted; empty where something is
+    stamp: int  # of the predicted sample, else of the newest, ns; 0 without any
+    reason: str  # why nothing is predicted; empty for a prediction
     measured: FloatArray
     predicted: FloatArray
     residual: FloatArray
@@ -233,12 +233,12 @@ class Prediction:
 
 
 class LivePrediction:
-    """Takes samples as they come and predicts the newest that its filters reach.
+    """Predicts the newest sample that its filters reach, from samples as they arrive.
 
     - `one_topic`: whether positions and efforts come in the same messages
 
-    - `rows`: residual at the rows, for everything that is said of its size
-    - `rate`: of the samples, Hz; None while it is measured
+    - `rows`: decimated residual, to judge its size by
+    - `rate`: sampling rate, Hz; None while it is measured
     """
 
     def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:
@@ -256,32 +256,32 @@ class LivePrediction:
 
     @property
     def rate(self) -> float | None:
-        """Rate of the grid, Hz."""
+        """Return the rate of the grid, Hz; None while it is measured."""
         return None if self._window is None else self._window.rate
 
     @property
     def lag(self) -> float | None:
-        """From a sample until it can be predicted, s; None while the rate is measured."""
+        """Return the time from a sample to its prediction, s; None while the rate is measured."""
         return None if self._window is None else self._window.lag
 
     @property
     def late(self) -> int:
-        """Samples that were left out since their stamps are not in order."""
+        """Return the number of samples left out because their stamps do not increase."""
         return self._positions.late + (0 if self._one_topic else self._efforts.late)
 
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
-        """Take samples in the order of their arrival, as they are recorded.
+        """Add samples in the order of their arrival.
 
-        - `positions`, `efforts`: as the topics hold them
-        - `now`: when they arrived, ns
+        - `positions`, `efforts`: in the units of the topics
+        - `now`: time of arrival, ns
         """
         for stream, new in zip(self._streams, (positions, efforts), strict=True):
             stream.add(new, now)
         restarted = self._positions.restarted or self._efforts.restarted
         if restarted:
-            self._begin_again(restarted)
+            self._restart(restarted)
 
-    def _begin_again(self, why: str) -> None:
+    def _restart(self, why: str) -> None:
         self._window, self._why = None, f"{why}: filtering begins anew"
         for stream in self._streams:
             if not stream.restarted:
@@ -290,21 +290,21 @@ class LivePrediction:
     def newest(self, now: int) -> Prediction:
         """Predict the newest sample that the filters reach.
 
-        - `now`: ns, of the same clock as that of `add`
+        - `now`: ns, of the same clock as in `add`
         """
         reason = self._not_usable(now)
         if not reason and self._window is None:
             reason = self._measure_rate()
         window = self._window
         if reason or window is None:
-            return self._nothing(reason)
+            return self._no_prediction(reason)
         until = min(stream.reached for stream in self._streams)
         curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
         for stream in self._streams:
             stream.forget(window.needed)
         if curve is None:
             why = f"{self._why}; " if self._why else ""
-            return self._nothing(f"{why}the filters fill: {window.missing:.1f} s to go")
+            return self._no_prediction(f"{why}the filters fill: {window.missing:.1f} s to go")
         self._why = ""
         stamp, measured, predicted = curve
         floor = self.identified.noise_floor
@@ -312,7 +312,7 @@ class LivePrediction:
         return Prediction(stamp, "", measured, predicted, measured - predicted, share)
 
     def _not_usable(self, now: int) -> str:
-        """Say why the samples cannot be used; empty where they can."""
+        """Return why the samples cannot be used; empty if they can."""
         for stream in self._streams:
             name, joints = stream.name, self.identified.joints
             if len(stream.samples) == 0:
@@ -324,10 +324,10 @@ class LivePrediction:
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
             if self._window is not None and (new := stream.other_rate) is not None:
-                self._begin_again(
+                self._restart(
                     f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
                 )
-                # Of the samples before the change there are none left to measure a rate from.
+                # All samples were dropped: the rate must be measured again.
                 return self._why
         return ""
 
@@ -346,7 +346,7 @@ class LivePrediction:
         self.rows = ResidualRows(len(self.identified.joints), self._window.row_rate)
         return ""
 
-    def _nothing(self, reason: str) -> Prediction:
+    def _no_prediction(self, reason: str) -> Prediction:
         absent = np.full(len(self.identified.joints), np.nan)
         times = self._positions.samples.time
         stamp = int(times[-1]) if len(times) else 0

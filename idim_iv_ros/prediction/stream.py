@@ -1,4 +1,4 @@
-"""Samples as they arrive: in the order of time, without wraps; faults of the clock are found."""
+"""Samples as they arrive, put in the order of time, without wraps; faulty clocks are detected."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _RECENT, _OTHER_RATE = 60, 1.3
 
 @dataclass(frozen=True)
 class JointSamples:
-    """Stamped numbers of all joints."""
+    """Stamped values of all joints."""
 
     time: IntArray  # (n,) int: ns
     values: FloatArray  # (n, n_joints): NaN where a joint has none
@@ -37,24 +37,24 @@ class JointSamples:
 
     @property
     def about(self) -> BoolArray:
-        """Joints that each sample is about, (n, n_joints) bool."""
+        """Return the joints that each sample has values of, (n, n_joints) bool."""
         return np.ones(self.values.shape, dtype=bool) if self.named is None else self.named
 
     @property
     def newest(self) -> IntArray:
-        """Newest stamp of each joint, (n_joints,) ns; `NEVER` without one."""
+        """Return the newest stamp of each joint, (n_joints,) ns; `NEVER` without one."""
         stamps = np.where(self.about, self.time[:, None], NEVER)
         return np.asarray(stamps.max(axis=0, initial=NEVER))
 
     @property
     def slowest(self) -> IntArray:
-        """Stamps, ns, of the joint that has the fewest."""
+        """Return the stamps, ns, of the joint with the fewest samples."""
         counts = self.about.sum(axis=0)
         column = int(np.argmin(np.where(counts > 0, counts, len(self) + 1)))
         return np.asarray(self.time[self.about[:, column]])
 
     def followed_by(self, later: "JointSamples") -> "JointSamples":
-        """These and later ones in the order of time, samples of one stamp put together."""
+        """Return these and later samples in the order of time; equal stamps are merged."""
         values = np.concatenate([self.values, later.values])
         about = np.concatenate([self.about, later.about])
         times, place = np.unique(np.concatenate([self.time, later.time]), return_inverse=True)
@@ -66,22 +66,21 @@ class JointSamples:
         return JointSamples(times, merged, named)
 
     def part(self, rows: slice) -> "JointSamples":
-        """Some of the samples."""
+        """Return a slice of the samples."""
         return JointSamples(self.time[rows], self.values[rows], self.about[rows])
 
 
 class SampleStream:
     """The newest samples of one topic.
 
-    - `name`: what they are: ``position`` or ``effort``
-    - `turning`: (n_joints,), whose values are positions that may wrap after one turn
+    - `name`: their quantity: ``position`` or ``effort``
+    - `turning`: (n_joints,), whether the values are positions that may wrap after one turn
 
-    - `restarted`: why everything older was given up with the last samples that were added: a long
-      pause, or a clock that was set; else empty
-    - `late`: samples that were left out since their stamp is not after the one before of their
-      joints
-    - `arrived`: when `reached` was last another one, ns
-    - `rate`: of the samples, Hz; None until `measure_rate` knows it
+    - `restarted`: why the last `add` dropped older samples (a pause, a clock that was set), or
+      empty
+    - `late`: number of samples left out because their stamps do not increase
+    - `arrived`: time of the last change of `reached`, ns
+    - `rate`: sampling rate, Hz; None until `measure_rate` determines it
     """
 
     def __init__(self, name: str, turning: Sequence[bool]) -> None:
@@ -93,7 +92,7 @@ class SampleStream:
         self.rate: float | None = None
 
     def add(self, new: JointSamples, now: int) -> None:
-        """Append samples in the order of their arrival, at `now` (ns)."""
+        """Append samples in the order of their arrival, at time `now`, ns."""
         self.restarted = ""
         if len(new) == 0:
             return
@@ -116,7 +115,7 @@ class SampleStream:
         self.forget(int(self.samples.time[-1]) - _MOST)
 
     def _append(self, new: JointSamples) -> None:
-        """Append samples that are later than those of their joints, without wraps."""
+        """Append samples later than those of their joints, with wraps removed."""
         stamps = np.vstack([self.samples.newest, np.where(new.about, new.time[:, None], NEVER)])
         about = new.about & (new.time[:, None] > np.maximum.accumulate(stamps)[:-1])
         fresh = about.any(axis=1)
@@ -129,28 +128,28 @@ class SampleStream:
             positions[measured, joint] = np.unwrap(positions[measured, joint], discont=_WRAP)
 
     def forget(self, before: int) -> None:
-        """Give up samples stamped before a time, ns, but the last one."""
+        """Drop samples stamped before a time, ns, except the last one."""
         first = min(int(np.searchsorted(self.samples.time, before)), max(len(self.samples) - 1, 0))
         self.samples = self.samples.part(slice(first, None))
 
     def clear(self) -> None:
-        """Give up all samples."""
+        """Drop all samples."""
         self.samples = self._empty
 
     @property
     def interval(self) -> float | None:
-        """Median of the recent sampling intervals, s; None for fewer than two samples."""
+        """Return the median of the recent sampling intervals, s; None below two samples."""
         recent = self.samples.slowest[-_RECENT:]
         return float(np.median(np.diff(recent))) / _SECOND if len(recent) > 1 else None
 
     @property
     def reached(self) -> int:
-        """Stamp up to which every joint that has samples has them, ns; `NEVER` without any."""
+        """Return the stamp up to which all joints have samples, ns; `NEVER` without any."""
         newest = self.samples.newest
         return int(np.min(newest, where=newest > NEVER, initial=np.max(newest, initial=NEVER)))
 
     def measure_rate(self) -> float | None:
-        """Rate of all samples, Hz, as a recording's; None while they are too few."""
+        """Return the rate of all samples, Hz, as for a recording; None while they are few."""
         time = self.samples.slowest
         enough = len(time) >= _LEAST_SAMPLES and time[-1] - time[0] >= _LEAST * _SECOND
         self.rate = make_grid(time, int(time[0]), int(time[-1])).rate if enough else None
@@ -158,7 +157,7 @@ class SampleStream:
 
     @property
     def other_rate(self) -> float | None:
-        """Rate at which the recent samples came, Hz, where it is another one than before."""
+        """Return the rate of the recent samples, Hz, if it has changed; else None."""
         if len(self.samples.slowest) < _RECENT or self.interval is None or self.rate is None:
             return None
         same = 1.0 / _OTHER_RATE < self.interval * self.rate < _OTHER_RATE
@@ -166,5 +165,5 @@ class SampleStream:
 
     @property
     def missing(self) -> BoolArray:
-        """Joints (n_joints,) without any number in all samples that are kept."""
+        """Return the joints (n_joints,) bool without a finite value in the samples kept."""
         return np.asarray(~np.isfinite(self.samples.values).any(axis=0))

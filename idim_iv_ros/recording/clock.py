@@ -27,7 +27,7 @@ _STRETCHES = 50
 
 @dataclass(frozen=True)
 class StampedMessages:
-    """Messages, sorted and without repeated stamps, and their increasing `time` (n,) int, ns."""
+    """Messages sorted by time, one for each stamp; `time` (n,) int, ns, increases."""
 
     messages: JointMessages
     time: IntArray
@@ -35,24 +35,24 @@ class StampedMessages:
     notes: tuple[Note, ...]
 
     def taken(self, places: IntArray) -> "StampedMessages":
-        """Messages at `places` (k,), in this order."""
+        """Return the messages at `places` (k,), in this order."""
         return replace(self, messages=self.messages.taken(places), time=self.time[places])
 
     def with_values(self, name: str, values: FloatArray, *notes: Note) -> "StampedMessages":
-        """Other values (n, n_joints) of a field, and what there is to say of them."""
+        """Return the messages with other values (n, n_joints) of a field, and notes added."""
         messages = replace(self.messages, values={**self.messages.values, name: values})
         return replace(self, messages=messages, notes=(*self.notes, *notes))
 
 
 def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
-    """Sort messages by their header stamps, or by arrival where the stamps say nothing.
+    """Sort messages by their header stamps, or by arrival if these are constant.
 
     Raises DataError: too few messages, or time mostly runs backward.
     """
     topic, count = messages.topic, len(messages)
     if count < 2:
         raise DataError(f"{where}: {count} messages on {topic}: nothing to identify from")
-    # Of a driver that fills in no stamps, a few may be set all the same.
+    # A driver that leaves stamps empty may still set a few.
     headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
     arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
     time = messages.stamps if headed else arrival
@@ -72,9 +72,9 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
             f"{where}: time goes backward in {backward} of {len(steps)} steps on {topic}; the "
             "recording cannot be put in order"
         )
-    kept, left_out = on_one_clock(topic, time, arrival, interval)
+    usable, left_out = on_one_clock(topic, time, arrival, interval)
     notes += left_out
-    order = kept[np.argsort(time[kept], kind="stable")]
+    order = usable[np.argsort(time[usable], kind="stable")]
     late = int(np.count_nonzero(np.diff(order) < 0))
     if late:
         notes.append(Note(topic, "messages out of order were sorted by their stamp", late))
@@ -107,9 +107,10 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
 
 
 def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
-    """Put sorted messages of one stamp together: of each number the first one counts.
+    """Merge sorted messages with equal stamps: the first finite number of each joint counts.
 
-    Returns a message wherever `fresh` (n,) begins a stamp, and how many messages added nothing.
+    `fresh` (n,) marks the first message of each stamp. Returns the merged messages, and how many
+    messages added nothing.
     """
     if fresh.all():
         return messages, 0
@@ -127,15 +128,15 @@ def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMess
 def on_one_clock(
     topic: str, time: IntArray, arrival: IntArray, interval: float
 ) -> tuple[IntArray, list[Note]]:
-    """Leave out what another clock stamped: stray stamps, and all before or after it was set.
+    """Find the messages that one clock stamped; leave out stray stamps and those of a clock reset.
 
-    Stretches in which time goes on are put together to the longest recording in which it does.
+    Segments without a jump of time are chained such that most messages remain and time increases.
 
     `time` and `arrival` (n,) are stamps and times of arrival, `interval` is that of sampling, ns.
-    Returns the places (k,) of the messages that one clock stamped, and a note on the others.
+    Returns the places (k,) of these messages, and a note on the others.
     """
     # After a pause, too, a stretch begins: a stray time of arrival makes one.
-    starts = np.flatnonzero(np.concatenate([[True], ~_usual(np.diff(time), interval)]))
+    starts = np.flatnonzero(np.concatenate([[True], ~_is_usual_step(np.diff(time), interval)]))
     stops = np.append(starts[1:], len(time))
     chain = _longest_chain(starts, stops, time, arrival, interval)
     chained = np.isin(np.arange(len(starts)), chain)
@@ -152,8 +153,8 @@ def on_one_clock(
     return np.flatnonzero(kept), [Note(topic, what, 1, limits=True)]
 
 
-def _usual(steps: IntArray, interval: float) -> BoolArray:
-    """Whether time went on by `steps` as it does from one message to the next."""
+def _is_usual_step(steps: IntArray, interval: float) -> BoolArray:
+    """Return whether steps (n,), ns, are usual for messages with an `interval`, (n,) bool."""
     longest = max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
     return np.asarray((steps >= -_SET_BACK * interval) & (steps <= longest))
 
@@ -161,15 +162,15 @@ def _usual(steps: IntArray, interval: float) -> BoolArray:
 def _longest_chain(
     starts: IntArray, stops: IntArray, time: IntArray, arrival: IntArray, interval: float
 ) -> IntArray:
-    """Stretches (k,) of most messages in all of which each one follows the one before."""
+    """Return the segments (k,) of the longest chain along which time increases, by messages."""
     messages, before = stops - starts, np.full(len(starts), -1)
     for stretch in range(1, len(starts)):
         first = max(0, stretch - _STRETCHES)
         start, ends = starts[stretch], stops[first:stretch] - 1
         steps, arrived = time[start] - time[ends], arrival[start] - arrival[ends]
-        # As usual, or after a pause in which the time of arrival went on, too.
+        # By a usual step, or after a pause in which the time of arrival advanced, too.
         pause = (arrived >= _ARRIVES * steps) & (steps > 0) & (steps <= _LONGEST_PAUSE * 1e9)
-        follows = _usual(steps, interval) | pause
+        follows = _is_usual_step(steps, interval) | pause
         if follows.any():
             before[stretch] = first + int(np.argmax(np.where(follows, messages[first:stretch], 0)))
             messages[stretch] += messages[before[stretch]]

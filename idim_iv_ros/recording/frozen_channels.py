@@ -1,9 +1,9 @@
-"""Measurements that hold their last value while the robot goes on: a sensor or a bus dropped out.
+"""Measurements that repeat their last value while the joint moves: a sensor or a bus dropped out.
 
 An exact repeat is no fault by itself. A quantised channel repeats while it changes by less than a
 step, a slow one between two updates, a saturated one at its limit, any of them while the joint
-rests. What is called frozen is longer than all of these, and than what is around it, and happens
-while the joint moves; where the channel is smooth it must end in a jump instead.
+rests. A run of equal values is called frozen if the joint moves and it is much longer than the
+usual runs and those around it; where the channel is smooth it must end in a jump instead.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,10 +37,10 @@ def without_frozen(
     joints: Sequence[str],
     start: int,
 ) -> tuple[Mapping[str, StampedMessages], tuple[FrozenStretches, ...]]:
-    """Take out what efforts and positions repeat while they are frozen.
+    """Replace frozen values of efforts and positions by NaN.
 
-    `joint_states` and `effort` are their topics, `start` is that of the recording, ns. Returns
-    the messages of each topic with NaN for frozen values, and what was taken out.
+    `joint_states` and `effort` are their topics, `start` is that of the recording, ns. Returns the
+    messages of each topic, and a description of the frozen stretches.
     """
     states, efforts = stamped[joint_states], stamped[effort]
     sources = {"position": joint_states, "effort": effort}
@@ -48,19 +48,19 @@ def without_frozen(
     frozen = {name: np.zeros(channel.shape, dtype=bool) for name, channel in values.items()}
     stretches: list[FrozenStretches] = []
     for column, joint in enumerate(joints):
-        there = position = values["position"][:, column]
+        aligned = position = values["position"][:, column]
         frozen["position"][:, column] = frozen_positions(position, moving_speed(position))
         if not np.array_equal(efforts.time, states.time):
             finite, begin = np.isfinite(position), states.time[0]
             measured = states.time[finite] - begin, position[finite]
-            there = np.interp(efforts.time - begin, *measured)
+            aligned = np.interp(efforts.time - begin, *measured)
         torque = values["effort"][:, column]
-        frozen["effort"][:, column] = frozen_efforts(torque, there, moving_speed(there))
+        frozen["effort"][:, column] = frozen_efforts(torque, aligned, moving_speed(aligned))
         for name, source in sources.items():
             if frozen[name][:, column].any():
                 channel = f"{name} of {joint} on {stamped[source].messages.topic}"
                 seconds: FloatArray = (stamped[source].time - start).astype(np.float64) * 1e-9
-                stretches.append(_described(channel, frozen[name][:, column], seconds))
+                stretches.append(_describe(channel, frozen[name][:, column], seconds))
     cleaned = dict(stamped)
     for name, source in sources.items() if stretches else ():
         measured_values = np.where(frozen[name], np.nan, values[name])
@@ -69,12 +69,12 @@ def without_frozen(
 
 
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:
-    """Mark the repeats of an effort that is frozen while its joint moves.
+    """Mark the frozen values of an effort, (n,) bool; the first value of each run is measured.
 
     `effort`: (n,) of one joint, as published. `position`: (n,) of the same joint at the same times.
     `speed`: from which the joint moves, per sample; see `moving_speed`.
     """
-    frozen = _frozen(effort, position, speed, jumps=False)
+    frozen = _find_runs(effort, position, speed, jumps=False)
     if not frozen.any():
         return frozen
     finite = effort[np.isfinite(effort)]
@@ -84,15 +84,15 @@ def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> Bo
 
 
 def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
-    """Mark the repeats of a position that is frozen and then jumps to where the joint has gone."""
-    return _frozen(position, position, speed, jumps=True)
+    """Mark frozen values of a position (n,) that end in a jump, (n,) bool; see `frozen_efforts`."""
+    return _find_runs(position, position, speed, jumps=True)
 
 
-def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bool) -> BoolArray:
-    """Mark runs of equal values in motion that are much longer than those that are usual.
+def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps: bool) -> BoolArray:
+    """Mark runs of equal values (n,) that are unusually long while the joint moves, (n,) bool.
 
     With `jumps`, and where the channel is smooth, a run must end in a jump; else it must be much
-    longer than the runs around it.
+    longer than the runs around it. `speed` as in `frozen_efforts`.
     """
     none = np.zeros(len(values), dtype=bool)
     # Runs of equal values; a missing value equals none.
@@ -102,7 +102,7 @@ def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bo
     # Most channels end here, and cost nothing more.
     if lengths.max(initial=0) <= _LEAST_REPEATS + 1:
         return none
-    moved = _moved(position, first, last, speed)
+    moved = _moves_during(position, first, last, speed)
     if np.count_nonzero(moved & np.isfinite(values[first])) < _LEAST_VALUES:
         return none
     usual = float(np.quantile(lengths[moved], _MOST))
@@ -115,9 +115,9 @@ def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bo
     # Noise passes a step of the channel at most times.
     noisy = len(bends) > 0 and np.median(bends) > _NOISY * np.median(slopes)
     if jumps or not noisy:
-        chosen &= _jumps(values, first, last)
+        chosen &= _ends_in_jump(values, first, last)
     else:
-        chosen[chosen] = _alone(lengths, moved, np.flatnonzero(chosen))
+        chosen[chosen] = _is_isolated(lengths, moved, np.flatnonzero(chosen))
     # All places of the runs but the first: that one was measured.
     change = np.zeros(len(values) + 1, dtype=int)
     change[first[chosen] + 1] += 1
@@ -126,7 +126,10 @@ def _frozen(values: FloatArray, position: FloatArray, speed: float, *, jumps: bo
 
 
 def moving_speed(position: FloatArray) -> float:
-    """Speed from which a joint moves, per sample; infinite where it never does."""
+    """Return the speed, rad (m) a sample, from which a joint counts as moving; 2 % of its peak.
+
+    Infinite for a joint that never moves.
+    """
     measured = position[np.isfinite(position)]
     span = max(2, min(20, len(measured) // 10))
     if len(measured) <= span:
@@ -136,16 +139,16 @@ def moving_speed(position: FloatArray) -> float:
     return _MOVES * peak if peak > 0.0 else np.inf
 
 
-def _moved(position: FloatArray, first: IntArray, last: IntArray, speed: float) -> BoolArray:
-    """Whether the joint moves during a run, up to the first sample after it; it may turn once."""
+def _moves_during(position: FloatArray, first: IntArray, last: IntArray, speed: float) -> BoolArray:
+    """Return whether the joint moves faster than `speed` during runs first … last, (n_runs,)."""
     after = np.minimum(last + 1, len(position) - 1)
     middle = position[(first + after) // 2]
     distance = np.abs(middle - position[first]) + np.abs(position[after] - middle)
     return np.asarray(distance >= speed * np.maximum(after - first, 1))
 
 
-def _alone(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:
-    """Whether the runs of the moving joint around each chosen one are much shorter."""
+def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:
+    """Return whether each chosen run is much longer than the other runs around it, (k,) bool."""
     ends = np.cumsum(lengths)
     others = np.where(moved, lengths, 0)
     others[chosen] = 0
@@ -157,8 +160,8 @@ def _alone(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:
     return alone
 
 
-def _jumps(values: FloatArray, first: IntArray, last: IntArray) -> BoolArray:
-    """Whether a run ends in a step that is much larger than those after it."""
+def _ends_in_jump(values: FloatArray, first: IntArray, last: IntArray) -> BoolArray:
+    """Return whether runs first … last end in a step much larger than those after, (n_runs,)."""
     steps = np.concatenate([np.abs(np.diff(values)), np.full(_STEPS_AFTER + 2, np.nan)])
     steps = np.where(np.isfinite(steps), steps, 0.0)
     after = np.lib.stride_tricks.sliding_window_view(steps, _STEPS_AFTER).max(axis=1)
@@ -166,8 +169,8 @@ def _jumps(values: FloatArray, first: IntArray, last: IntArray) -> BoolArray:
     return np.asarray(steps[last] > _JUMP * np.maximum(after[last + 1], smallest))
 
 
-def _described(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches:
-    """Describe what is frozen at times `seconds` (n,) of the recording."""
+def _describe(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches:
+    """Describe the frozen values (n,) bool of a channel at times `seconds` (n,)."""
     edges = np.diff(np.concatenate([[False], frozen, [False]]).astype(int))
     first, end = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     lengths = seconds[end - 1] - seconds[first - 1]

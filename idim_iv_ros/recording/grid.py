@@ -1,9 +1,9 @@
-"""One uniform time grid for all signals of a bag, and what it holds where nothing was measured.
+"""One uniform time grid for all signals of a bag, and values for stretches without measurement.
 
-Long pauses are shortened, and positions in gaps get a motion without corners. These samples are
-left out of every estimate, but the filters look across them, the cut-offs are chosen from the whole
-spectrum and the closed loop is simulated through them: a corner at the edge of a gap is an
-acceleration that the robot never had.
+Long pauses are shortened, and positions in gaps get a motion with continuous velocity. These
+samples are left out of every estimate, but the filters run across them, the cut-offs are chosen
+from the whole spectrum and the closed loop is simulated through them: a corner at the edge of a gap
+would be an acceleration that the robot never had.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,11 +20,11 @@ from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Samples from which on a stretch without a gap is interpolated by a spline.
 _SPLINE_SAMPLES = 8
-# Numbers up to which all joints are interpolated together: an hour of all would fill the memory.
+# Numbers up to which all joints are interpolated at once: an hour of all would fill the memory.
 _AT_ONCE = 100_000
 # Stamps this close to the grid (share of an interval) lie on it.
 _ON_GRID = 1e-3
-# Share of a sample by which a held value may come late and still belong to it.
+# Share of a sample by which a value may come late and still count for it.
 _EARLY = 0.25
 # A rounded rate may drift by this share of a sample over the recording.
 _DRIFT = 0.25
@@ -40,7 +40,7 @@ _STOP = 0.5  # s, in which a joint comes to rest in a long gap, and starts again
 
 @dataclass(frozen=True)
 class Grid:
-    """Sample k is at `start` (ns) + k / `rate` (Hz)."""
+    """Uniform grid: sample k lies at `start` (ns) + k / `rate` (Hz)."""
 
     start: int
     rate: float
@@ -48,14 +48,14 @@ class Grid:
 
     @property
     def time(self) -> FloatArray:
-        """Times of the samples from the start, (n_samples,) s."""
+        """Return the times of the samples from the start, (n_samples,) s."""
         return np.arange(self.samples) / self.rate
 
 
 def make_grid(time: IntArray, first: int, last: int) -> Grid:
-    """Grid at the rate of `time` (n,) ns, from its first stamp in `first` … `last`.
+    """Return the grid at the rate of stamps `time` (n,), ns, from the first in `first` … `last`.
 
-    The rate is the mean one, gaps allowed for; a whole number of Hz where that changes nothing.
+    The rate is the mean one without gaps, rounded to whole Hz if that shifts no sample noticeably.
     """
     steps = np.diff(time) * 1e-9
     median = float(np.median(steps))
@@ -81,12 +81,11 @@ def on_grid(
     smooth: bool = False,
     stepwise: bool = False,
 ) -> Signal:
-    """Values (n, n_joints) at stamps `time` (n,) ns, by cubic splines between stamps.
+    """Interpolate values (n, n_joints) at stamps `time` (n,), ns, on the grid by cubic splines.
 
-    Stamps that lie on the grid give their values bit for bit. A sample is invented when the stamps
-    around it are further apart than a gap, or where its value is not finite; `smooth` ones have no
-    corners there (see `bridged`). What is `stepwise` keeps its value until the next stamp, however
-    long that takes, and nothing of it is invented but what comes before the first.
+    Stamps that lie on the grid give their values bit for bit. A sample is invented in a gap, or
+    where no value is finite; with `smooth`, gaps are bridged with continuous velocity (`bridged`).
+    With `stepwise` a value holds until the next stamp; samples before the first are invented.
     """
     seconds: FloatArray = (time - grid.start).astype(np.float64) * 1e-9
     median = float(np.median(np.diff(time))) * 1e-9 if len(time) > 1 else 1.0 / grid.rate
@@ -100,7 +99,7 @@ def on_grid(
                 return Signal(read_only(direct), read_only(invented), origin)
     target = grid.time
     if stepwise:
-        return _stepwise(target + _EARLY / grid.rate, seconds, values, origin)
+        return _hold(target + _EARLY / grid.rate, seconds, values, origin)
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
     finite = np.isfinite(values)
@@ -113,28 +112,28 @@ def on_grid(
             out[:, joints], invented[:, joints] = 0.0, True
             continue
         gap = GAP * max(median, 1.0 / grid.rate)
-        out[:, joints] = _between(target, stamps, values[measured][:, joints], gap)
-        invented[:, joints] = _unsupported(target, stamps, gap)[:, None]
+        out[:, joints] = _resample(target, stamps, values[measured][:, joints], gap)
+        invented[:, joints] = _in_gap(target, stamps, gap)[:, None]
         for joint in joints if smooth else ():
             bridged(out[:, joint], invented[:, joint], grid.rate)
     return Signal(read_only(out), read_only(invented), origin)
 
 
-def _stepwise(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
-    """The last finite value (n_samples, n_joints) at `seconds` (n,) not after each time, s."""
+def _hold(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
+    """Return the last finite of `values` (n, k) at `seconds` (n,) before each `target` (m,), s."""
     out = np.zeros((len(target), values.shape[1]))
     invented = np.ones(out.shape, dtype=bool)
     for joint in range(values.shape[1]):
         finite = np.isfinite(values[:, joint])
         last = np.searchsorted(seconds[finite], target, side="right") - 1
-        there = last >= 0
-        out[there, joint] = values[finite, joint][last[there]]
-        invented[there, joint] = False
+        measured = last >= 0
+        out[measured, joint] = values[finite, joint][last[measured]]
+        invented[measured, joint] = False
     return Signal(read_only(out), read_only(invented), origin)
 
 
-def _between(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: float) -> FloatArray:
-    """Values (m, k) at `target` s from those (n, k) at `stamps` s: cubic splines, linear in gaps.
+def _resample(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: float) -> FloatArray:
+    """Interpolate values (n, k) from `stamps` (n,) to `target` (m,), s: splines, linear in gaps.
 
     Halfway between samples a line keeps cos(π f / rate) of a signal at f: 3 % are lost at 20 Hz of
     an effort at 250 Hz, 12 % at 125 Hz, and a spline loses 0.1 and 1 %.
@@ -153,7 +152,8 @@ def _between(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: fl
     return np.asarray(out)
 
 
-def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
+def _in_gap(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[np.bool_]:
+    """Return whether each `target` (m,), s, lies in a gap of the `stamps` (n,), s."""
     after = np.searchsorted(stamps, target, side="left")
     before = np.clip(after - 1, 0, len(stamps) - 1)
     after = np.clip(after, 0, len(stamps) - 1)
@@ -165,34 +165,34 @@ def _unsupported(target: FloatArray, stamps: FloatArray, gap: float) -> NDArray[
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return the array itself, which nobody changes any more."""
+    """Make an array read-only, and return it."""
     array.setflags(write=False)
     return array
 
 
 @dataclass(frozen=True)
 class Pauses:
-    """What is cut out of time, from `begin` to `end` (k,) int, ns."""
+    """Intervals to cut out of time, from `begin` to `end` (k,) int, ns."""
 
     begin: IntArray
     end: IntArray
 
     def kept(self, time: IntArray) -> NDArray[np.bool_]:
-        """Whether each of the sorted stamps `time` (n,) lies outside all cuts."""
+        """Return whether each of the sorted stamps `time` (n,) lies outside the cuts, (n,) bool."""
         pause = np.searchsorted(self.begin, time, side="right") - 1
         inside = (pause >= 0) & (time < self.end[np.maximum(pause, 0)])
         return np.asarray(~inside)
 
     def shortened(self, time: IntArray) -> IntArray:
-        """Stamps (n,) without the time that was cut out before each."""
+        """Return the stamps (n,) less the time that is cut out before them, ns."""
         removed = np.concatenate([[0], np.cumsum(self.end - self.begin)])
         return np.asarray(time - removed[np.searchsorted(self.end, time, side="right")])
 
 
 def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
-    """Find what to cut out of the long pauses of the joint states, and say so; None for none.
+    """Return the parts of long pauses to cut out, and a note; None if no pause is long.
 
-    Nothing is computed, and no memory is taken, for most of a long pause.
+    Cutting them saves time and memory.
     """
     time = states.time
     steps = np.diff(time)
@@ -225,7 +225,7 @@ def without_pauses(
 
 
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
-    """Replace the invented samples (n,) of one joint between measured ones, in place."""
+    """Replace the invented ones of the values (n,) of one joint by a smooth motion, in place."""
     edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     since = np.concatenate([[0], ends])  # where what is measured before each gap begins
@@ -238,14 +238,14 @@ def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
         after = values[end : min(int(until[gap]), end + edge)]
         duration = (end - begin + 1) / rate
         # From the last measured sample to the next, with the speeds there.
-        speeds = _speed(before[::-1], -rate), _speed(after, rate)
+        speeds = _edge_velocity(before[::-1], -rate), _edge_velocity(after, rate)
         ends_at = float(before[-1]), float(after[0])
         seconds = np.arange(1, end - begin + 1) / rate
-        values[begin:end] = _curve(seconds, duration, ends_at, speeds)
+        values[begin:end] = _bridge(seconds, duration, ends_at, speeds)
 
 
-def _speed(samples: FloatArray, rate: float) -> float:
-    """Slope at the first sample, of a parabola (a line through few); zero for a single one."""
+def _edge_velocity(samples: FloatArray, rate: float) -> float:
+    """Return the slope at the first of the samples (n,), by a parabola (few: a line), 1/s."""
     if len(samples) < 2:
         return 0.0
     degree = 2 if len(samples) >= _EDGE_SAMPLES else 1
@@ -254,12 +254,12 @@ def _speed(samples: FloatArray, rate: float) -> float:
     )
 
 
-def _curve(
+def _bridge(
     seconds: FloatArray, duration: float, ends: tuple[float, float], speeds: tuple[float, float]
 ) -> FloatArray:
-    """Positions at `seconds` of a motion between two positions with given speeds there.
+    """Return positions at `seconds` (n,) between two ends with given velocities, `duration` apart.
 
-    In a long gap evenly slowed down to rest, and evenly speeded up from it.
+    In a long gap it slows down to rest, and speeds up at the end.
     """
     from scipy.interpolate import CubicHermiteSpline  # here, because it takes half a second
 
@@ -274,13 +274,13 @@ def _curve(
 
 @dataclass(frozen=True)
 class Part:
-    """Joints that come together, and the messages of each source that hold them.
+    """Joints whose values come in the same messages, and these messages by source.
 
-    An arm and its gripper, or the joints of one arm, may share a topic with a message each, with
-    stamps and rates of their own: every part is put in order, stamped and interpolated by itself.
+    An arm and its gripper, or the joints of one arm, may have separate messages on one topic, with
+    other stamps and rates: every part is sorted, stamped and interpolated separately.
 
-    `columns` (k,) int: places of the joints among all that are read. `stamped`: with the columns of
-    these joints only.
+    `columns` (k,) int: places of its joints among all joints. `stamped`: messages with the columns
+    of these joints only.
     """
 
     columns: IntArray
@@ -288,18 +288,18 @@ class Part:
 
 
 def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:
-    """Split the messages of all sources by the joints that come together in every source.
+    """Split the messages of all sources into parts: joints that come together in every source.
 
     Raises DataError: see `stamp_messages`.
     """
-    labels = np.array([_together(messages.named) for messages in sources.values()])
+    labels = np.array([_part_labels(messages.named) for messages in sources.values()])
     _, label = np.unique(labels, axis=1, return_inverse=True)
     columns = [np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())]
     return tuple(
         Part(
             joints,
             {
-                source: stamp_messages(_of_joints(messages, joints), where)
+                source: stamp_messages(_messages_of(messages, joints), where)
                 for source, messages in sources.items()
             },
         )
@@ -307,8 +307,8 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
     )
 
 
-def _together(named: BoolArray) -> IntArray:
-    """Label (n_joints,) the joints that messages name (n_layouts, n_joints) together."""
+def _part_labels(named: BoolArray) -> IntArray:
+    """Return equal labels (n_joints,) for joints that a layout in `named` names together."""
     label = np.arange(named.shape[1])
     for layout in named:
         joined = np.isin(label, label[layout])
@@ -319,11 +319,11 @@ def _together(named: BoolArray) -> IntArray:
     return label
 
 
-def _of_joints(messages: JointMessages, joints: IntArray) -> JointMessages:
-    """Messages that name some of the joints, or no joint at all, with these joints only."""
+def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:
+    """Return the messages that name some of the joints, or none, with their columns only."""
     whole = len(joints) == messages.named.shape[1]
-    some = np.flatnonzero(messages.named[:, joints].any(axis=1) | ~messages.named.any(axis=1))
-    kept = np.isin(messages.layout, some if len(some) else messages.layout)
+    layouts = np.flatnonzero(messages.named[:, joints].any(axis=1) | ~messages.named.any(axis=1))
+    kept = np.isin(messages.layout, layouts if len(layouts) else messages.layout)
     chosen = messages if kept.all() else messages.taken(np.flatnonzero(kept))
     if whole:
         return chosen
@@ -332,7 +332,7 @@ def _of_joints(messages: JointMessages, joints: IntArray) -> JointMessages:
 
 
 def parts_note(topic: str, parts: Sequence[Part], joints: Sequence[str]) -> list[Note]:
-    """Say which joints come in which message, where there is more than one."""
+    """Return a note that lists the joints of each part, if there are several parts."""
     if len(parts) == 1:
         return []
     listed = "; ".join(", ".join(joints[place] for place in part.columns) for part in parts)
@@ -342,9 +342,9 @@ def parts_note(topic: str, parts: Sequence[Part], joints: Sequence[str]) -> list
 def joined(
     grid: Grid, parts: Sequence[Part], source: str, name: str, *, stepwise: bool = False
 ) -> Signal:
-    """One quantity of all joints on the grid, each part from its own stamps.
+    """Return one quantity of all joints on the grid, each part interpolated from its stamps.
 
-    `stepwise`: a value stays until the next one, as commands of servos do.
+    `stepwise`: a value holds until the next one, as commands of servos do.
     """
     first = parts[0].stamped[source].messages
     origin = f"{first.topic} {first.origins.get(name, name)}"

@@ -1,4 +1,4 @@
-"""From bags to recordings: the door through which everything enters."""
+"""Reading bags into recordings."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -37,8 +37,8 @@ from idim_iv_ros.recording.wraps import without_wraps
 from idim_iv_ros.signal_source import NO_EFFORT, topic_of
 
 LEAST_SAMPLES = 20
-# A grid may be longer than its messages by so much: more is holes.
-_NOTED = 0.1  # s that are cut off without a word
+# A grid with many more samples than messages consists of gaps.
+_NOTED = 0.1  # s that are cut off without a note
 _SAMPLES_A_MESSAGE, _SAMPLES_MORE = 20, 100_000
 
 
@@ -64,24 +64,22 @@ def read_recordings(
         Joints to read, in the order of the columns of every signal; one name for one joint.
     joint_states, effort, reference
         Topics; `effort` is that of `joint_states` if it is None, and ``none`` where the robot has
-        no efforts: they are zeros then. A name without a leading slash
-        is looked for in the namespace of the robot (`topics_in_bag`). Of a message that holds more
-        than one set of numbers the one that suits is taken (what the controller was asked for is
-        the reference), or the one that is named: ``topic#field``.
+        no efforts: they are zeros then. A name without a leading slash is looked for in the
+        namespace of the robot (`topics_in_bag`). Of a message with references and measurements the
+        suitable ones are read, or the named field: ``topic#field``.
     prismatic
-        Joints that slide, besides those of a bag's own /robot_description: their positions have
-        no turns that could wrap.
+        Prismatic joints (also read from a bag's /robot_description): positions are not unwrapped.
     link_states
         Topic of encoders behind the gears; joints may be missing there.
     own_topics
-        What names without a leading slash are for the node that asks; they are looked for first.
+        Full names that the calling node has for names without a leading slash; tried first.
 
     Raises
     ------
     UsageError
         No such bag, or one recording twice.
     DataError
-        A bag cannot be read, or does not hold what is asked for.
+        A bag cannot be read, or lacks a topic, a joint or a quantity.
     """
     names = [joints] if isinstance(joints, str) else list(joints)
     request = Request(
@@ -140,7 +138,7 @@ def read_bag(bag: Bag, request: Request) -> Recording:
 
 
 def recording_of(messages: BagMessages) -> Recording:
-    """Put the messages of all sources on one grid.
+    """Return the recording made of the messages of all sources, on one grid.
 
     Raises DataError: a topic, a joint or a field is missing, or the messages make no recording.
     """
@@ -149,7 +147,7 @@ def recording_of(messages: BagMessages) -> Recording:
     notes = loss_notes(bag, request.topics)
     for source in request.fields:
         if source not in messages.readers:
-            raise DataError(_missing(bag, source, request))
+            raise DataError(_missing_topic(bag, source, request))
         optional = source == request.link_states
         reader = messages.readers[source]
         sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
@@ -161,6 +159,7 @@ def recording_of(messages: BagMessages) -> Recording:
 def _assemble(
     path: Path, request: Request, parts: list[Part], description: str | None, notes: list[Note]
 ) -> Recording:
+    """Unwrap, cut, clean and resample the parts, and return them as one recording."""
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states
     notes += parts_note(joint_states, parts, joints)
@@ -205,13 +204,13 @@ def _assemble(
         start=grid.start * 1e-9,
         position=joined(grid, parts, joint_states, "position"),
         effort=torque,
-        velocity=_optional(grid, parts, joint_states, "velocity"),
+        velocity=_if_complete(grid, parts, joint_states, "velocity"),
         position_reference=(
             joined(grid, parts, reference, "position", stepwise=effort is None)
             if reference
             else None
         ),
-        velocity_reference=_optional(grid, parts, reference, "velocity") if reference else None,
+        velocity_reference=_if_complete(grid, parts, reference, "velocity") if reference else None,
         link_position=joined(grid, parts, links, "position") if links else None,
         clocks=tuple(dict.fromkeys(clocks)),
         notes=tuple(dict.fromkeys(notes)),
@@ -221,12 +220,11 @@ def _assemble(
 
 
 def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[Grid, list[Note]]:
-    """Grid of the time during which all topics were recorded, at the rate of the slowest part.
+    """Return the grid of the time that all topics cover, at the rate of the slowest part.
 
-    Also says what was cut off because the controller was not active.
+    Also returns a note if time was cut off because the controller was not active.
 
-    Raises DataError: there is no such time, or too little of it, or hardly anything was recorded in
-    it.
+    Raises DataError: the topics do not overlap, or there are too few samples or too many gaps.
     """
     states = max(
         (part.stamped[request.joint_states].time for part in parts),
@@ -248,7 +246,7 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
         if topic.time[-1] < first or topic.time[0] > last:
             raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
-            begin, end = _while_active(topic, first, last)
+            begin, end = _active_time(topic, first, last)
             before, after = (begin - first) * 1e-9, (last - end) * 1e-9
             if max(before, after) >= _NOTED:
                 what = (
@@ -272,10 +270,11 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
     return grid, notes
 
 
-def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:
-    """Time in which a controller was active: before and after it moves the robot by no law.
+def _active_time(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:
+    """Return first and last stamp, ns, between which the controller has references.
 
-    A topic that holds nothing but references ends with the motion; the robot then stands still.
+    Outside, the control law does not act. A plain topic of references limits nothing: after its
+    last message the robot stands still.
     """
     if not reference.messages.origins:
         return first, last
@@ -285,8 +284,8 @@ def _while_active(reference: StampedMessages, first: int, last: int) -> tuple[in
     return max(first, int(active[0])), min(last, int(active[-1]))
 
 
-def _optional(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Signal | None:
-    """Return None where a joint never has this field."""
+def _if_complete(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Signal | None:
+    """Return a signal; None if some joint has no value of it."""
     for part in parts:
         values = part.stamped[source].messages.values[name]
         if not np.isfinite(values).any(axis=0).all():
@@ -294,7 +293,7 @@ def _optional(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Sign
     return joined(grid, parts, source, name)
 
 
-def _missing(bag: Bag, topic: str, request: Request) -> str:
+def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
     path = bag.path
     if not bag.topics:
         return f"{path}: {'nothing can be read of it' if bag.damages else 'the bag is empty'}"
@@ -313,18 +312,17 @@ def _missing(bag: Bag, topic: str, request: Request) -> str:
 # s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
 # lose about a tenth of a second at each edge.
 SEGMENT = 300.0
-# A topic that is this far behind the others, in segments, has ended: nobody waits for it.
+# A topic this many segments behind the others has ended, and is not waited for.
 _BEHIND = 2
 
 
 def read_segments(
     bag: Bag, request: Request, seconds: float = SEGMENT
 ) -> Iterator[Recording | DataError]:
-    """Read a bag segment by segment; one of up to one and a half segments is read as a whole.
+    """Yield a bag in recordings of about `seconds`; a bag of up to 1.5 segments is not split.
 
-    Segments end at the same arrival time in all topics. The last one takes what remains, from half
-    a segment to one and a half. One that does not hold what is asked for is given as its error:
-    others may.
+    Segments end at the same arrival time in all topics; the last one lasts 0.5 to 1.5 segments. A
+    segment that lacks something is yielded as its error, since others may be complete.
 
     Raises UsageError: no such bag. DataError or OSError: the bag or its files cannot be read.
     """

@@ -1,8 +1,8 @@
-"""What a robot recorded, on one uniform time grid, and one time for a session of recordings.
+"""Recordings on a uniform time grid, and sessions of recordings with a common time.
 
-Stamps alone do not give such a time: recordings of a simulation all start at the same one, and
-clocks of two runs may overlap. What depends on the time of a session (friction that fades as the
-robot warms up, blocks of time, every figure) needs one that only ever increases.
+Stamps alone give no common time: recordings of a simulation all start at the same stamp, and clocks
+of two runs may overlap. What depends on the time of a session (friction that fades as the robot
+warms up, blocks of time, every figure) needs a time that only increases.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ class Signal:
     Attributes
     ----------
     values : (n_samples, n_joints)
-        In the unit of the source (rad or m, rad/s or m/s, what the effort topic holds).
-        Finite everywhere; what was invented to make it so is marked in `invented`.
+        In the unit of the source (rad or m, rad/s or m/s, what the effort topic holds). Finite
+        everywhere; samples without a measurement are marked in `invented`.
     invented : (n_samples, n_joints) bool
         True where no measurement supports the value (gap, NaN, missing joint, frozen channel).
     origin : str
-        Where it comes from, in words, e.g. ``/joint_states position``.
+        Topic and quantity, e.g. ``/joint_states position``.
     """
 
     values: FloatArray
@@ -38,10 +38,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Note:
-    """One thing a user should know about how a recording was read.
+    """One fact on how a recording was read that matters to the user.
 
-    `topic`: empty where it is about the file. `count`: how many times. `limits`: whether
-    measurements were lost, so that a user should hear of it unasked.
+    `topic`: empty for the whole file. `count`: how many times it occurred. `limits`: whether
+    measurements were lost, so that commands show the note as a warning.
     """
 
     topic: str
@@ -51,17 +51,17 @@ class Note:
 
     @property
     def sentence(self) -> str:
-        """Where, what and how often."""
+        """Return topic, finding and count as one sentence."""
         times = f" ({self.count}×)" if self.count > 1 else ""
         return f"{self.topic}{': ' if self.topic else ''}{self.what}{times}"
 
 
 @dataclass(frozen=True)
 class ClockQuality:
-    """The time stamps of one topic as they were found.
+    """Properties of the time stamps of one topic.
 
-    Times in seconds, rate in Hz; `jitter` is the standard deviation of the intervals about
-    their median, `longest_gap` the longest interval.
+    Times in seconds, rate in Hz; `jitter` is the standard deviation of the usual intervals,
+    `longest_gap` the longest interval. `gaps`, `repeated`, `backward` are counts.
     """
 
     topic: str
@@ -77,11 +77,11 @@ class ClockQuality:
 
 @dataclass(frozen=True)
 class FrozenStretches:
-    """Where one channel of a recording is frozen.
+    """Stretches of a recording in which one channel is frozen.
 
-    `channel`: in words: ``effort of joint_2 on /joint_states``. `samples`: measurements that were
-    left out for it. `share`: of all measurements of the channel. `first`: when the first one
-    begins, s from the start of the recording. `longest`: s.
+    `channel` in words: ``effort of joint_2 on /joint_states``. `samples`: measurements left out;
+    `share`: these over all measurements of the channel. `first`: beginning of the first stretch, s
+    from the start of the recording. `longest`: duration of the longest, s.
     """
 
     channel: str
@@ -93,7 +93,7 @@ class FrozenStretches:
 
     @property
     def sentence(self) -> str:
-        """What was found and done."""
+        """Return a sentence on when the channel froze and what was left out."""
         times = f"{self.stretches} times" if self.stretches > 1 else "once"
         longest = "" if self.stretches == 1 else "the longest "
         return (
@@ -132,7 +132,7 @@ class Recording:
     unused_references : tuple of str
         Where there is no reference: other topics with positions of all joints, likely ones first.
     link_position : Signal or None
-        Of encoders behind the gears, joint side; all invented at a joint that has none.
+        Positions by encoders behind the gears, joint side; invented at joints without one.
     """
 
     path: Path
@@ -170,10 +170,10 @@ _LISTED = 6
 
 @dataclass(frozen=True)
 class SessionPart:
-    """Where one recording lies in its session.
+    """Place of one recording in its session.
 
-    `bag`: name of its file or folder, with the path where two have the same name. `start`,
-    `duration`: s, of the session and of the recording.
+    `bag`: name of its file or folder, with the path where two have the same name. `start`: s from
+    the start of the session. `duration`: s.
     """
 
     bag: str
@@ -183,10 +183,10 @@ class SessionPart:
 
 @dataclass(frozen=True)
 class Session:
-    """Recordings in the order of their first stamps, and the time that they share.
+    """Recordings in the order of their first stamps, with a common time.
 
-    `parts`: one for each recording; they do not overlap. `sentences`: how stamps became the time of
-    the session; empty for a single recording.
+    `parts`: place of each recording; they do not overlap. `sentences`: how stamps became the time
+    of the session; empty for a single recording.
     """
 
     recordings: tuple[Recording, ...]
@@ -195,14 +195,13 @@ class Session:
 
 
 def session_of(recordings: Sequence[Recording]) -> Session:
-    """Put recordings one after the other, whatever the order in which they are given.
+    """Return recordings as a session, in the order of their first stamps.
 
-    They follow the order of their first stamps, equal stamps the order in which they are given.
-    A pause between two keeps its length, for a robot warms up and cools down in it, up to
-    `LONGEST_PAUSE`. A recording whose stamps begin before another one ends follows without a
-    pause. The time of the session starts with the first sample of the first recording.
+    A pause between recordings keeps its length (the robot cools down in it) up to `LONGEST_PAUSE`.
+    A recording that begins before another one ends follows it without a pause. Time starts with the
+    first sample of the first recording.
 
-    Raises UsageError: there is none.
+    Raises UsageError: there is no recording.
     """
     if not recordings:
         raise UsageError("no recording is given; name at least one bag")
@@ -227,7 +226,7 @@ def session_of(recordings: Sequence[Recording]) -> Session:
 
 
 def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
-    """A stretch of the session in the times of its recordings, "9.9 to 15 s of run2.mcap"."""
+    """Return `low` to `high`, s of the session, in recordings: "9.9 to 15 s of run2.mcap"."""
     place = int(np.searchsorted([part.start for part in parts], low, side="right")) - 1
     first = parts[max(place, 0)]
     since = low - first.start
@@ -235,12 +234,12 @@ def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
     last = [part for part in parts if part.start < high][-1] if high > parts[0].start else first
     until = min(high - last.start, last.duration)
     if first == last:
-        return f"{_short(since)} to {_short(until)} s of {last.bag}"
-    return f"{_short(since)} s of {first.bag} to {_short(until)} s of {last.bag}"
+        return f"{_seconds_text(since)} to {_seconds_text(until)} s of {last.bag}"
+    return f"{_seconds_text(since)} s of {first.bag} to {_seconds_text(until)} s of {last.bag}"
 
 
-def _short(seconds: float) -> str:
-    """Three digits; beyond a thousand whole seconds."""
+def _seconds_text(seconds: float) -> str:
+    """Return seconds as text: three digits, whole seconds beyond a thousand."""
     return f"{seconds:.0f}" if seconds >= 1000.0 else f"{seconds:.3g}"
 
 
@@ -257,7 +256,7 @@ def _sentences(
 ) -> tuple[str, ...]:
     if len(parts) < 2:
         return ()
-    listed = [f"{part.bag} from {_short(part.start)} s" for part in parts[:_LISTED]]
+    listed = [f"{part.bag} from {_seconds_text(part.start)} s" for part in parts[:_LISTED]]
     more = f" and {len(parts) - _LISTED} more" if len(parts) > _LISTED else ""
     sentences = [
         "recordings follow one another in the order of their first stamps; time of the session: "

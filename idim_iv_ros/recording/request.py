@@ -1,8 +1,8 @@
-"""What is read of a bag: topics, quantities of joints, the description, perhaps its reference.
+"""A request for topics and quantities of a bag, with names resolved as ROS nodes resolve them.
 
-A topic with a leading slash is meant as it is written. One without is relative, as everywhere in
-ROS: a node in the namespace ``/left`` records ``joint_states`` as ``/left/joint_states``, and the
-same configuration finds it there again.
+A topic with a leading slash is meant as it is written. One without is relative: a node in the
+namespace ``/left`` records ``joint_states`` as ``/left/joint_states``, and the same configuration
+reads it again in the bag.
 """
 
 import re
@@ -31,23 +31,23 @@ ROBOT_DESCRIPTION = "robot_description"
 
 
 def in_root(name: str) -> str:
-    """Return a name as a node without a namespace resolves it."""
+    """Return the full name of a topic as a node without a namespace resolves it."""
     return name if name.startswith("/") else f"/{name}"
 
 
 def topics_in_bag(
     path: Path, named: Mapping[str, str], topics: Collection[str], node_topics: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the full names of topics that a configuration names.
+    """Return the full name in a bag of each topic that a configuration names.
 
-    All relative names lie in one namespace, for a reference of another robot is none: in that of
-    the node that asks (``/`` where none asks) if the first of them is there, else where the only
-    topic lies whose name ends with the first of them.
+    All relative names are resolved in one namespace, since the reference of another robot must not
+    be used: that of the calling node (``/`` without one) if the first name is there, else that of
+    the only topic whose name ends with the first name.
 
-    `path`: the bag, for messages. `named`: name of each key of the section `signals`, the one that
-    matters most first. `topics`: full names of the topics that can be meant. `node_topics`: what
-    relative names are for the node that asks, remapping included. Of a topic that the bag does not
-    hold the name that it should have is returned.
+    `path`: the bag, for messages. `named`: name of each key of the section `signals`, the most
+    important first. `topics`: full names of topics with joints. `node_topics`: full names of the
+    calling node, by relative name. Topics that are not in the bag get names, too.
+
     Raises DataError: several topics end with a relative name.
     """
     full_names = {name: name for name in named.values() if name.startswith("/")}
@@ -55,10 +55,10 @@ def topics_in_bag(
     if not relative:
         return full_names
     key, first = next(iter(relative.items()))
-    mine = {name: node_topics.get(name, in_root(name)) for name in relative.values()}
+    resolved = {name: node_topics.get(name, in_root(name)) for name in relative.values()}
     candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
-    if mine[first] in topics or not candidates:
-        return {**full_names, **mine}
+    if resolved[first] in topics or not candidates:
+        return {**full_names, **resolved}
     if len(candidates) > 1:
         rest = ", ".join(other for other, name in relative.items() if name != first)
         others = f", and the same for {rest}" if rest else ""
@@ -81,9 +81,10 @@ _QUANTITIES = {
 
 @dataclass(frozen=True)
 class Request:
-    """What to read of a bag: joints, topics, and which joints are known to be prismatic.
+    """Joints and topics to read of a bag, and which joints are known to be prismatic.
 
-    A topic may be named with a field, ``topic#field``. `effort` is None where none is recorded.
+    A topic may be given with a field, ``topic#field``. `effort` is None for robots without efforts.
+    `node_topics`: full names of the calling node, by relative name.
     """
 
     joints: Sequence[str]
@@ -96,12 +97,12 @@ class Request:
 
     @property
     def named(self) -> dict[str, str]:
-        """Topic of each key of a configuration that names one."""
+        """Return the topic of each configuration key that is given."""
         return {key: name for key in _QUANTITIES if (name := getattr(self, key)) is not None}
 
     @property
     def fields(self) -> dict[str, set[str]]:
-        """Fields to read of each topic."""
+        """Return the quantities to read of each topic."""
         fields: dict[str, set[str]] = {}
         for key, source in self.named.items():
             fields.setdefault(source, set()).update(_QUANTITIES[key])
@@ -109,9 +110,9 @@ class Request:
 
     @property
     def with_reference_field(self) -> "Request":
-        """The same with a source of its own for the reference.
+        """Return the request with a separate source for the reference, if it shares a topic.
 
-        One controller_state may hold what was asked for and what was measured.
+        One controller_state may hold references and measurements.
         """
         reference = self.reference
         measured = (self.joint_states, self.effort, self.link_states)
@@ -121,15 +122,15 @@ class Request:
 
     @property
     def topics(self) -> list[str]:
-        """Topics that are read."""
+        """Return the topics to read, without fields."""
         return list(dict.fromkeys(map(topic_of, self.fields)))
 
     @property
     def descriptions(self) -> list[str]:
-        """Topics that may hold the robot's description, the likeliest first.
+        """Return topics that may hold the robot's description, the likeliest first.
 
-        The node's own, then that in the namespace of the joint states, those of the namespaces
-        around it, and at last the global one.
+        First that of the calling node, then in the namespace of the joint states, in those around
+        it, and the global one.
         """
         likely = [self.node_topics.get(ROBOT_DESCRIPTION, "")]
         namespace = topic_of(self.joint_states)
@@ -163,7 +164,7 @@ def in_bag(bag: Bag, request: Request) -> Request:
 
 @dataclass
 class BagMessages:
-    """What was read of a bag so far: messages of each source, of a request with full names."""
+    """Messages read of a bag so far, by source; the `request` has full names."""
 
     bag: Bag
     request: Request
@@ -172,19 +173,18 @@ class BagMessages:
 
     @property
     def topics(self) -> set[str]:
-        """Topics of the bag that are read."""
+        """Return the topics of the bag to read."""
         return {*self.request.topics, *self.request.descriptions}
 
     @property
     def description(self) -> str | None:
-        """The robot's description, of the likeliest topic that has one."""
+        """Return the robot's description, of the likeliest topic that has one."""
         return next(filter(None, map(self._descriptions.get, self.request.descriptions)), None)
 
     def add(self, topic: str, batch: MessageBatch) -> None:
-        """Take messages of a topic, for each source that is read from it.
+        """Add messages of a topic to every source that reads it.
 
-        Raises UsageError or DataError: they hold no quantities of joints, or not in the field that
-        is named.
+        Raises UsageError or DataError: they hold no joint quantities, or not in that field.
         """
         if topic in self.request.descriptions:
             text = robot_description(batch)
@@ -203,13 +203,13 @@ class BagMessages:
             self.readers[source].add(batch)
 
     def before(self, arrival: int) -> "BagMessages":
-        """Give up the messages that arrived before a time, ns."""
+        """Remove the messages that arrived before a time, ns, and return them."""
         earlier = {source: reader.before(arrival) for source, reader in self.readers.items()}
         return replace(self, readers=earlier)
 
 
 def robot_description(batch: MessageBatch) -> str | None:
-    """Text of the last std_msgs/String of a batch, None if it is not one."""
+    """Return the text of the last std_msgs/String of a batch; None for another type."""
     message = batch.message(len(batch) - 1)
     try:
         order = "<" if message[1] == 1 else ">"
@@ -220,7 +220,7 @@ def robot_description(batch: MessageBatch) -> str | None:
 
 
 def prismatic_joints(urdf: str) -> frozenset[str]:
-    """Joints that slide; none where the text is no URDF (whoever builds the model says so)."""
+    """Return the names of the prismatic joints of a URDF; none for a text that is no URDF."""
     try:
         root = ElementTree.fromstring(urdf)
     except (ElementTree.ParseError, ValueError):
@@ -232,7 +232,7 @@ def prismatic_joints(urdf: str) -> frozenset[str]:
 def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
     """Return the topics of a bag that hold positions of all joints, likely references first.
 
-    The bag was read before, so that its topics are known; `used` are sources that are used already.
+    The bag must have been read before; `used` are sources that are used already.
     """
     measured = set(map(topic_of, used))
     # What a controller was asked for is a reference, also of the topic that gives what it measured.
@@ -263,7 +263,7 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
 
 
 def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
-    """Say what to write where the reference is not on the topic that was named."""
+    """Return advice on which topic to give as the reference, to append to an error."""
     references = unused_references(bag, used, joints)
     if references:
         first = references[0]
@@ -272,5 +272,5 @@ def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> st
 
 
 def sounds_like_reference(topic: str) -> bool:
-    """Whether a word of a topic's name means a reference: ``/arm/joint_command``."""
+    """Return whether a topic's name has a word for references: ``/arm/joint_command``."""
     return any(word in _WORDS for word in re.split(r"[^a-z]+", topic.lower()))

@@ -1,4 +1,4 @@
-"""Tables of any format become bags, so that everything enters by the same door."""
+"""Import of tables: they are written as bags, which everything else reads."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +20,9 @@ _KINDS = {"reference": "position", "link": "position", "velocity_reference": "ve
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """What was imported.
+    """Summary of an import.
 
-    `rate`, `duration`: mean rate in Hz, s. `warnings`: rows that hold no possible value, and were
+    `rate`, `duration`: mean rate in Hz, s. `warnings`: on rows with impossible values, which were
     written as missing.
     """
 
@@ -41,7 +41,7 @@ def import_table(
     Parameters
     ----------
     out
-        The bag.
+        Path of the bag to write.
     columns
         The map (`table_map.TableMap`), YAML; `idim-iv init TABLE` proposes one.
     robot_description
@@ -94,7 +94,7 @@ def import_table(
 
 
 def _require_stamps(time: FloatArray, source: str) -> None:
-    """Refuse stamps (n,) s that no recording has."""
+    """Raise DataError for stamps (n,) s that do not increase or are impossible."""
     if not np.isfinite(time).all():
         raise DataError(f"{source}: not every stamp is a number")
     if np.any(np.diff(time) <= 0.0):

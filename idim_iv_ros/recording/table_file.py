@@ -28,10 +28,9 @@ _LARGEST = 1 << 30  # bytes of one array
 
 @contextmanager
 def one_line_errors(path: Path) -> Iterator[None]:
-    """Turn whatever a reader of tables raises into one line with the file.
+    """Turn every error of a table reader into a one-line error that names the file.
 
-    Readers of numpy, scipy, pyarrow and h5py raise more than is written down when the bytes are not
-    what the name of the file says.
+    Readers of numpy, scipy, pyarrow and h5py raise undocumented errors for damaged files.
     """
     try:
         # What is wrong is said by the error; a warning would only come beside it.
@@ -51,7 +50,7 @@ def one_line_errors(path: Path) -> Iterator[None]:
 
 
 def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """Names of the variables of a file, and their shapes."""
+    """Return the shapes of the variables in a file, by name."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return {NPY: np.load(path, mmap_mode="r", allow_pickle=False).shape}
@@ -81,7 +80,7 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 
 
 def read_array(path: Path, name: str) -> FloatArray:
-    """Two-dimensional numbers (n_samples, n_columns) of one variable of a file.
+    """Return one variable of a file as numbers (n_samples, n_columns).
 
     Raises UsageError: no such variable, or it holds something else than real numbers.
     """
@@ -124,7 +123,7 @@ def _array(path: Path, name: str) -> Any:
 
 
 def _parquet_column(path: Path, name: str) -> FloatArray:
-    """One column (n_samples, n_columns): of lists several, of dates s since 1970."""
+    """Return one column as (n_samples, n_columns): lists as columns, dates in s since 1970."""
     table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
     if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
         stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
@@ -134,7 +133,7 @@ def _parquet_column(path: Path, name: str) -> FloatArray:
 
 
 def needs_tables(path: Path, module: str) -> Any:
-    """Return a module that only some tables need.
+    """Import a module that only some tables need, and return it.
 
     Raises UsageError: it is not installed.
     """
@@ -147,10 +146,10 @@ def needs_tables(path: Path, module: str) -> Any:
 
 @dataclass(frozen=True)
 class TextFormat:
-    """How a table is written as text.
+    """Format of a table in text.
 
-    `delimiter`: between columns; empty: what stands most often in the first row. `decimal`: ``.``
-    or ``,``. `comment`: begins lines that are none of the table; empty: nothing does.
+    `delimiter` between columns; empty: the most frequent one in the first row. `decimal`: ``.`` or
+    ``,``. `comment` begins lines that are skipped; empty: none.
     """
 
     delimiter: str = ""
@@ -159,10 +158,11 @@ class TextFormat:
 
 
 class TextTable:
-    """A table as text, with a row of names or without.
+    """A table in text, with or without a row of names.
 
-    `names`: of the columns; their numbers where there are none. A comment before numbers of as many
-    columns holds names, too: NumPy writes them so.
+    `names`: names of the columns, or their numbers from 0. A comment in front of the numbers counts
+    as names if it has as many columns, as NumPy writes it.
+
     Raises UsageError: there is nothing but comments.
     """
 
@@ -194,7 +194,7 @@ class TextTable:
         return "" if sign and sign in line and line.lstrip().startswith(sign) else line
 
     def number(self, column: str) -> int:
-        """Number of a column by its name, or by its number from 0.
+        """Return the number, from 0, of a column given by its name or number.
 
         Raises UsageError: there is none, or several.
         """
@@ -211,10 +211,11 @@ class TextTable:
         raise UsageError(f"{self._path}: no column {column}; there are {listed}, or numbers from 0")
 
     def columns(self, wanted: Sequence[int], time: int | None = None) -> list[FloatArray]:
-        """Columns (n,) by their numbers, empty cells as NaN.
+        """Return columns (n,) by their numbers; empty cells are NaN.
 
-        `time`: number of one that may hold dates of ISO 8601: they are read as s since 1970.
-        Raises DataError: rows of different lengths, or something else in a cell.
+        `time`: number of a column that may hold dates of ISO 8601, read as s since 1970.
+
+        Raises DataError: rows of different lengths, or a cell that is no number.
         """
         rows = csv.reader(filter(self._without_comment, self._lines()), delimiter=self._delimiter)
         parts: list[list[FloatArray]] = [[np.zeros(0)] for _ in wanted]
@@ -252,7 +253,7 @@ class TextTable:
 
 
 def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """Shapes by the headers of the variables, of which nothing is unpacked."""
+    """Return the shapes of variables from their headers, without unpacking them."""
     shapes = {}
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
@@ -273,7 +274,7 @@ def _require_size(path: Path, size: int) -> None:
 
 
 def is_number(value: object) -> bool:
-    """Whether a text can be read as a number."""
+    """Return whether a text can be read as a number."""
     try:
         float(str(value))
     except ValueError:

@@ -1,6 +1,6 @@
-"""A table of any shape with a map of its columns: which are time, positions, efforts of a joint.
+"""Maps of tables: which columns are time, positions, efforts and so on of which joint.
 
-A first map is proposed from the names of the columns, to be corrected by whoever knows them.
+A first map is proposed from the names of the columns, for the user to correct.
 """
 
 import re
@@ -33,7 +33,7 @@ _POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "m
 _SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
 _SPEEDS["rpm"] = 2.0 * np.pi / 60.0
 _EFFORTS = {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "kN": 1e3, "A": 1.0, "mA": 1e-3}
-# Of references and encoders behind the gears they are those of positions.
+# References and link positions have the units of positions.
 _UNITS_OF = {"velocity": _SPEEDS, "velocity_reference": _SPEEDS, "effort": _EFFORTS}
 
 _TIME = re.compile(r"^(t|time|times|timestamp|stamp|sec|secs|seconds|clock)([_ .(\[]|$)", re.I)
@@ -75,7 +75,7 @@ class Stamps(_Part):
 
 
 class JointColumns(_Part):
-    """Columns of one joint: names of a header, of datasets, or ``NAME[2]`` for a part of one."""
+    """Columns of one joint, by name; ``NAME[2]`` is one column of an array."""
 
     position: str
     velocity: str | None = None
@@ -86,7 +86,7 @@ class JointColumns(_Part):
 
 
 class Units(_Part):
-    """Units of the columns; those of references and of `link` are the positions'."""
+    """Units of the columns; references and `link` have those of positions."""
 
     position: Literal["rad", "deg", "rev", "m", "mm"] = "rad"
     velocity: Literal["rad/s", "deg/s", "rev/s", "rpm", "m/s", "mm/s"] = "rad/s"
@@ -94,13 +94,11 @@ class Units(_Part):
 
 
 class TableMap(_Part):
-    """What a table holds.
+    """Description of a table by a user: columns, units and format.
 
-    `file`: the table, beside the map if it is no absolute path. `time`: None where `rate` says how
-    fast rows follow one another. `rate`: Hz. `delimiter`, `decimal`, `comment`: of text: what
-    stands between columns (empty: found), the decimal sign, what begins a line that is none of the
-    table (empty: nothing does). `rows`: numbers of columns that the rows of this recording have in
-    common, where a table holds several.
+    `file`: the table, relative to the map. `time`: None where `rate`, Hz, is given instead.
+    `delimiter`, `decimal`, `comment` are as in `TextFormat`. `rows`: only rows with these numbers
+    in these columns are read, where a table holds several recordings.
     """
 
     file: str
@@ -115,7 +113,7 @@ class TableMap(_Part):
 
 
 def read_map(path: FilePath) -> tuple[TableMap, Path]:
-    """Read a map, and where its table is.
+    """Return a map read from YAML, and the path of its table.
 
     Raises UsageError: it is no map, or names a table that is not there.
     """
@@ -135,10 +133,10 @@ def read_map(path: FilePath) -> tuple[TableMap, Path]:
 
 
 def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Stamps (n,) s and every signal (n, n_joints) in SI units.
+    """Return stamps (n,) s and every signal (n, n_joints) in SI units.
 
-    Raises UsageError or DataError: no such column, something else than numbers in one, or a signal
-    of some joints only.
+    Raises UsageError or DataError: no such column, a cell that is no number, or a signal of some
+    joints.
     """
     signals: dict[str, list[str]] = {}
     for signal in SIGNALS:
@@ -176,7 +174,7 @@ def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[s
 
 
 def _read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[str, FloatArray]:
-    """Columns (n,) by their names; those of an ISO time are s since 1970."""
+    """Return columns (n,) by name; a time in ISO 8601 as s since 1970."""
     names = list(dict.fromkeys(wanted))
     with one_line_errors(table):
         if table.suffix.lower() in TEXT:
@@ -194,7 +192,7 @@ def _read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[s
 
 
 def column_names(table: Path) -> list[str]:
-    """Names that a map may use: of columns, or of datasets, ``NAME[k]`` for parts of one."""
+    """Return names that a map may use: of columns, or of arrays, ``NAME[k]`` for their columns."""
     with one_line_errors(table):
         if table.suffix.lower() in TEXT:
             return TextTable(table).names
@@ -207,7 +205,7 @@ def column_names(table: Path) -> list[str]:
 
 
 def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
-    """Columns of a file of arrays: whole ones, or ``NAME[k]``."""
+    """Return columns (n,) of a file of arrays by name: ``NAME``, or ``NAME[k]``."""
     arrays: dict[str, FloatArray] = {}
     columns = []
     for name in wanted:
@@ -226,8 +224,8 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
     return columns
 
 
-def _signal(name: str) -> tuple[str, str] | None:
-    """Signal and joint that a name stands for; None where no word of it says so."""
+def _signal_of(name: str) -> tuple[str, str] | None:
+    """Return the signal and the joint that a column's name stands for; None if unclear."""
     kinds = {_kind(word) for word in _words(name)} - {None}
     if not kinds:
         return None
@@ -235,22 +233,23 @@ def _signal(name: str) -> tuple[str, str] | None:
     if kinds >= {"reference", "velocity"}:
         signal = "velocity_reference"
     units = _UNITS_OF.get(signal, _POSITIONS)
-    bare = _BRACKETS.sub(lambda text: "" if _unit(text[1], units) else text[0], name)
+    bare = _BRACKETS.sub(lambda text: "" if _matching_unit(text[1], units) else text[0], name)
     words = [word.lower() for word in _words(bare) if _kind(word) is None]
     return signal, "_".join(word for word in words if word not in _OF_ALL)
 
 
 def _words(name: str) -> list[str]:
-    """Words and numbers of a name, also of one like ``jointPosition1``."""
+    """Return the words and numbers in a name, also of one like ``jointPosition1``."""
     return re.findall(r"[A-Za-z]+|\d+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))
 
 
 def _kind(word: str) -> str | None:
+    """Return the signal that a word of a name means; None for other words."""
     return next((kind for kind, words in _WORDS.items() if re.fullmatch(words, word, re.I)), None)
 
 
 def proposed_map(table: Path) -> str:
-    """Text of a map, every key with a comment.
+    """Return the text of a proposed map, every key with a comment.
 
     Raises UsageError: no column is named like a position.
     """
@@ -259,7 +258,7 @@ def proposed_map(table: Path) -> str:
     joints: dict[str, dict[str, str]] = {}
     unknown = []
     for name in names:
-        signal_and_joint = None if name == time else _signal(name.rpartition("/")[2])
+        signal_and_joint = None if name == time else _signal_of(name.rpartition("/")[2])
         if signal_and_joint is None:
             unknown += [name] if name != time else []
             continue
@@ -273,7 +272,7 @@ def proposed_map(table: Path) -> str:
         )
     lines = [
         "# Which column is what: correct it, then idim-iv import OUT.mcap --columns THIS_FILE",
-        f"file: {_quoted(table.name)}  # beside this map",
+        f"file: {_quote(table.name)}  # beside this map",
     ]
     positions = [columns["position"] for columns in joints.values()]
     decimal, iso = _text_format(table, time, positions)
@@ -282,14 +281,14 @@ def proposed_map(table: Path) -> str:
     else:
         named = next((u for u, words in _UNITS if re.search(words, time, re.I)), "s")
         unit = "iso" if iso else named
-        lines.append(f"time: {{column: {_quoted(time)}, unit: {unit}}}  # s, ms, us, ns or iso")
+        lines.append(f"time: {{column: {_quote(time)}, unit: {unit}}}  # s, ms, us, ns or iso")
     lines.append("joints:  # names as the URDF has them")
     for joint, columns in joints.items():
         shown = f"joint_{joint}" if joint.isdigit() else joint or "joint_1"
-        pairs = ", ".join(f"{s}: {_quoted(columns[s])}" for s in SIGNALS if s in columns)
+        pairs = ", ".join(f"{s}: {_quote(columns[s])}" for s in SIGNALS if s in columns)
         lines.append(f"  {shown}: {{{pairs}}}")
     position, velocity, effort = (
-        _named_unit(units, [columns[signal] for columns in joints.values() if signal in columns])
+        _unit_in_names(units, [columns[signal] for columns in joints.values() if signal in columns])
         for signal, units in (("position", _POSITIONS), ("velocity", _SPEEDS), ("effort", _EFFORTS))
     )
     lines += [
@@ -308,7 +307,7 @@ def proposed_map(table: Path) -> str:
 
 
 def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[str, bool]:
-    """Decimal sign with which positions of a text are numbers; whether stamps are ISO 8601."""
+    """Return the decimal sign by which positions are numbers, and whether stamps are ISO 8601."""
 
     def readable(decimal: str, columns: list[str], *, dates: bool = False) -> bool:
         text = TextTable(table, TextFormat(decimal=decimal))
@@ -326,22 +325,22 @@ def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[s
     return decimal, iso and readable(decimal, [str(time)], dates=True)
 
 
-def _named_unit(units: Mapping[str, float], names: list[str]) -> str:
-    """The unit that stands in brackets in a name, as in ``Pos J1 [deg]``; else the first one."""
+def _unit_in_names(units: Mapping[str, float], names: list[str]) -> str:
+    """Return the unit in brackets in a name, as in ``Pos J1 [deg]``; else the first of `units`."""
     for name in names:
         for text in _BRACKETS.findall(name):
-            if unit := _unit(text, units):
+            if unit := _matching_unit(text, units):
                 return unit
     return next(iter(units))
 
 
-def _unit(text: str, units: Mapping[str, float]) -> str:
-    """Which of the units a text is, however it is spelt; empty where it is none of them."""
+def _matching_unit(text: str, units: Mapping[str, float]) -> str:
+    """Return which of the units a text means, in any spelling; empty for none."""
     spelt = {unit.replace(" ", "").lower(): unit for unit in units} | {"°": "deg", "°/s": "deg/s"}
     unit = spelt.get(re.sub(r"[\s.·*]", "", text).lower(), "")
     return unit if unit in units else ""
 
 
-def _quoted(name: str) -> str:
-    """A name as YAML reads it back, whatever is in it."""
+def _quote(name: str) -> str:
+    """Return a name as a YAML scalar, quoted if necessary."""
     return "'" + name.replace("'", "''") + "'"

@@ -1,9 +1,9 @@
-"""Joint positions that a driver wraps into one turn (±π, or 0 … 2π) become continuous again.
+"""Joint positions that a driver wraps into one turn (±π, or 0 … 2π) are made continuous again.
 
-A wrap is a step of nearly a whole turn between two samples, in a signal that never leaves one turn,
-that without the turn is no longer than the joint's other steps around it. A real jump is none.
+A wrap is a step of nearly a whole turn between two samples of a signal that never leaves one turn;
+with the turn removed, the step is no longer than the steps around it. A real jump fails that.
 Torques depend on the position of a revolute joint only up to whole turns, so that a turn that
-cannot be known (the joint turned unseen, in a gap) changes no result: the nearest is taken.
+cannot be known (the joint turned in a gap) changes no result: the nearest one is taken.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -28,10 +28,10 @@ _WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A position without its wraps.
+    """A position without wraps.
 
-    `position` (n,) rad. `wraps`: how many were undone. `breaks` (k,) int: samples from which on the
-    turn is only the nearest one: behind gaps.
+    `position` (n,) rad. `wraps`: how many were removed. `breaks` (k,) int: samples behind gaps,
+    from which on the number of turns is a guess.
     """
 
     position: FloatArray
@@ -46,10 +46,10 @@ def without_wraps(
     joints: Sequence[str],
     sliding: Collection[str],
 ) -> dict[str, StampedMessages]:
-    """Undo the wraps of positions, and of what follows them so that both are in the same turn.
+    """Remove the wraps of positions, and bring references and link positions to the same turn.
 
     `stamped`: messages of each topic. `joint_states`, `followers`: topics of the positions, and of
-    references or encoders behind the gears. `sliding`: prismatic joints: they have no turns.
+    references or encoders behind the gears. `sliding`: prismatic joints, which have no turns.
     """
     new = dict(stamped)
     for column, joint in enumerate(joints):
@@ -58,19 +58,19 @@ def without_wraps(
         states = stamped[joint_states]
         position = unwrapped(states.time, states.messages.values["position"][:, column])
         if position.wraps:
-            new[joint_states] = _with(
+            new[joint_states] = _with_positions(
                 new[joint_states], column, position, _sentence(joint, position)
             )
         for follower in followers:
             if follower != joint_states:
-                new[follower] = _in_turns_of(position, states.time, new[follower], column, joint)
+                new[follower] = _follow_turns(position, states.time, new[follower], column, joint)
     return new
 
 
-def _in_turns_of(
+def _follow_turns(
     position: Unwrapped, time: IntArray, topic: StampedMessages, column: int, joint: str
 ) -> StampedMessages:
-    """Return a topic without wraps, a joint of it in the turns of its position at `time` (n,)."""
+    """Return a topic without wraps, one joint in the turns of its position at `time` (n,)."""
     reference = unwrapped(topic.time, topic.messages.values["position"][:, column])
     if not np.isfinite(reference.position).any() or not np.isfinite(position.position).any():
         return topic
@@ -81,11 +81,11 @@ def _in_turns_of(
     if not reference.wraps:
         sentence = f"the reference of {joint} is put into the same turn as its position"
     whole = replace(reference, position=reference.position + TURN * turns)
-    return _with(topic, column, whole, sentence)
+    return _with_positions(topic, column, whole, sentence)
 
 
 def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
-    """Undo the wraps of a position (n,) rad at stamps `time` (n,) ns."""
+    """Remove the wraps of a position (n,) rad at stamps `time` (n,) ns."""
     unchanged = Unwrapped(position, 0, np.zeros(0, np.int64))
     finite = np.flatnonzero(np.isfinite(position))
     measured = position[finite]
@@ -119,11 +119,11 @@ def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
 def _turns_between(
     time: IntArray, position: Unwrapped, reference_time: IntArray, reference: Unwrapped
 ) -> FloatArray:
-    """Whole turns to add to each sample of a reference, constant between breaks, (n,)."""
+    """Return whole turns (n,) to add to a reference to follow its position, by segment."""
     finite = np.isfinite(position.position)
     start = time[0]
-    there = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
-    ahead = there - reference.position
+    positions = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
+    ahead = positions - reference.position
     stretch = np.searchsorted(time[position.breaks], reference_time, side="right")
     reference_breaks = np.zeros(len(reference_time), dtype=np.int64)
     reference_breaks[reference.breaks] = 1
@@ -146,9 +146,10 @@ def _sentence(joint: str, position: Unwrapped) -> str:
     return f"position of {joint} wraps after one turn ({times}): unwrapped"
 
 
-def _with(
+def _with_positions(
     stamped: StampedMessages, column: int, position: Unwrapped, sentence: str
 ) -> StampedMessages:
+    """Return a topic with other positions of one joint, and a note."""
     values = stamped.messages.values["position"].copy()
     values[:, column] = position.position
     return stamped.with_values("position", values, Note(stamped.messages.topic, sentence, 1))

@@ -1,4 +1,4 @@
-"""The first screen in words: the verdict in two short sentences, and what to do next."""
+"""Text of the first screen of a report: the verdict in two short sentences, and the next steps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ from idim_iv_ros.report.numerals import (
 from idim_iv_ros.report.section import Files, Report
 from idim_iv_ros.statistics.verdict import Verdict
 
-# Badge of each verdict on an identification: class, sign; in the order of `Verdict`.
+# Badge of each verdict on an identification: CSS class, sign; in the order of `Verdict`.
 _BADGES = dict(
     zip(get_args(Verdict), (("good", "✓"), ("fair", "≈"), ("bad", "✕"), ("open", "?")), strict=True)
 )
@@ -59,19 +59,19 @@ _MOST_STEPS = 3
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to do, and the commands to run or what to write into which file."""
+    """One recommended step: a sentence, and a command to run or a line to write into a file."""
 
     words: str
     code: str
 
 
 def verdict_badge(verdict: str) -> tuple[str, str, str]:
-    """Return the verdict of an identification as a badge: class, sign, words."""
+    """Return the verdict of an identification as a badge: CSS class, sign, words."""
     return (*_BADGES.get(verdict, ("open", "?")), verdict)
 
 
 def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
-    """Return how large the gap is, what causes it, and how certain that is: short sentences."""
+    """Return sentences on the size of the gap, its main cause, and how certain that is."""
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
@@ -87,7 +87,7 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
 
 
 def _share_missed(gap: JointGap) -> str:
-    """How much of its torque the model misses at a joint, beyond the noise where that is known."""
+    """Return the share of a joint's torque that the model misses, beyond noise if that is known."""
     beyond, noise = gap.beyond_noise_percent, "" if gap.noise_floor is None else " beyond noise"
     if beyond == 0.0:
         return f"nothing{noise}"
@@ -96,7 +96,7 @@ def _share_missed(gap: JointGap) -> str:
 
 
 def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
-    """Which recordings are of another robot, as it were, and by what."""
+    """Return two sentences: which recordings differ from the others, and by which effect."""
     first = apart[0]
     more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
     difference = first.differences[0]
@@ -110,8 +110,8 @@ def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
 
 
 def _cause_words(result: GapResult, gap: JointGap | None) -> str:
-    """What causes the gap, and how much of it at the worst joint the corrections remove."""
-    corrected, worst = ("", None) if gap is None else (_corrected(result, gap), gap.joint)
+    """Return a sentence on the main cause, and how much of the worst joint's gap is corrected."""
+    corrected, worst = ("", None) if gap is None else (_corrected_share(result, gap), gap.joint)
     if result.causes:
         first = result.causes[0]
         more = len(result.causes) - 1
@@ -138,7 +138,7 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
 
 
 def _certainty(result: GapResult, worst: JointGap) -> str:
-    """How certain the first cause is; without one, what is left of the gap on held-out data."""
+    """Return a sentence on the first cause's probability; without one, on the remaining gap."""
     if result.causes:
         first = result.causes[0]
         if first.probability is not None:
@@ -150,16 +150,16 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
     if last is None or interval is None or not all(map(is_number, interval)):
         return ""
     unit = torque_unit(result, worst.joint)
-    left = f"{number(last.torque_rms[worst.joint])} {unit}"
+    level = f"{number(last.torque_rms[worst.joint])} {unit}"
     low, high = map(number, interval)
     noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
-    return f"Held out, the {stage_words(last.name)} leaves {left} ({low} to {high}, 95 %{noise})."
+    return f"Held out, the {stage_words(last.name)} leaves {level} ({low} to {high}, 95 %{noise})."
 
 
 def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
-    """The number by which a cause is recognised, with its interval; empty where none has one.
+    """Return the best determined number of an effect with its 95 % interval; empty without one.
 
-    A number that may be zero is passed over for one that may not.
+    Numbers that differ significantly from zero come first.
     """
     numbers = {name: by for name, by in surest(parameters, 2).items() if by.std}
     clear = [name for name, by in numbers.items() if abs(by.value) > INTERVAL * (by.std or 0.0)]
@@ -169,8 +169,8 @@ def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
     return ""
 
 
-def _corrected(result: GapResult, gap: JointGap) -> str:
-    """What all corrections together take of a joint's gap beyond the noise, on held-out data."""
+def _corrected_share(result: GapResult, gap: JointGap) -> str:
+    """Return in brackets the share of a joint's gap beyond noise that all corrections remove."""
     if len(result.stages) < 2:
         return ""
     first, last = (result.stages[k].torque_rms.get(gap.joint) for k in (0, -1))
@@ -183,13 +183,13 @@ def _corrected(result: GapResult, gap: JointGap) -> str:
 
 
 def _acts_at(cause: Cause, joint: str) -> bool:
-    """Whether a cause takes part of the gap at a joint."""
+    """Return whether a cause removes part of the gap at a joint."""
     places = {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
     return cause.joint is None or joint in places
 
 
 def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
-    """Return whether to believe the parameters, how well they fit, how well they are known."""
+    """Return sentences: are the parameters valid, how well do they fit, how precise are they."""
     colour = verdict_badge(result.verdict.verdict)[0]
     wrong = [
         residual.joint
@@ -200,7 +200,7 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
-        "bad": f"Do not rely on all parameters: the model is misspecified at {_listed(wrong)} "
+        "bad": f"Do not rely on all parameters: the model is misspecified at {_joint_list(wrong)} "
         f"(tested at {level}).",
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
@@ -229,7 +229,7 @@ def _has_reference(result: IdentificationResult) -> bool:
     return isinstance(signals, Mapping) and signals.get("reference") is not None
 
 
-def _listed(joints: Sequence[str], most: int = 3) -> str:
+def _joint_list(joints: Sequence[str], most: int = 3) -> str:
     if not joints:
         return "several joints together"
     more = f" and {len(joints) - most} more" if len(joints) > most else ""
@@ -237,7 +237,7 @@ def _listed(joints: Sequence[str], most: int = 3) -> str:
 
 
 def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
-    """Return what to do after an identification, the most important first."""
+    """Return the recommended steps after an identification, the most important first."""
     result, files, config = report.result, report.files, report.files.config
     colour = verdict_badge(result.verdict.verdict)[0]
     bags = [bag.path for bag in result.bags]
@@ -268,7 +268,7 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
 
 
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
-    """Return what to do after a diagnosis: one command, then what to record."""
+    """Return the recommended steps after a diagnosis: what to run, and what to record."""
     result, config, files = report.result, report.files.config, report.files
     bags = files.recordings(result.bags)
     apart = [recording.bag for recording in result.recordings if recording.differences]
@@ -303,7 +303,7 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
 
 
 def _law(cause: Cause) -> str:
-    """The numbers of the law that one joint has."""
+    """Return the corrected numbers of one joint's control law as text."""
     numbers = ", ".join(
         f"{name.replace('_', ' ')} = {with_interval(by.value, by.std, by.unit)}"
         for name, by in cause.parameters.items()
@@ -312,7 +312,7 @@ def _law(cause: Cause) -> str:
 
 
 def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files) -> list[Step]:
-    """Take the recordings that agree by themselves, and each other one."""
+    """Return steps for recordings `apart` that differ: diagnose both groups separately."""
     together = files.recordings(bag for bag in result.bags if bag not in apart)
     odd = files.recordings(apart[:1])
     first = files.command("diagnose", *together, out="agreeing")
@@ -324,9 +324,9 @@ def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files
 
 
 def _recording_step(result: GapResult, files: Files) -> Step:
-    """What to record: to separate causes, to see what this recording cannot show, or to verify."""
+    """Return which motion to record: to separate causes, to test more effects, or to verify."""
     motion = _motion(files)
-    again = files.again("diagnose", out="after")
+    repeat = files.again("diagnose", out="after")
     separating = _separating_steps(result.causes, files)
     if separating:
         return separating[0]
@@ -334,14 +334,14 @@ def _recording_step(result: GapResult, files: Files) -> Step:
         joint = result.unexplained.joint
         return Step(f"Watch {joint} while you record again; does the residual come back?", motion)
     if result.causes:
-        return Step("Record again with the corrected model to see whether the gap is gone:", again)
+        return Step("Record again with the corrected model to see whether the gap is gone:", repeat)
     if result.not_testable:
         return Step("Record a motion that shows the effects this one cannot show:", motion)
-    return Step("Record again where the simulator matters to you, and compare:", again)
+    return Step("Record again where the simulator matters to you, and compare:", repeat)
 
 
 def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
-    """Return what changed, by how much and how certain that is, or what may still hide."""
+    """Return sentences on what changed between two sets, by how much, and how certain that is."""
     if contrast.causes:
         first, more = contrast.causes[0], len(contrast.causes) - 1
         name = effect_at(first.effect, first.joint)
@@ -363,17 +363,17 @@ def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
         share = percent(100.0 * widest.share_of_torque)
         return [f"The sets differ by {share} of the torque at {widest.joint}, and nothing in the "
                 "catalogue explains it."]  # fmt: skip
-    left = max(contrast.joints, key=lambda joint: joint.after, default=None)
+    largest = max(contrast.joints, key=lambda joint: joint.after, default=None)
     words = ["No difference: each part of the second set is predicted as well from all recordings "
              "as from the rest of its own set."]  # fmt: skip
-    if left is not None:
-        size = f"{number(left.after)} {torque_unit(result, left.joint)}"
-        words.append(f"Changes far below the {size} rms left at {left.joint} may hide in it.")
+    if largest is not None:
+        size = f"{number(largest.after)} {torque_unit(result, largest.joint)}"
+        words.append(f"Changes far below the {size} rms left at {largest.joint} may hide in it.")
     return words
 
 
 def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
-    """Return what to do with what changed: its place on the robot, and the second set's values."""
+    """Return the recommended steps after a comparison of two sets of recordings."""
     reference, against = files.recordings(contrast.reference), files.recordings(contrast.against)
     if not contrast.differs:
         line = files.command("diagnose", *reference, *against, out="both")
@@ -387,7 +387,7 @@ def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
 
 
 def _separating_steps(causes: Sequence[Cause | ContrastCause], files: Files) -> list[Step]:
-    """Record the motion that separates the first pair of causes that one does separate."""
+    """Return a step to record the motion that separates two indistinguishable causes, if any."""
     for cause in causes:
         for other in cause.indistinguishable_from:
             how = separating_motion(cause.effect, other.effect)

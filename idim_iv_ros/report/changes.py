@@ -1,7 +1,7 @@
 """Given and new values of the nominal model, by URDF element and configuration key.
 
-A base parameter that groups nothing else is a standard parameter, and has an element or a key of
-its own. Of the others only the sum is known.
+A base parameter that groups nothing else is a standard parameter, and has an element or a key. Of
+the others only the sum is known.
 """
 
 import math
@@ -28,10 +28,10 @@ _ELEMENTS = {
 
 @dataclass(frozen=True)
 class ChangedValue:
-    """One base parameter of the nominal model and what the recording says of it.
+    """One base parameter of the nominal model: its given value, and its estimate.
 
-    `key` is its element or key, empty where only the sum is known; `words` say what it is, of a sum
-    its grouped expression; `std` is that of `new`.
+    `key` is its element or key, empty where only a sum is known; `words` describe it, with the
+    grouped expression of a sum; `std` is that of `new`.
     """
 
     name: str
@@ -44,14 +44,14 @@ class ChangedValue:
 
     @property
     def distance(self) -> float | None:
-        """Change in standard deviations; None where either is unknown."""
+        """Return the change in standard deviations; None if either is unknown."""
         if self.given is None or not self.std or not math.isfinite(self.std):
             return None
         return (self.new - self.given) / self.std
 
     @property
     def forest(self) -> tuple[float, float, float] | None:
-        """New value and its 95 % interval over the given one, less 1; None if that is zero."""
+        """Return (new / given - 1) with its 95 % interval; None if the given value is zero."""
         if not self.given or self.std is None or not math.isfinite(self.std):
             return None
         change, half = self.new / self.given - 1.0, INTERVAL * self.std / abs(self.given)
@@ -59,18 +59,19 @@ class ChangedValue:
 
     @property
     def significant(self) -> bool | None:
-        """Whether the 95 % interval leaves the given value out; None where it is not known."""
+        """Return whether the 95 % interval excludes the given value; None if it is unknown."""
         return None if self.distance is None else abs(self.distance) > INTERVAL
 
 
 def changed_values(
     result: IdentificationResult | GapResult, nominal: Nominal
 ) -> list[ChangedValue]:
-    """Return all values, those with an element or a key first, in the order of the joints."""
+    """Return all base parameters, those with an element or a key first, in order of joints."""
     return sorted(_values(result, nominal), key=lambda row: not row.key)
 
 
 def _values(result: IdentificationResult | GapResult, nominal: Nominal) -> Iterator[ChangedValue]:
+    """Yield all base parameters of a result with their given values."""
     if not isinstance(result, GapResult):
         for p in result.parameters:
             words, key = _place(p.name, p.expression, result.joints, nominal)
@@ -91,7 +92,7 @@ def _values(result: IdentificationResult | GapResult, nominal: Nominal) -> Itera
 def _place(
     name: str, expression: str, joints: tuple[str, ...], nominal: Nominal
 ) -> tuple[str, str]:
-    """What a base parameter is in words, and its element or key; of a sum its expression."""
+    """Return what a base parameter is in words, and its element or key (a sum: its expression)."""
     parts = re.fullmatch(r"([A-Za-z]+)(\d+)", name)
     if parts is None or expression != name or parts[1] not in _ELEMENTS:
         return expression or name, ""

@@ -8,7 +8,7 @@ from idim_iv_ros.report.section import UNPLACED, Files
 
 
 def compare_html(comparison: ParameterComparison, files: Files = UNPLACED) -> str:
-    """Return the comparison as one self-contained HTML document."""
+    """Return the comparison of two identifications as one self-contained HTML document."""
     differ = any(pair.differs for pair in comparison.pairs)
     section = one_section(
         "compare.html.j2",
@@ -26,7 +26,7 @@ def compare_html(comparison: ParameterComparison, files: Files = UNPLACED) -> st
 
 
 def compare_step(comparison: ParameterComparison, files: Files) -> Step:
-    """What to do with the recordings of both: find out what changed, or take them together."""
+    """Return the next step: diagnose what changed, or identify from all recordings together."""
     first, second = comparison.bags
     if any(pair.differs for pair in comparison.pairs):
         line = files.command("diagnose", *first, "--against", *second, out="changed")
@@ -36,7 +36,7 @@ def compare_step(comparison: ParameterComparison, files: Files) -> Step:
 
 
 def _row(pair: ParameterPair) -> dict[str, object]:
-    """Both values as text, and their intervals as places in percent of the axis of the row."""
+    """Return both values as text, and their intervals as places on the row's axis in percent."""
     halves = INTERVAL * pair.first_std, INTERVAL * pair.second_std
     values = pair.first, pair.second
     low = min(value - half for value, half in zip(values, halves, strict=True))

@@ -1,4 +1,4 @@
-"""Plotly figures as plain dictionaries: one look for all of them, in light and in dark."""
+"""Plotly figures as plain dictionaries, all in one style, for light and dark pages."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from idim_iv_ros.encoding import json_text
 INK, MUTED, GRID = "var(--ink)", "var(--muted)", "var(--grid)"
 BLUE, ORANGE, GREY = "var(--blue)", "var(--orange)", "var(--grey)"
 SHADE = "var(--shade)"
-# Of the directions of motion: no colours of models.
+# Colours of the directions of motion, none of which is that of a model.
 FORWARD, BACKWARD = "var(--forward)", "var(--backward)"
 FORWARD_BAND, BACKWARD_BAND = "var(--forward-band)", "var(--backward-band)"
 
@@ -29,9 +29,9 @@ _DOTS = 200  # of one cloud
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure and its place in the page: plotly's traces and layout, height in pixels.
+    """A figure of a page: plotly's traces and layout, height in pixels.
 
-    `anchor` is unique in the page; `description` is for those who cannot see it.
+    `anchor` is unique in the page; `description` is the alternative text.
     """
 
     anchor: str
@@ -42,7 +42,7 @@ class Figure:
 
     @property
     def json(self) -> Markup:
-        """Data and layout, safe inside a script element: only "<" could end it."""
+        """Return data and layout as JSON that is safe inside a script element: without "<"."""
         content = {"data": self.data, "layout": self.layout}
         return Markup(json_text(content, indent=None).replace("<", "\\u003c"))
 
@@ -57,10 +57,10 @@ class Mark:
 
 
 def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]:
-    """Return numbers as 16-bit integers of a scale, which the page's script turns back.
+    """Return values (n,) packed as 16-bit integers with scale, which the page's script unpacks.
 
-    A sixth of their text, and finer than the pixels of any screen. What is not finite is a break
-    in a line.
+    They take a sixth of the text, and resolve more than the pixels of a screen. A number that is
+    not finite interrupts a line.
     """
     numbers = np.asarray(values, dtype=float)
     finite = np.isfinite(numbers)
@@ -81,7 +81,7 @@ def line(
     hover: str,
     **options: object,
 ) -> dict[str, Any]:
-    """Return a trace of a line; ``{"same": k}`` is the abscissa of the figure's k-th trace."""
+    """Return a trace of a line through `y` (n,); ``{"same": k}`` is the `x` of trace k."""
     return {
         "type": "scatter",
         "mode": "lines",
@@ -96,9 +96,9 @@ def line(
 def dots(
     x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, size: float = 2.6
 ) -> dict[str, Any]:
-    """Return a trace of single samples, of many some drawn at random.
+    """Return a trace of samples `x`, `y` (n,); if there are many, of some drawn at random.
 
-    Every n-th sample of a periodic motion would always be the same place.
+    Every n-th sample of a periodic motion would always be at the same place.
     """
     count = min(_DOTS, len(x))
     chosen = np.sort(np.random.default_rng(0).choice(len(x), count, replace=False))
@@ -115,7 +115,7 @@ def dots(
 def outline(
     x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, **options: object
 ) -> dict[str, Any]:
-    """Return a filled trace without a line."""
+    """Return a trace of a filled area with the corners `x`, `y` (n,), without a line."""
     return {
         "type": "scatter",
         "mode": "none",
@@ -162,7 +162,7 @@ def axis(title: str = "", **options: object) -> dict[str, Any]:
 
 
 def layout(axes: Mapping[str, Any], **options: object) -> dict[str, Any]:
-    """Return the layout of a figure in the report's look."""
+    """Return the layout of a figure in the style of the report."""
     return {
         "font": {"family": _FONT, "size": 12, "color": INK},
         "paper_bgcolor": "var(--page)",
@@ -179,7 +179,7 @@ def layout(axes: Mapping[str, Any], **options: object) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class TimeCurve:
-    """A curve over time, in the upper or the lower panel; `words` say at the pointer what it is."""
+    """A curve over time, in the upper or lower (`below`) panel; `words` are shown on hovering."""
 
     values: NDArray[np.floating[Any]]
     colour: str
@@ -200,7 +200,7 @@ def over_time(
     behind: Sequence[dict[str, Any]] = (),
     **options: object,
 ) -> Figure:
-    """Return curves over the same time, s, in two panels: `titles` of their axes, upper first.
+    """Return a figure of curves over `time` (n,), s, in two panels with `titles` of their axes.
 
     - `split`: share of the height that is below the upper panel
     - `behind`: traces that are drawn before the curves

@@ -111,25 +111,25 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
 
 
 def _badge(result: FleetResult) -> tuple[str, str, str]:
-    """Badge of the headline: nothing is good that was not judged."""
+    """Return the badge of the headline; it is good only if everything could be judged."""
     if any(q.differs for robot in result.robots for q in robot.quantities):
         return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
         return "bad", "↗", "a robot changed"
-    if all(_examined(result)):
+    if all(_testable(result)):
         return "good", "✓", "nothing stands out"
     return "open", "?", "not all could be judged"
 
 
-def _examined(result: FleetResult) -> tuple[bool, bool]:
-    """Whether robots were compared with each other, and followed over time."""
+def _testable(result: FleetResult) -> tuple[bool, bool]:
+    """Return whether robots could be compared with each other, and followed over time."""
     robots = [robot for robot in result.robots if robot.quantities]
     compared = any(math.isfinite(robot.p_value) for robot in robots)
     return compared, any(math.isfinite(robot.change_p_value) for robot in robots)
 
 
 def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list[Step]:
-    """Return what to do: find out what the first robot that stands out has, or go on recording."""
+    """Return the next step: look at the first robot that stands out, or record again."""
     source, out = (*files.bags, "FOLDER")[0], files.folder or "fleet"
     if not any(bag.used for bag in result.bags):
         bags = [bag.uri for bag in result.bags[:1]]
@@ -139,12 +139,12 @@ def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list
         line = files.command("fleet", "identify", source, out=out)
         return [Step("Record the robots again, a bag each, and compare anew:", line)]
     contrast = _contrast_steps(result, first, files) if reports else []
-    again = files.command("fleet", "diagnose", source, out=out)
-    return contrast or [Step("Find out why they stand out:", again)]
+    repeat = files.command("fleet", "diagnose", source, out=out)
+    return contrast or [Step("Find out why they stand out:", repeat)]
 
 
 def _headlines(result: FleetResult) -> list[str]:
-    """How the fleet is, what the first robot that stands out has, and how sure that is."""
+    """Return sentences on the fleet, on the first robot that stands out, and on its certainty."""
     if _badge(result)[0] != "bad":
         return [headline(result)]
     first, share = result.robots[0], _share(result)
@@ -153,7 +153,10 @@ def _headlines(result: FleetResult) -> list[str]:
 
 
 def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
-    """Compare a robot with itself before a change, or with an ordinary one; none if not here."""
+    """Return a step that compares a robot with itself before a change, or an ordinary robot.
+
+    Empty where the bags are not on this machine.
+    """
     screened = [s for s in result.screen if s.robot == robot.robot or s.why == "typical"]
     after = [uri for s in screened if s.robot == robot.robot for uri in s.bags]
     ordinary = [s for s in screened if s.type == robot.type and s.robot != robot.robot][:1]
@@ -173,13 +176,13 @@ def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> lis
 
 
 def _short(path: Path) -> str:
-    """Return a path as one would write it where the page is made."""
+    """Return a path relative to the working directory, if it lies in it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def headline(result: FleetResult) -> str:
-    """Say in one sentence how the fleet is."""
+    """Return one sentence on the fleet: robots that differ or changed."""
     differs = [robot.robot for robot in result.robots if any(q.differs for q in robot.quantities)]
     changed = [robot.robot for robot in result.robots if robot.changes]
     counted = [robot for robot in result.robots if robot.quantities]
@@ -192,16 +195,17 @@ def headline(result: FleetResult) -> str:
     if changed:
         parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
     if not parts:
-        return _NOTHING[_examined(result)]
+        return _NOTHING[_testable(result)]
     return f"{'; '.join(parts)}."
 
 
 def _share(result: FleetResult) -> str:
+    """Return the false discovery rate in percent."""
     return f"{100.0 * result.false_discoveries:g}{THIN}%"
 
 
 def _names_of(robot: FleetRobot) -> tuple[str, ...]:
-    """Names that begin a sentence as they are written: of the robot and of parameters."""
+    """Return names that keep their case at the start of a sentence: robot and parameters."""
     names = (quantity.name for quantity in robot.quantities)
     return (robot.robot, *(name for name in names if not name.startswith("residual")))
 

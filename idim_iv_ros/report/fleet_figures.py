@@ -19,7 +19,7 @@ _INTERVAL = 1.96
 def distribution_figure(
     fleet_type: FleetType, robots: Sequence[FleetRobot], place: int
 ) -> Figure | None:
-    """Robots as dots, one row a quantity, in deviations from the mean of the type.
+    """Return robots as dots, a row a quantity, in deviations from the mean of the type.
 
     None where no quantity has a mean and a scatter.
     """
@@ -80,6 +80,7 @@ def distribution_figure(
 
 
 def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
+    """Return plotly shapes of the intervals of next robot and mean, at a height."""
     low, high = (
         _deviations(quantity, unit, end) for end in (quantity.next_low, quantity.next_high)
     )
@@ -105,7 +106,7 @@ def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict
 
 
 def _unit(quantity: TypeQuantity, column: int, robots: Sequence[FleetRobot]) -> float:
-    """Deviation of the estimates of the robots that do not differ; 0 where there are too few."""
+    """Return the standard deviation of the ordinary robots' estimates; 0 if there are too few."""
     values = [robot.quantities[column] for robot in robots]
     distances = [_deviations(quantity, 1.0, value.value) for value in values if not value.differs]
     finite = [distance for distance in distances if math.isfinite(distance)]
@@ -119,7 +120,7 @@ def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
 
 
 def change_figure(change: ParameterChange, anchor: str) -> Figure:
-    """One quantity of one robot over time, with what was found."""
+    """Return a figure of one quantity of one robot over time, with the change found in it."""
     times = list(change.times)
     bars = [_INTERVAL * std for std in change.stds]
     dots = {

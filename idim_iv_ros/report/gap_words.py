@@ -1,4 +1,4 @@
-"""Names and units of a result in the words of its report."""
+"""Names, units and numbers of a diagnosis as text for its report."""
 
 import math
 import re
@@ -58,13 +58,13 @@ def effect_words(effect: str) -> str:
 
 
 def effect_at(effect: str, joint: str | None, other: str | None = None) -> str:
-    """Return an effect with its place."""
+    """Return an effect with its joints: “backlash at joint_2”."""
     place = " and ".join(name for name in (joint, other) if name)
     return f"{effect_words(effect)} at {place}" if place else effect_words(effect)
 
 
 def hint_words(hint: Hint) -> str:
-    """Return a hint with its place, and its probability where that is why it is no cause."""
+    """Return a hint with its joint, and its probability if it has one."""
     words = effect_at(hint.effect, hint.joint, hint.other_joint)
     if hint.probability is None:
         return words
@@ -80,9 +80,9 @@ def stage_words(stage: str) -> str:
 
 
 def unit_in(result: Result, unit: str, joint: str | None) -> str:
-    """Translate a unit of a joint that turns, torque in N m, to that at a joint.
+    """Return the unit at a joint for a unit of revolute joints with torques in N m.
 
-    Where `joint` is None, to those of all joints: ``N m or N``.
+    Where `joint` is None, the units of all joints: ``N m or N``.
     """
     effort = _effort_unit(result)
     types = dict(zip(result.joints, result.joint_types, strict=True))
@@ -92,12 +92,12 @@ def unit_in(result: Result, unit: str, joint: str | None) -> str:
 
 
 def torque_unit(result: Result, joint: str | None) -> str:
-    """Return the unit of the torque of a joint, or of all where it is None."""
+    """Return the unit of the torque of a joint, or of all joints where it is None."""
     return unit_in(result, "N m", joint)
 
 
 def small_unit(result: Result, joint: str | None) -> str:
-    """Return the unit of a tracking error, a thousandth of that of the position."""
+    """Return the unit of a tracking error: mrad, or mm for a prismatic joint."""
     return unit_in(result, "mrad", joint)
 
 
@@ -110,14 +110,14 @@ def _effort_unit(result: Result) -> str:
 
 
 def torque_word(unit: str) -> str:
-    """Return what a quantity with that unit is called."""
+    """Return the name of the quantity with that unit: “Torque” for N m."""
     return {"N m": "Torque", "N": "Force", "A": "Motor current", "V": "Motor voltage"}.get(
         unit, "Effort"
     )
 
 
 def regime_range(regime: Regime, session: Sequence[SessionPart] = ()) -> str:
-    """Return the bounds of a regime without their unit; a time is that of one of the recordings."""
+    """Return the bounds of a regime without unit; a time as that in one of the recordings."""
     low, high = regime.low, regime.high
     if regime.axis == "direction":
         return "backwards" if low + high < 0.0 else "forwards"
@@ -131,7 +131,7 @@ def regime_range(regime: Regime, session: Sequence[SessionPart] = ()) -> str:
 
 
 def duration(result: GapResult) -> float:
-    """Return the length of all recordings together, s; with the pauses where it is not known."""
+    """Return the total length of the recordings, s; if unknown, with the pauses between them."""
     if result.recorded is not None:
         return result.recorded
     return max(
@@ -140,7 +140,7 @@ def duration(result: GapResult) -> float:
 
 
 def extended_beyond_refit(series: GapSeries) -> bool:
-    """Whether the extended model differs from the refit at a joint."""
+    """Return whether the extended model differs from the refit at a joint."""
     return not np.allclose(series.extended, series.refit, rtol=1e-6, atol=1e-9)
 
 
@@ -150,7 +150,7 @@ def drawable(result: GapResult) -> list[GapSeries]:
 
 
 def held_out_words(result: GapResult, joint: str) -> str:
-    """Return the gap at a joint of the nominal model, the refit and the extended model."""
+    """Return the gaps at a joint of nominal model, refit and extended model as one phrase."""
     stages = [stage for stage in result.stages if is_number(stage.torque_rms.get(joint))]
     named = [stage for stage in stages if stage.name in _STAGES]
     if stages and stages[-1] not in named:
@@ -162,7 +162,7 @@ def held_out_words(result: GapResult, joint: str) -> str:
 
 
 def untestable(result: GapResult) -> list[tuple[str, str, str, str, str]]:
-    """Return effect, joints, reason, smallest size seen and motion needed; equal reasons as one."""
+    """Return effect, joints, reason, smallest visible size, motion needed; equal reasons merged."""
     groups: dict[tuple[str, str, str], list[NotTestable]] = {}
     for limit in result.not_testable:
         groups.setdefault((limit.effect, limit.reason, limit.excitation_needed), []).append(limit)
@@ -179,9 +179,9 @@ def untestable(result: GapResult) -> list[tuple[str, str, str, str, str]]:
 
 
 def worth_seeing(result: Result, most: int = 2) -> set[str]:
-    """Return joints that are shown unfolded: those with causes, or else the worst, a few at most.
+    """Return the few joints to show unfolded: those with causes, else the worst.
 
-    Of an identification those whose residual is the largest share of their torque.
+    For an identification, those with the largest residual relative to their torque.
     """
     if isinstance(result, IdentificationResult):
         sizes = {residual.joint: residual.relative_percent or 0.0 for residual in result.residuals}
@@ -197,12 +197,12 @@ def worth_seeing(result: Result, most: int = 2) -> set[str]:
 
 
 def probability_words(cause: Cause) -> str:
-    """Return the probability of a cause; a dash where nothing was calibrated for it."""
+    """Return the probability of a cause; a dash where it has none."""
     return "–" if cause.probability is None else percent(min(100.0 * cause.probability, 99.0))
 
 
 def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, str]:
-    """What the simulator lacks: effect and joint, gap on held-out data, share, probability, rivals.
+    """Return a row on a cause: effect and joint, held-out gap, share, probability, rivals.
 
     The share is that of the gap above the noise, with its 95 % interval.
     """
@@ -228,13 +228,13 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
 
 
 def unnamed_error(result: GapResult) -> ParameterError | None:
-    """Largest parameter error that no cause names; None where it is below 1 % of the torque."""
+    """Return the largest parameter error that no cause covers; None if below 1 % of the torque."""
     rest = max(result.parameter_errors, key=lambda error: error.share_of_torque, default=None)
     return None if rest is None or rest.share_of_torque < _LEAST_SHARE else rest
 
 
 def wrong_numbers(result: GapResult) -> str:
-    """Parameter errors in one line, with their count; empty where there are none."""
+    """Return all parameter errors in one line, with their count; empty without any."""
     wrong = [cause for cause in result.causes if cause.kind == "parametric"]
     listed = []
     for cause in wrong:

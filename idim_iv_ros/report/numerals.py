@@ -1,4 +1,4 @@
-"""Numbers as a reader wants them: as many digits as the uncertainty leaves, never more."""
+"""Numbers as text, with as many digits as their uncertainty leaves."""
 
 import math
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ _TINIEST = 1e-300  # a σ below is none: powers of ten end soon after
 
 
 def is_number(value: float | None) -> bool:
-    """Whether there is a finite number."""
+    """Return whether a value is a finite number."""
     return value is not None and math.isfinite(value)
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with `digits` significant digits."""
+    """Return a number with `digits` significant digits; a dash where there is none."""
     if value is None or not math.isfinite(value):
         return MISSING
     if value == 0.0:
@@ -32,13 +32,13 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def round_number(value: float, digits: int = 3) -> str:
-    """Return a number without the zeros at its end: a bound or a tick, not a measurement."""
+    """Return a number without trailing zeros: a bound or a tick, not a measurement."""
     text = number(value, digits)
     return text.rstrip("0").rstrip(".") if "." in text and "·" not in text else text
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with that many decimals; below 0 the digits before the point are rounded."""
+    """Return a number with that many decimals; a negative count rounds digits before the point."""
     rounded = round(value, decimals)
     # Four digits stand together, longer numbers in groups of three (ISO 80000-1).
     group = "," if abs(rounded) >= 1e4 else ""
@@ -49,19 +49,19 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def exact(value: float | None, unit: str) -> str:
-    """Return a number that was set, not measured, with no digits beyond those it needs."""
+    """Return a number that was set, not measured, with up to six digits and its unit."""
     if value is None or not math.isfinite(value):
         return MISSING
     return f"{value:.6g}".replace("-", MINUS) + f"{THIN}{unit}"
 
 
 def count(value: int) -> str:
-    """Return a whole number with its thousands apart."""
+    """Return a whole number with its thousands separated."""
     return fixed(float(value), 0)
 
 
 def plural(number_of: int, what: str) -> str:
-    """Return a number of things: “1 bag”, “3 bags”."""
+    """Return a count with a noun: “1 bag”, “3 bags”."""
     return f"{count(number_of)} {what}{'' if number_of == 1 else 's'}"
 
 
@@ -91,12 +91,12 @@ def measured(value: float | None, std: float | None) -> tuple[str, str]:
 
 
 def with_interval(value: float | None, std: float | None, unit: str = "") -> str:
-    """Return a value with the half-width of its 95 % interval and its unit, as far as known."""
+    """Return a value with the half-width of its 95 % interval and its unit, if known."""
     return " ".join(filter(None, (*measured(value, std), unit)))
 
 
 def with_digits_of(value: float | None, std: float | None) -> str:
-    """Return a value rounded like an estimate with that σ, to be compared with it."""
+    """Return a value with the digits that an estimate with standard deviation `std` has."""
     if value is None or not math.isfinite(value):
         return MISSING
     if value == 0.0:
@@ -107,7 +107,7 @@ def with_digits_of(value: float | None, std: float | None) -> str:
 
 
 def percent(value: float | None, digits: int = 2) -> str:
-    """Return a share that is given in percent, with its sign."""
+    """Return a share given in percent, with the percent sign."""
     if value is None or not math.isfinite(value):
         return MISSING
     if abs(value) >= 1000.0:
@@ -116,19 +116,19 @@ def percent(value: float | None, digits: int = 2) -> str:
 
 
 def share(value: float | None, digits: int = 2) -> str:
-    """Return a share of one in percent."""
+    """Return a share given as a fraction of one, in percent."""
     return percent(None if value is None else 100.0 * value, digits)
 
 
 def p_value(value: float | None) -> str:
-    """Return a p-value; below 0.0001 only that it is."""
+    """Return a p-value; “< 0.0001” below that."""
     if value is None or not math.isfinite(value):
         return MISSING
     return "<\N{NO-BREAK SPACE}0.0001" if value < 1e-4 else number(value, 2)
 
 
 def p_equals(value: float | None) -> str:
-    """Return a p-value with the sign between it and “p”."""
+    """Return a p-value behind its relation, to write after “p”: “= 0.012”, “< 0.0001”."""
     text = p_value(value)
     return text if text.startswith("<") else f"= {text}"
 
@@ -140,14 +140,14 @@ def with_unit(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def sentence(text: str, names: Sequence[str] = ()) -> str:
-    """Return text as a sentence: a capital, unless it starts with one of `names`, and a stop."""
+    """Return text as a sentence: with a capital (unless it starts with a name) and a full stop."""
     if not any(text.startswith(name) for name in names):
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
 def _exponent(value: float, digits: int) -> int:
-    """Exponent of ten of the leading digit after rounding to `digits` digits."""
+    """Return the exponent of ten of the leading digit after rounding to `digits` digits."""
     return int(f"{abs(value):.{digits - 1}e}".partition("e")[2])
 
 

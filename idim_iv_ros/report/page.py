@@ -64,8 +64,8 @@ _METHODS = {"idim-iv": "IDIM-IV", "idim-ls": "IDIM-LS"}
 def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     """Return the report of an identification as one self-contained HTML document.
 
-    A section that fails leaves its place with one line, and a `ReportWarning`. Commands on the page
-    name `files`.
+    A section that fails is replaced by one line, with a `ReportWarning`. `files` are the paths in
+    the commands on the page.
     """
     seconds = sum(bag.duration for bag in result.bags)
     method = _METHODS.get(result.estimator, result.estimator)
@@ -79,7 +79,7 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
 
 
 def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
-    """Return the report of a diagnosis as one self-contained HTML document, as `report_html`."""
+    """Return the report of a diagnosis as one self-contained HTML document; see `report_html`."""
     return page_html(
         result.robot,
         "sim-to-real gap",
@@ -91,7 +91,7 @@ def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the templates: text is escaped, and a name that is not given is an error."""
+    """Return the environment of the templates: text is escaped, undefined names are errors."""
     templates = Environment(
         loader=PackageLoader("idim_iv_ros.report"),
         autoescape=True,
@@ -129,16 +129,16 @@ def page_html(
 
 
 def one_section(template: str, anchor: str, title: str, **shown: Any) -> tuple[str, str, Markup]:
-    """Return a section from what its template shows: anchor, title, content."""
+    """Return a section (anchor, title, content) rendered from a template and its variables."""
     text = environment().get_template(template).render(anchor=anchor, title=title, **shown)
     return anchor, title, Markup(text)
 
 
 @cache
 def page_parts() -> dict[str, str]:
-    """Style, script and compressed plotly of a page, as ``page.html.j2`` embeds them.
+    """Return style, script and compressed plotly, as ``page.html.j2`` embeds them.
 
-    Plotly is two thirds smaller when it is compressed; the page's script inflates it.
+    Compression makes plotly two thirds smaller; the page's script inflates it.
     """
     folder = resources.files(__package__).joinpath("assets")
     packed = gzip.compress(get_plotlyjs().encode(), 9, mtime=0)

@@ -45,7 +45,7 @@ def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
 
 
 def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """What the template shows."""
+    """Return the variables of the template ``replay.html.j2``."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     plots = [
         (series.joint, series.bag, replay_figure(result, series, index))
@@ -73,7 +73,7 @@ Row = tuple[str, tuple[Bar, ...], Bar | None, str, str, str]
 
 
 def shrinkage(result: ReplayResult) -> list[Row]:
-    """What the best stage leaves of the nominal error, of each joint and of the tool."""
+    """Return rows with the nominal error and what the best stage leaves of it: joints and tool."""
     first, last = result.stages[0], result.best
     if first.tracking is None or last.tracking is None or last is first:
         return []
@@ -95,13 +95,13 @@ def shrinkage(result: ReplayResult) -> list[Row]:
         floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
         half = 0.5e3 * (after.high - after.low)
         shown = [f"{1e3 * before.rms:.3g} {unit}", f"{1e3 * after.rms:.3g} ± {half:.1g} {unit}"]
-        left = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
-        rows.append((name, bars, floor, shown[0], shown[1], left))
+        ratio = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
+        rows.append((name, bars, floor, shown[0], shown[1], ratio))
     return rows
 
 
 def headline(result: ReplayResult) -> str:
-    """Say how far the tracking of the best stage is from that of the robot."""
+    """Return a sentence on how far the tracking of the best stage is from the robot's."""
     first, last = result.stages[0], result.best
     if last.tracking is None:
         return "No stage could be simulated to its end."
@@ -119,7 +119,7 @@ def headline(result: ReplayResult) -> str:
 
 
 def badge(result: ReplayResult) -> tuple[str, str, str]:
-    """Whether the best stage follows the robot better than the nominal one, beyond its interval."""
+    """Return a badge: is the best stage significantly closer to the robot than the nominal one?"""
     before, after = result.stages[0], result.best
     if after.tracking is None:
         return "bad", "✕", "not simulated"
@@ -130,15 +130,15 @@ def badge(result: ReplayResult) -> tuple[str, str, str]:
     pairs = [(before.tracking[name], after.tracking[name]) for name in result.joints]
     if before.tool is not None and after.tool is not None:
         pairs = [(before.tool, after.tool)]
-    if all(two.high < one.rms for one, two in pairs):
+    if all(best.high < nominal.rms for nominal, best in pairs):
         return "good", "✓", "the corrected simulator is closer to the robot"
-    if any(two.low > one.rms for one, two in pairs):
+    if any(best.low > nominal.rms for nominal, best in pairs):
         return "bad", "✕", "the corrected simulator is farther from the robot"
     return "open", "≈", "no clear difference"
 
 
 def steps(result: ReplayResult, files: Files) -> list[Step]:
-    """Return what to do after a replay: use what was found, or ask why it is no closer."""
+    """Return the next steps after a replay: use the result, or diagnose why it is no closer."""
     bags = files.recordings(result.bags)
     if result.best.tracking is None:
         return [Step("Check the recordings and the control law:", files.command("check", *bags))]
@@ -157,7 +157,7 @@ def steps(result: ReplayResult, files: Files) -> list[Step]:
 
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
-    """Rows of a table: joint, each stage, noise; `kind`: tracking or torque."""
+    """Return table rows: joint, error of each stage, noise; `kind` is tracking or torque."""
     rows = []
     noise = result.tracking_noise if kind == "tracking" else result.torque_noise
     for joint, joint_type in zip(result.joints, result.joint_types, strict=True):
@@ -176,7 +176,7 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
 
 
 def error_words(error: ReplayError, scale: float, unit: str) -> str:
-    """Value with half of its interval, and how many times the noise it is."""
+    """Return an error times `scale`, half-width of its 95 % interval, and ratio to the noise."""
     half = 0.5 * scale * (error.high - error.low)
     times = (
         f" ({round_number(error.over_noise, 2)} × noise)" if np.isfinite(error.over_noise) else ""
@@ -185,7 +185,7 @@ def error_words(error: ReplayError, scale: float, unit: str) -> str:
 
 
 def replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
-    """Return tracking errors above and torques below."""
+    """Return a figure of one joint: tracking errors above, torques below, robot and simulations."""
     joint_type = result.joint_types[result.joints.index(series.joint)]
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
     chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)

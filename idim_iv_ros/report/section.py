@@ -31,7 +31,7 @@ R = TypeVar("R", IdentificationResult, GapResult, Result)
 
 @dataclass(frozen=True)
 class Nominal:
-    """What the configuration of a result and its URDF say, or why there is no model."""
+    """The nominal model of a result, read again from its configuration; or why it is `missing`."""
 
     configuration: Configuration | None
     model: InverseModel | None
@@ -40,15 +40,15 @@ class Nominal:
 
     @property
     def is_mjcf(self) -> bool:
-        """Whether the nominal model is an MJCF, which holds drive inertias too."""
+        """Return whether the nominal model is an MJCF, which also holds drive inertias."""
         return self.configuration is not None and self.configuration.robot.mjcf is not None
 
 
 def read_nominal(document: Mapping[str, object]) -> Nominal:
-    """Read the nominal model of a configuration as a result holds it.
+    """Read the nominal model of the configuration in a result.
 
-    Where the URDF came with the recording or is not there any more, there is none: the report then
-    leaves out what needs it.
+    Where the URDF came with the recording or does not exist any more, there is none: the report
+    then leaves out what needs it.
     """
     configuration = None
     try:
@@ -65,9 +65,9 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
 
 @dataclass(frozen=True)
 class Files:
-    """Files as the commands of a page name them, so that they run where the page was made.
+    """Paths in the commands on a page, which run where the page was made.
 
-    `folder` is that of the page and its numbers; `bags` are the recordings, of a fleet its source.
+    `folder` is that of the page and its numbers; `bags` are recordings, or a fleet's source.
     """
 
     config: str = CONFIGURATION
@@ -75,11 +75,11 @@ class Files:
     bags: tuple[str, ...] = ()
 
     def here(self, name: str) -> str:
-        """Return the path of a file beside the page."""
+        """Return the path of a file in the folder of the page."""
         return str(Path(self.folder, name))
 
     def recordings(self, names: Iterable[str]) -> list[str]:
-        """Return the paths of recordings; the name of one whose path is unknown or ambiguous."""
+        """Return the paths of recordings by name; the name if its path is unknown or ambiguous."""
         paths = {name: [bag for bag in self.bags if Path(bag).name == name] for name in names}
         return [places[0] if len(places) == 1 else name for name, places in paths.items()]
 
@@ -89,45 +89,44 @@ class Files:
         return f"idim-iv {shell_command(*words, '--config', self.config, *end)}"
 
     def again(self, command: str, *options: str, out: str) -> str:
-        """Return the commands that record anew, and that use these recordings."""
+        """Return two commands: record new bags, and run `command` on them."""
         words = shell_command(*options, "--config", self.config, "--out", out)
         return f"{self.command('record', out='new')}\nidim-iv {command} new/* {words}"
 
 
-# Of a page that is made apart from the files of its result.
+# For a page without the files of its result.
 UNPLACED = Files()
 
 
 @dataclass(frozen=True)
 class Report(Generic[R]):
-    """A result as its page shows it."""
+    """A result and the files of its page, with the nominal model and time axis."""
 
     result: R
     files: Files = UNPLACED
 
     @property
     def numbers(self) -> str:
-        """File that holds all numbers."""
+        """Return the name of the file with all numbers."""
         return GAP if isinstance(self.result, GapResult) else RESULT
 
     @cached_property
     def nominal(self) -> Nominal:
-        """The nominal model, read again from the configuration."""
+        """Return the nominal model, read again from the configuration."""
         return read_nominal(self.result.configuration)
 
     @cached_property
     def session(self) -> SessionAxis:
-        """Where each recording is drawn."""
+        """Return the common time axis of the recordings."""
         return session_axis_of(self.result)
 
 
 @dataclass(frozen=True)
 class Section(Generic[R]):
-    """One section: title, place (anchor) and template under ``templates/``.
+    """One section of a page: title, anchor and template under ``templates/``.
 
-    The template has `result` and `files`, and what `context` returns; None where the section does
-    not apply to a result. `about` says what is in a section that is folded until the reader wants
-    it.
+    The template gets `result`, `files` and what `context` returns; None leaves the section out. A
+    section with `about`, a summary, is folded.
     """
 
     title: str
@@ -137,9 +136,9 @@ class Section(Generic[R]):
     about: str = ""
 
     def render(self, report: Report[R], templates: Environment) -> Markup | None:
-        """Return the section, or its place with one line where it cannot be drawn.
+        """Return the section as HTML, or one line in its place where it cannot be drawn.
 
-        A failure is a warning (`ReportWarning`): what was computed is in the file of numbers. With
+        A failure is a `ReportWarning`, since all numbers are in another file. With
         ``IDIM_IV_TRACEBACK`` set in the environment it is raised.
         """
         try:

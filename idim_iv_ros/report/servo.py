@@ -16,7 +16,7 @@ _HEIGHT = 260
 
 
 def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
-    """Return the report as one self-contained HTML document."""
+    """Return the report of servos as one self-contained HTML document."""
     recordings = plural(len(result.recordings), "recording")
     return page_html(
         result.robot,
@@ -27,7 +27,7 @@ def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
 
 
 def shown(result: ServoResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """What the template shows."""
+    """Return the variables of the template ``servo.html.j2``."""
     plots = [
         (series.joint, series.recording, servo_figure(series, index))
         for index, series in enumerate(result.series)
@@ -66,7 +66,7 @@ SUMMARY_COLUMNS = ("joint", *(heading for heading, _ in _SUMMARY.values()))
 
 
 def summary_rows(result: ServoResult) -> list[tuple[str, ...]]:
-    """Numbers of every joint with half of their 95 % interval; a bound where one is not shown."""
+    """Return each joint's numbers with half-widths of 95 % intervals, or as upper bounds."""
     rows = []
     for joint in result.joints:
         cells = [joint.joint]
@@ -89,12 +89,12 @@ def summary_rows(result: ServoResult) -> list[tuple[str, ...]]:
 
 
 def _short(value: float) -> str:
-    """One digit, without an exponent."""
+    """Return a number with one digit, without an exponent."""
     return f"{float(f'{value:.1g}'):g}"
 
 
 def headline(result: ServoResult) -> str:
-    """Say what is known, and how far the simulated servos are from the measured ones."""
+    """Return sentences on how many servos are identified in N m, and on their simulation error."""
     count, absolute = len(result.joints), sum(joint.absolute for joint in result.joints)
     worst = max(result.joints, key=lambda joint: joint.residual / max(joint.nominal, 1e-12))
     share = 100.0 * worst.residual / max(worst.nominal, 1e-12)
@@ -115,7 +115,7 @@ def headline(result: ServoResult) -> str:
 
 
 def _stiffness_words(result: ServoResult) -> str:
-    """The stiffness that is known least well, with its 95 % interval."""
+    """Return the least certain stiffness with its 95 % interval, to append to a sentence."""
     widths = {
         joint.joint: (number, (number.high - number.low) / number.value)
         for joint in result.joints
@@ -133,7 +133,7 @@ def _stiffness_words(result: ServoResult) -> str:
 
 
 def badge(result: ServoResult) -> tuple[str, str, str]:
-    """Whether the servos are known in N m, and the gains that were given are the right ones."""
+    """Return a badge: are the servos identified in N m, and do the given gains agree?"""
     absolute = [joint.absolute for joint in result.joints]
     if not all(check.agrees for check in result.gains):
         return "bad", "✕", "a gain is not what was given"
@@ -143,7 +143,7 @@ def badge(result: ServoResult) -> tuple[str, str, str]:
 
 
 def steps(result: ServoResult, files: Files) -> list[Step]:
-    """Return what to do with the servos: simulate with them, or record what shows the others."""
+    """Return the next steps with the servos: simulate them, or record a motion with more load."""
     absolute = [joint.absolute for joint in result.joints]
     todo = []
     if any(absolute):
@@ -158,7 +158,7 @@ def steps(result: ServoResult, files: Files) -> list[Step]:
 
 
 def number_rows(numbers: tuple[ServoNumber, ...]) -> list[tuple[str, str, str]]:
-    """Name, value with unit, and interval of numbers; what is not shown says so."""
+    """Return name, value with unit and interval of numbers; in words where not identified."""
     rows = []
     for number in numbers:
         unit = number.unit.removeprefix("1")
@@ -178,7 +178,7 @@ def number_rows(numbers: tuple[ServoNumber, ...]) -> list[tuple[str, str, str]]:
 
 
 def error_rows(result: ServoResult) -> list[tuple[str, ...]]:
-    """Position errors of every joint in mrad: perfect tracking, fit, other half, encoder."""
+    """Return position errors of each joint, mrad: nominal, fit, held out, encoder resolution."""
     rows = []
     for joint in result.joints:
         step = joint.resolution
@@ -189,7 +189,7 @@ def error_rows(result: ServoResult) -> list[tuple[str, ...]]:
 
 
 def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
-    """Recording, joint, gain that was given, gain that suits the others, and whether it agrees."""
+    """Return recording, joint, given gain, estimated gain, its interval, and whether they agree."""
     return [
         (
             check.recording,
@@ -204,8 +204,8 @@ def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
 
 
 def servo_figure(series: ServoSeries, index: int) -> Figure:
-    """Return commanded, measured and simulated position over time, and what is left below."""
-    left = 1e3 * (series.measured - series.simulated)
+    """Return a figure of commanded, measured and simulated position, with the residual below."""
+    residual = 1e3 * (series.measured - series.simulated)
     return over_time(
         f"servo-{index}",
         _HEIGHT,
@@ -215,7 +215,7 @@ def servo_figure(series: ServoSeries, index: int) -> Figure:
             TimeCurve(series.command, GREY, 0.9, "asked %{y:.4g} rad"),
             TimeCurve(series.measured, INK, 1.2, "measured %{y:.4g} rad"),
             TimeCurve(series.simulated, BLUE, 1.2, "simulated %{y:.4g} rad"),
-            TimeCurve(left, BLUE, 0.9, "left %{y:.3g} mrad", below=True),
+            TimeCurve(residual, BLUE, 0.9, "left %{y:.3g} mrad", below=True),
         ],
         ("Position, rad", "Left, mrad"),
         0.4,

@@ -1,4 +1,4 @@
-"""Curves over time: recordings of a session one after the other, thinned, with their gaps."""
+"""Time axes of sessions, and curves thinned for plots, with gaps."""
 
 import itertools
 from collections.abc import Sequence
@@ -19,9 +19,9 @@ _PAUSE = 0.02  # between two recordings, of the length of all
 
 @dataclass(frozen=True)
 class SessionAxis:
-    """Where the recordings of a session are drawn: the start of each on the axis, s.
+    """Time axis on which recordings follow one another; `drawn`: start of each on the axis, s.
 
-    Both are empty where nothing is known of the recordings.
+    Both fields are empty where the recordings are unknown.
     """
 
     parts: tuple[SessionPart, ...]
@@ -29,7 +29,7 @@ class SessionAxis:
 
     @property
     def words(self) -> str:
-        """What a reader has to know of several recordings; empty for one."""
+        """Return a caption on the order of several recordings; empty for one."""
         if len(self.parts) < 2:
             return ""
         names = ", ".join(f"{number} {part.bag}" for number, part in enumerate(self.parts, 1))
@@ -39,18 +39,18 @@ class SessionAxis:
         )
 
     def ends(self, time: FloatArray) -> IntArray:
-        """Rows after which another recording begins."""
+        """Return the rows after which another recording begins."""
         return np.flatnonzero(np.diff(self._recording(time)))
 
     def on_axis(self, time: FloatArray) -> FloatArray:
-        """Places (r,) on the axis, s."""
+        """Return the places on the axis, s, of times (r,) of the session."""
         if not self.parts:
             return time
         shift = np.array(self.drawn) - [part.start for part in self.parts]
         return np.asarray(time + shift[self._recording(time)])
 
     def _recording(self, time: FloatArray) -> IntArray:
-        """Recording of each time of the session, (r,)."""
+        """Return the number of the recording, from 0, of times (r,) of the session."""
         if not self.parts:
             return np.zeros(len(time), dtype=np.int64)
         starts = [part.start for part in self.parts]
@@ -58,7 +58,7 @@ class SessionAxis:
         return np.asarray(np.maximum(place, 0), dtype=np.int64)
 
     def marks(self) -> dict[str, Any]:
-        """Layout of a figure: a line where each recording starts, with its number."""
+        """Return plotly layout: a line with a number where each recording starts."""
         if len(self.parts) < 2:
             return {}
         line = {"type": "line", "y0": 0.0, "y1": 1.0, "yref": "paper"}
@@ -75,7 +75,7 @@ class SessionAxis:
 
 
 def session_axis(parts: Sequence[SessionPart]) -> SessionAxis:
-    """Place recordings on an axis, all with the same pause between them."""
+    """Return the axis of recordings, with equal pauses between them."""
     pause = _PAUSE * sum(part.duration for part in parts)
     drawn = itertools.accumulate((part.duration + pause for part in parts[:-1]), initial=0.0)
     return SessionAxis(tuple(parts), tuple(drawn) if parts else ())
@@ -95,7 +95,7 @@ def session_axis_of(result: IdentificationResult | GapResult) -> SessionAxis:
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves for a plot; NaN where lines are interrupted."""
+    """Thinned curves for a plot; NaN where lines are interrupted."""
 
     time: FloatArray  # (m,): s on the axis
     values: tuple[FloatArray, ...]  # (m,) each
@@ -113,14 +113,13 @@ def curves(
     step: float | None = None,
     buckets: int = 300,
 ) -> Curves:
-    """Thin curves without losing their peaks, and interrupt them where rows are missing.
+    """Thin curves without losing peaks, and interrupt them where rows are missing.
 
-    Gaps narrower than a thousandth of the session are drawn through, those between recordings
-    never are.
+    Gaps narrower than a thousandth of the session, within a recording, are drawn through.
 
     - `time`, `values`: (r,), s of the session, and the curves over it
     - `peaks_of`: sequence of (r,), curves whose smallest and largest rows are kept in each bucket
-    - `step`: of the rows, s; the median of their distances if left out
+    - `step`: time between rows, s; the median if left out
     - `buckets`: equal pieces of a long series
     """
     borders = session.ends(time)
@@ -141,10 +140,10 @@ def curves(
 
 
 def peaks(curves: Sequence[FloatArray], buckets: int) -> NDArray[np.int64]:
-    """Return the rows that a plot of these curves needs.
+    """Return the rows that a thinned plot of these curves needs.
 
-    Each of `buckets` equal pieces keeps the rows where a curve is smallest and largest; a short
-    series is kept whole.
+    In each of `buckets` equal pieces these are the rows where a curve is smallest or largest; a
+    short series is kept whole.
     """
     count = len(curves[0])
     if count <= 4 * buckets:

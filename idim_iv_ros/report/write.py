@@ -58,9 +58,8 @@ def write_report(
 ) -> tuple[Path, Path | None]:
     """Write the numbers of a result, then its page: result.json and report.html, for example.
 
-    Each is written beside its place and moved there when it is complete, so that no half-written
-    file is ever found under `out`. No picture costs a result: what cannot be drawn or written of
-    the page is a `ReportWarning`.
+    Files are written under other names and renamed when complete, so that `out` never holds a
+    partial file. What cannot be drawn or written of the page is a `ReportWarning`.
 
     Parameters
     ----------
@@ -82,7 +81,7 @@ def write_report(
     Raises
     ------
     UsageError
-        The folder cannot be written, or holds another result or a file of somebody else.
+        The folder cannot be written, or holds another result or a file not by this program.
     """
     name, page_name, html = _FILES[type(result)]
     draw = partial(html, result, files=Files(str(config), str(out), tuple(map(str, bags))))
@@ -95,7 +94,7 @@ def write_report(
         except OSError as error:
             raise _refusal(Path(out), error) from error
     try:
-        # That of an earlier result would pass for the page of this one.
+        # The page of an earlier result would pass for that of this one.
         page.unlink(missing_ok=True)
         write_together({page: draw()})
     except Exception as error:
@@ -119,13 +118,12 @@ write_gap_report = write_replay_report = write_report
 def require_writable(
     out: Path, names: Sequence[str] = (RESULT, REPORT), *, force: bool = False
 ) -> Iterator[None]:
-    """Make sure, before long work, that its results can be written afterwards.
+    """Check, before long work, that its results can be written afterwards.
 
-    The folder is created if it does not exist, and removed again (with the parents that were
-    created for it) if the work inside the ``with`` fails and left nothing in it.
+    The folder is created if it does not exist, and removed again (with the created parents) if the
+    work inside the ``with`` fails and left nothing in it.
 
-    `names` are those of the files that will be written into `out`; with `force` files there may be
-    replaced whoever wrote them.
+    `names` are those of the files that will be written into `out`; `force` replaces any files.
 
     Raises
     ------
@@ -149,7 +147,7 @@ def require_writable(
 
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
-    """Refuse a folder whose report.html is that of another command: several have one."""
+    """Refuse a folder whose report.html is that of another command."""
     for name, command in _WRITTEN_BY.items():
         if name in names or REPORT not in names:
             continue

@@ -1,4 +1,4 @@
-"""What a result says of a robot, and whether it says it of this one."""
+"""Reading of a result to export, with checks that it belongs to the robot."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -49,12 +49,12 @@ def read_answer(
     without: Collection[str] = (),
     remainder: bool = False,
 ) -> ExportedRobot:
-    """Read a result.json or gap.json and make sure that it is of this robot.
+    """Read a result.json or gap.json to export, and check that it belongs to this robot.
 
     `file` is the URDF or MJCF of the configuration.
 
     Raises UsageError: it is neither, or of another robot or URDF, has no physically consistent
-    parameters, or no cause that is to be left out.
+    parameters, or not the cause to leave out.
     """
     text = read_text(path, "the result")
     kind = GapResult if ANY_GAP in text else IdentificationResult
@@ -120,7 +120,7 @@ def read_answer(
 
 
 def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tuple[str, ...]:
-    """Links whose mass is farther from the nominal one than nominal links usually are."""
+    """Return links whose mass differs unusually much from the nominal one."""
     masses = [parameter for parameter in parameters if kind_of(parameter.name) == "M"]
     return tuple(
         f"the link of {joint} weighs {mass.value:.3g} kg, {mass.given:.3g} in the nominal model: "
@@ -135,9 +135,9 @@ def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tu
 def _require_same_nominal(
     path: Path, result: Result, model: InverseModel, source: str
 ) -> PhysicalParameters:
-    """Return the physical parameters, whose nominal model is still that of the robot.
+    """Return the physical parameters after checking that the nominal model is unchanged.
 
-    What no motion shows was taken from it.
+    Parameters that the recording does not determine have nominal values.
     """
     again = f"run `idim-iv {result.written_by}` again"
     physical = result.physical
@@ -171,7 +171,7 @@ def _require_same_nominal(
 
 
 def _require_effects(path: Path, causes: Sequence[Cause]) -> None:
-    """Refuse effects of another version, and delays that no drive has."""
+    """Refuse effects that this version does not know, and impossible delays."""
     for number, cause in enumerate(causes):
         if cause.effect not in BY_NAME:
             raise UsageError(

@@ -1,6 +1,6 @@
-"""From a result to the files of a simulator: the whole of `idim-iv export`.
+"""Export of a result as the files of a simulator: the whole of `idim-iv export`.
 
-Fields of Isaac Lab are those that are documented for 2.3 and 3.0 (`ActuatorBaseCfg`,
+Fields of Isaac Lab are those documented for 2.3 and 3.0 (`ActuatorBaseCfg`,
 `DelayedPDActuatorCfg`): since Isaac Sim 5 `friction` and `dynamic_friction` are efforts,
 `viscous_friction` a coefficient.
 """
@@ -49,14 +49,14 @@ _ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "consta
 
 @dataclass(frozen=True)
 class Exported:
-    """Files that were written, and what a user must know of them.
+    """Paths of the files written by an export, and notes for the user.
 
     Attributes
     ----------
     urdf, mjcf, effects, isaac_lab, changes : Path
         Where the nominal model is an MJCF, `urdf` and `isaac_lab` are None.
     ranges : Path or None
-        What draws other robots for MuJoCo, where that was asked for.
+        Module that samples randomized MuJoCo models, if requested.
     not_native : tuple of str
         Effects that MuJoCo has no element for.
     notes : tuple of str
@@ -76,7 +76,7 @@ class Exported:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All of them."""
+        """Return the paths of all files."""
         files = (self.urdf, self.mjcf, self.effects, self.isaac_lab, self.changes, self.ranges)
         return tuple(file for file in files if file is not None)
 
@@ -94,30 +94,30 @@ def export(
 ) -> Exported:
     """Write a result as URDF, MJCF, effects, actuators of Isaac Lab and a table of changes.
 
-    Of a diagnosis these are the nominal model and the named causes, a payload as a body of its own;
-    of an identification its physical parameters.
+    A diagnosis is exported as the nominal model with its causes, a payload as a separate body; an
+    identification by its physical parameters.
 
-    All files appear together, or none does; none takes the place of the file that was read. Where
-    the nominal model is an MJCF, that file is kept, with other values in it.
+    All files are written or none; none replaces a file that was read. An MJCF as nominal model is
+    copied with other values in it.
 
     Parameters
     ----------
     result
         A result.json or gap.json.
     configuration
-        That of the robot, with the URDF or MJCF that the result was made with.
+        Configuration of the robot, with the URDF or MJCF that the result was made with.
     out
         Folder; created if it does not exist.
     force
         Replace files there that an export did not write.
     refit
-        Write the physical parameters of a diagnosis, too, which hold what it does not name.
+        Use the physical parameters of a diagnosis, which include what no cause explains.
     without
         Causes that are left out: names of effects, or ``effect@joint``.
     remainder
-        Spread what no cause explains over links and joints as far as the recording asks for it.
+        Spread the parameter error that no cause explains over links and joints.
     randomize
-        The same, and a file that draws other robots which the recording cannot tell from this one.
+        As `remainder`; also write a module that samples robots consistent with the recording.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def export(
     spread = remainder or randomize
     robot = read_answer(path, configuration, source, refit=refit, without=without, remainder=spread)
     of_mjcf = description_key(source) == "mjcf"
-    made = Exported(
+    exported = Exported(
         urdf=None if of_mjcf else out / f"{source.stem}.urdf",
         mjcf=out / f"{source.stem}.xml",
         effects=out / EFFECTS,
@@ -150,19 +150,19 @@ def export(
         notes=(),
         bags=robot.bags,
     )
-    _require_other_files(made, source, path, configuration, force)
-    texts, effects, more = (_of_mjcf if of_mjcf else _of_urdf)(robot, made)
+    _require_other_files(exported, source, path, configuration, force)
+    texts, effects, more = (_export_mjcf if of_mjcf else _export_urdf)(robot, exported)
     notes = (*robot.notes, *more)
     ranges = None
-    if made.ranges is not None:
-        shown, ranges = randomization(robot, made.mjcf.name)
-        texts[made.ranges] = _file_text(RANDOMIZE, **shown)
-    texts[made.effects] = EffectsFile(
+    if exported.ranges is not None:
+        shown, ranges = randomization(robot, exported.mjcf.name)
+        texts[exported.ranges] = _file_text(RANDOMIZE, **shown)
+    texts[exported.effects] = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
         recordings=robot.bags,
     ).to_json()
-    texts[made.changes] = _changes(robot, effects, made, notes, ranges)
+    texts[exported.changes] = _changes(robot, effects, exported, notes, ranges)
     try:
         with made_folder(out):
             write_together(texts)
@@ -170,7 +170,7 @@ def export(
         reason = error.strerror or error
         raise UsageError(f"{out}: cannot be written: {reason}; give another --out") from error
     return replace(
-        made,
+        exported,
         not_native=tuple(
             f"{effect.effect} at {effect.joint}" if effect.joint else effect.effect
             for effect in effects
@@ -184,9 +184,9 @@ def export(
 _Written = tuple[dict[Path, bytes | str], tuple[SimulatedEffect, ...], tuple[str, ...]]
 
 
-def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
-    """Write a URDF and what goes with it; the MJCF is new, and holds what effects it can."""
-    assert made.urdf is not None and made.isaac_lab is not None
+def _export_urdf(robot: ExportedRobot, exported: Exported) -> _Written:
+    """Write a URDF with its companions, among them a new MJCF with the effects that it can hold."""
+    assert exported.urdf is not None and exported.isaac_lab is not None
     native, effects = native_effects(robot.effects, robot.robot, robot.law)
     drives = zip(robot.robot.joints, robot.drives.damping, robot.drives.friction, strict=True)
     dynamics = {
@@ -196,17 +196,17 @@ def _of_urdf(robot: ExportedRobot, made: Exported) -> _Written:
     written = with_values(robot.content, robot.links[0], dynamics, robot.mounted, str(robot.source))
     _require_read_back(robot, decoded_urdf(written))
     texts: dict[Path, bytes | str] = {
-        made.urdf: written,
-        made.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
-        made.isaac_lab: _isaac_lab(robot, made.urdf.name, effects),
+        exported.urdf: written,
+        exported.mjcf: mjcf_text(robot, native, _comments(robot, effects)),
+        exported.isaac_lab: _isaac_lab(robot, exported.urdf.name, effects),
     }
     names = ", ".join(robot.coupled_friction)
     notes = (f"{names}: in {EFFECTS} and the MJCF; a URDF has no place",) if names else ()
     return texts, effects, notes
 
 
-def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
-    """Write the user's MJCF; effects stay with the callbacks."""
+def _export_mjcf(robot: ExportedRobot, exported: Exported) -> _Written:
+    """Write the user's MJCF with new values; effects are left to the callbacks."""
     configuration = robot.configuration
     if configuration.robot.couplings:
         raise UsageError(
@@ -225,16 +225,16 @@ def _of_mjcf(robot: ExportedRobot, made: Exported) -> _Written:
     )
     if configuration.simulator.armature is not None:
         notes += ("the MJCF holds the armature now: leave out simulator.armature beside it",)
-    return {made.mjcf: written}, robot.effects, notes
+    return {exported.mjcf: written}, robot.effects, notes
 
 
 def _file_text(template: str, **shown: object) -> str:
-    """Return the text of a file from its template under ``templates/``."""
+    """Return the text of a file rendered from its template under ``templates/``."""
     return _TEMPLATES.get_template(f"{template}.j2").render(shown)
 
 
 def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = False) -> None:
-    """Read the new file as this program reads any, and find the parameters that were meant."""
+    """Read the new file as this program reads any, and check its parameters."""
     bodies, drives = exported.bodies, exported.drives
     robot = load_robot(text, list(bodies), source=str(exported.source))
     meant = np.array(list(bodies.values()))
@@ -254,12 +254,12 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
 
 
 def _require_other_files(
-    made: Exported, source: Path, result: Path, configuration: Configuration, force: bool
+    exported: Exported, source: Path, result: Path, configuration: Configuration, force: bool
 ) -> None:
-    """Refuse to write over what was read, or over files that are no export."""
+    """Refuse to overwrite files that were read, or that no export wrote."""
     read = [source, result, *([configuration.source] if configuration.source else [])]
-    before = made.effects.is_file() and made.changes.is_file()
-    for file in filter(Path.exists, made.files):
+    before = exported.effects.is_file() and exported.changes.is_file()
+    for file in filter(Path.exists, exported.files):
         if any(file.samefile(other) for other in read):
             raise UsageError(f"{file}: was read for this export; give another --out")
         if not force and not before:
@@ -270,7 +270,7 @@ def _require_other_files(
 
 
 def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[str]:
-    """Lines at the top of the new MJCF."""
+    """Return comment lines for the top of the new MJCF."""
     law = robot.law
     lines = [f"From {robot.origin} by idim_iv_ros; changes.md says what is new and how sure it is."]
     if law.in_actuators:
@@ -289,22 +289,22 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
 def _changes(
     robot: ExportedRobot,
     effects: Sequence[SimulatedEffect],
-    made: Exported,
+    exported: Exported,
     notes: Sequence[str],
     ranges: Ranges | None,
 ) -> str:
-    """What is new in the files, how sure it is, and where it comes from."""
+    """Return the table of changes: new values, their certainty and their origin."""
     joints, remainder = robot.robot.joints, robot.model.remainder
-    file = "MJCF" if made.urdf is None else "URDF"
+    file = "MJCF" if exported.urdf is None else "URDF"
     moved = () if remainder is None else zip(joints, remainder.links, remainder.drives, strict=True)
-    beside = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
+    local = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
     if any(robot.values("off")):
-        beside.append(("torque_offset", robot.values("off"), "N m"))
+        local.append(("torque_offset", robot.values("off"), "N m"))
     return _file_text(
         "changes.md",
         robot=robot,
         errors=() if robot.gap is None else robot.gap.parameter_errors,
-        files=[path.name for path in made.files],
+        files=[path.name for path in exported.files],
         file=file,
         rows=[
             _row(parameter, joints, file)
@@ -317,13 +317,14 @@ def _changes(
             if link or drive
         ],
         ranges=ranges,
-        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in beside],
+        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
         effects=effects,
         notes=[*robot.remarks, *notes],
     )
 
 
 def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[str, ...]:
+    """Return one parameter as a row of changes.md."""
     name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
     kind = kind_of(name)
     where = ""
@@ -335,7 +336,7 @@ def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[st
 
 
 def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[SimulatedEffect]) -> str:
-    """Return the file, for the exported URDF of that name beside it.
+    """Return the Isaac Lab file, for the exported URDF of that name in the same folder.
 
     Effects that no field expresses are listed in a comment.
     """
@@ -365,7 +366,7 @@ def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[Simula
 def _fields(
     exported: ExportedRobot, chosen: BoolArray
 ) -> tuple[list[str], list[tuple[str, str, dict[str, float]]]]:
-    """Names of the chosen joints (n,), and the fields of their group that have finite numbers.
+    """Return names of the chosen joints (n,), and the finite fields of their actuator group.
 
     A field is its name, its unit, and the numbers by joint.
     """

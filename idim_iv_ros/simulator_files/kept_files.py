@@ -1,8 +1,8 @@
-"""A user's own URDF or MJCF with other values in it, and links or bodies for payloads.
+"""A user's URDF or MJCF with other values in it, and links or bodies for payloads.
 
-Comments, order and line ends stay; blanks may not. What an `<inertial>` of the file is written as
-stays: `fullinertia` in the axes of the body, or `diaginertia` with a `quat`. Attributes that a
-default class gives are written at the joint itself.
+Comments, order and line ends are kept; blanks may change. An `<inertial>` keeps its form:
+`fullinertia` in the axes of the body, or `diaginertia` with a `quat`. Attributes that a default
+class gives are written at the joint itself.
 """
 
 import re
@@ -39,16 +39,16 @@ _TURNS = ("axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
 _NEAR = 0.1  # of it: known no better from a recording
-# Of a sum that was taken apart again: what differs by less is rounding.
+# Smaller relative differences are rounding errors of sums.
 _ROUNDING = 1e-14
 
 _DECLARATION = re.compile(rb"\s*<\?xml[^>]*\?>")
 
 
 def read_xml(content: bytes, source: str) -> Any:
-    """Return the document of a file, `source` in messages.
+    """Parse the document of a file; `source` names it in messages.
 
-    Raises UsageError: no XML, UTF-16, or entities of its own.
+    Raises UsageError: no XML, UTF-16, or definitions of entities.
     """
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise UsageError(f"{source}: is UTF-16; write it as UTF-8")
@@ -72,16 +72,16 @@ def written_xml(document: Any, content: bytes) -> bytes:
 
 
 def elements(parent: Any, *tags: str) -> Iterator[Any]:
-    """Child elements, those with one of these names if any are given, in their order."""
+    """Return the child elements in their order, only those with some names if any are given."""
     for node in parent.childNodes:
         if node.nodeType == node.ELEMENT_NODE and (not tags or node.tagName in tags):
             yield node
 
 
 def set_values(node: Any, values: Mapping[str, str], *, zeros: bool = False) -> None:
-    """Give attributes other values where they differ; add those that are missing.
+    """Set attributes whose values differ; add missing ones.
 
-    `zeros`: also those that are missing and zero.
+    With `zeros`, missing attributes are added even if zero.
     """
     for key, text in values.items():
         if node.hasAttribute(key):
@@ -92,7 +92,7 @@ def set_values(node: Any, values: Mapping[str, str], *, zeros: bool = False) -> 
 
 
 def set_child(parent: Any, tag: str, values: Mapping[str, str], *, first: bool) -> None:
-    """Give the attributes of a child element other values; insert it where it is missing."""
+    """Set attributes of a child element, which is inserted if missing."""
     child = next(elements(parent, tag), None)
     if child is None:
         insert(parent, Element(tag, dict(values)), first=first)
@@ -101,7 +101,7 @@ def set_child(parent: Any, tag: str, values: Mapping[str, str], *, first: bool) 
 
 
 def insert(parent: Any, *new: Element, first: bool) -> None:
-    """Put elements and comments behind the start tag of an element, or before its end tag."""
+    """Insert elements and comments after the start tag of an element, or before its end tag."""
     indent, ancestor = "\n", parent
     while ancestor.nodeType != ancestor.DOCUMENT_NODE:
         indent, ancestor = indent + "  ", ancestor.parentNode
@@ -120,16 +120,16 @@ def insert(parent: Any, *new: Element, first: bool) -> None:
 
 
 def _same_numbers(before: str, text: str) -> bool:
-    """Whether two texts have the same numbers but for their rounding."""
+    """Return whether two texts have the same numbers except for rounding."""
     old, new = ([float(word) for word in numbers.split()] for numbers in (before, text))
     return len(new) == len(old) and np.allclose(new, old, rtol=1e-12, atol=0.0)
 
 
 def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
-    """Return the user's MJCF with other values and bodies for payloads, and what to say of it.
+    """Return the user's MJCF with other values and bodies for payloads, and notes.
 
-    Raises UsageError: the file takes bodies from an asset or makes them by itself, or has settings
-    that change inertials; a joint or body whose values have no place of their own.
+    Raises UsageError: the file takes bodies from an asset or generates them, or has settings that
+    change inertials; or the values of a joint or body cannot be written separately.
     """
     content, path = exported.content, exported.source
     document = read_xml(content, str(path))
@@ -167,17 +167,17 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     return written_xml(document, content), notes
 
 
-def _of_body(body: Any, *tags: str) -> Iterator[Any]:
-    """Elements of a body, also those in a <frame>, which carries on for the body around it."""
+def _body_elements(body: Any, *tags: str) -> Iterator[Any]:
+    """Return the elements of a body, also those in a <frame>, which belongs to the same body."""
     for node in elements(body, "frame", *tags):
         if node.tagName == "frame":
-            yield from _of_body(node, *tags)
+            yield from _body_elements(node, *tags)
         else:
             yield node
 
 
 def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
-    """Refuse a file in which an `<inertial>` is not what MuJoCo takes."""
+    """Refuse a file in which MuJoCo does not take the `<inertial>` as written."""
     always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
     settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
     # A version of MuJoCo need not have all of them.
@@ -197,7 +197,7 @@ def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> N
 
 @dataclass(frozen=True)
 class _Mjcf:
-    """The file: its compiled model, its bodies by name, and what to call it in messages."""
+    """An MJCF document with its compiled model and its bodies by name; `source` for messages."""
 
     mujoco: Any
     model: Any
@@ -205,7 +205,7 @@ class _Mjcf:
     source: str
 
     def set_joint(self, given: UrdfJoint, values: JointValues, place: int) -> None:
-        """Armature, damping and friction at a joint, less what its actuators have of them."""
+        """Set armature, damping and friction of a joint, less the parts that its actuators have."""
         joint = self._only_joint(given.child, given.name)
         dof = int(self.model.jnt_dofadr[int(self.model.body(given.child).jntadr[0])])
         armature = float(self.model.dof_armature[dof])
@@ -235,9 +235,9 @@ class _Mjcf:
         set_values(joint, changed, zeros=True)
 
     def _only_joint(self, link: str, name: str) -> Any:
-        """The joint of a body that has no other one, as an element."""
+        """Return the joint element of a body with one joint."""
         for body_name, body in self.bodies.items():
-            joints = list(_of_body(body, "joint", "freejoint"))
+            joints = list(_body_elements(body, "joint", "freejoint"))
             names = [joint.getAttribute("name") for joint in joints]
             if (name in names and len(joints) > 1) or (body_name == link and len(joints) != 1):
                 raise UsageError(
@@ -245,7 +245,7 @@ class _Mjcf:
                     f"<inertial> cannot hold what each of them carries: give {name} a body of its "
                     "own"
                 )
-        return next(_of_body(self._body(link), "joint", "freejoint"))
+        return next(_body_elements(self._body(link), "joint", "freejoint"))
 
     def _body(self, link: str) -> Any:
         if link not in self.bodies:
@@ -256,9 +256,9 @@ class _Mjcf:
         return self.bodies[link]
 
     def set_inertial(self, link: str, new: pin.Inertia) -> bool:
-        """Write the inertial of a link; False where the body had none."""
+        """Set the inertial of a link; return False if the body had none."""
         values = inertial_of(new, self._anchor(link))
-        inertial = next(_of_body(self._body(link), "inertial"), None)
+        inertial = next(_body_elements(self._body(link), "inertial"), None)
         if inertial is None:
             insert(self._body(link), Element("inertial", values), first=True)
             return False
@@ -277,13 +277,13 @@ class _Mjcf:
         return True
 
     def add_payload(self, name: str, link: str, load: Load) -> None:
-        """A body of its own within the one that carries it."""
+        """Add a payload as a separate body within the one that carries it."""
         inertial = element("inertial", **inertial_of(load.body))
         body = element("body", inertial, name=name, pos=numbers_text(self._anchor(link)))
         insert(self._body(link), comment(load.words), body, first=True)
 
     def _anchor(self, link: str) -> FloatArray:
-        """From the frame of a body to that of its link, m, as `mjcf_as_urdf` places it."""
+        """Return the vector from a body's frame to its link's, m, as `mjcf_as_urdf` places it."""
         body, types = self.model.body(link), self.mujoco.mjtJoint
         if body.jntnum[0] == 0:
             return np.zeros(3)
@@ -294,10 +294,10 @@ class _Mjcf:
 
 
 def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return principal moments (3,) and the quaternion (4,) of their axes, w first.
+    """Return the principal moments (3,) and axes as quaternion (4,), w first, of `inertia`.
 
-    In the order and with the signs that are nearest to the axes `before` (3, 3), so that small
-    changes of a body are small changes of its numbers.
+    Order and signs are nearest to the axes `before` (3, 3), so that a small change of a body
+    changes its numbers little.
     """
     moments, axes = np.linalg.eigh(inertia)
     overlap = np.abs(before.T @ axes)
@@ -321,11 +321,11 @@ def with_values(
     mounted: Mapping[str, tuple[str, Load]],
     source: str,
 ) -> bytes:
-    """Return the URDF with other values; all else stays, but for blanks.
+    """Return the URDF with other values; everything else but blanks is kept.
 
-    Inertials of `links` are by name, and one is inserted where a link has none; `dynamics` are
-    ``damping`` and ``friction`` of joints by name; `mounted` are payloads by the name of their
-    link, each with the link that carries it.
+    `links` are inertials by name, inserted where a link has none; `dynamics` are ``damping`` and
+    ``friction`` of joints by name; `mounted` are payloads by the name of their new link, each with
+    the link that carries it.
 
     Raises UsageError: as `read_xml`, with `source` as the name of the URDF.
     """
@@ -349,6 +349,7 @@ def with_values(
 
 
 def _moments(body: pin.Inertia) -> dict[str, str]:
+    """Return the moments of inertia as attributes ixx … izz of a URDF."""
     values = numbers_text(body.inertia[np.triu_indices(3)])
     return dict(zip(_MOMENTS, values.split(), strict=True))
 
@@ -363,7 +364,7 @@ def _inertial(body: pin.Inertia) -> Element:
 
 
 def _set_inertial(link: Any, body: pin.Inertia) -> None:
-    """Mass, centre and moments of a link."""
+    """Set mass, centre and moments of a link."""
     inertial = next(elements(link, "inertial"), None)
     if inertial is None:
         insert(link, _inertial(body), first=True)

@@ -1,11 +1,10 @@
-"""A MuJoCo model of a robot with the parameters of a result, every number in full precision.
+"""MuJoCo model of a robot with the parameters of a result, every number in full precision.
 
-Its elements hold the effects that MuJoCo has exactly. The numbers of a joint (damping, stiffness)
-and of a tendon over two joints are what the effect's own file says (`Cause.element`). Of the
-control: a delay is that of a motor, a limit beyond which nothing more acts the range of its
-command, and gains are those of the actuators where no lag and no feedforward is part of it. MuJoCo
-has no element for a constant torque, and its DC motor has LuGre friction, another law than those of
-the catalogue. All these stay with `Effects`.
+Effects that MuJoCo has exactly are in its elements: as damping or stiffness of a joint, or a tendon
+over two joints (`Cause.element`). Of the control law, a delay is that of a motor, a limit is the
+range of its command, and gains are those of the actuators if there is no lag and no feedforward.
+MuJoCo has no element for a constant torque, and its DC motor has LuGre friction, another law than
+those of the catalogue. All other effects are left to `Effects`.
 """
 
 import math
@@ -30,7 +29,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass
 class NativeEffects:
-    """What the elements of a MuJoCo model have beyond friction and drive inertia."""
+    """Effects in the elements of a MuJoCo model, beyond friction and drive inertia."""
 
     # damping, stiffness: Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³; of q, q², q³
     damping: dict[int, FloatArray] = field(default_factory=dict)
@@ -40,19 +39,19 @@ class NativeEffects:
     listed: dict[str, list[str]] = field(default_factory=dict)
 
     def take(self, effect: SimulatedEffect, robot: RobotModel) -> bool:
-        """Hold an effect; False where MuJoCo has no element for it."""
+        """Add an effect to the elements; return False where MuJoCo has none for it."""
         if effect.joint is None:
             return False
         name, joint = effect.joint, robot.joints.index(effect.joint)
         low, high = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
-        made = BY_NAME[effect.effect].element(effect.parameters, low, high)
-        if made is None or (made.tendon and effect.other_joint is None):
+        native = BY_NAME[effect.effect].element(effect.parameters, low, high)
+        if native is None or (native.tendon and effect.other_joint is None):
             return False
-        for numbers, values in ((self.damping, made.damping), (self.stiffness, made.stiffness)):
+        for numbers, values in ((self.damping, native.damping), (self.stiffness, native.stiffness)):
             if values:
                 numbers[joint] = numbers.get(joint, 0.0) + np.array(values)
-        if made.tendon and effect.other_joint is not None:
-            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *made.tendon)
+        if native.tendon and effect.other_joint is not None:
+            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *native.tendon)
             self.couplings.append(tendon)
             name = tendon.name(robot.joints)
         self.listed.setdefault(effect.effect, []).append(name)
@@ -62,7 +61,7 @@ class NativeEffects:
 def native_effects(
     effects: Sequence[SimulatedEffect], robot: RobotModel, law: DriveLaw
 ) -> tuple[NativeEffects, tuple[SimulatedEffect, ...]]:
-    """Return what the model has natively, and all effects, marked where they are in it."""
+    """Return the native effects of the model, and all effects, with the native ones marked."""
     native = NativeEffects()
     marked = tuple(
         replace(effect, native=_in_control(effect, law) or native.take(effect, robot))
@@ -72,7 +71,7 @@ def native_effects(
 
 
 def _in_control(effect: SimulatedEffect, law: DriveLaw) -> bool:
-    """Whether motors or actuators hold an effect; see `law.drive_law`."""
+    """Return whether motors or actuators realise an effect; see `law.drive_law`."""
     part = part_of(effect.effect)
     if part == "limit":
         return not effect.parameters.get("slope", 0.0)
@@ -84,7 +83,7 @@ _THICKNESS = 0.12  # of a drawn link, of its length
 
 
 def inertial_of(body: pin.Inertia, anchor: FloatArray | None = None) -> dict[str, str]:
-    """Attributes of an `<inertial>`; `anchor` (3,): of the body's frame in that of the joint, m."""
+    """Return attributes of an `<inertial>`; `anchor` (3,): the body's frame in the joint's, m."""
     return {
         "pos": numbers_text(body.lever + (0.0 if anchor is None else anchor)),
         "mass": number_text(body.mass),
@@ -93,7 +92,7 @@ def inertial_of(body: pin.Inertia, anchor: FloatArray | None = None) -> dict[str
 
 
 def friction_solver(lead: float, step: float) -> dict[str, str]:
-    """Attributes of a joint whose dry friction turns early (s), or as late as a step (s) lets it.
+    """Return solver attributes for friction that turns `lead` s early, or within two steps.
 
     Early: 1/b = d T / 2 with the time constant T and the impedance d of MuJoCo's documentation.
     """
@@ -105,14 +104,13 @@ def friction_solver(lead: float, step: float) -> dict[str, str]:
 def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence[str]) -> str:
     """Return the model as text, with effects that its elements hold, and comments at the top.
 
-    Locked joints and fixed links are part of the body that carries them. Actuators are proportional
-    and derivative where these are the whole law; else motors, whose commands are torques.
+    Locked joints and fixed links are part of the body that carries them. Proportional and
+    derivative actuators are used if they express the whole law, else motors.
 
-    Raises UsageError: a coupled transmission whose drives have less inertia or damping than it
-    takes from them.
+    Raises UsageError: drives of a coupled transmission with less inertia or damping than it needs.
     """
     robot, law = exported.robot, exported.law
-    values = _behind_transmission(exported.drives, robot)
+    values = _less_tendons(exported.drives, robot)
     tendons = [_tendon(coupling, robot) for coupling in (*values.couplings, *native.couplings)]
     root = element(
         "mujoco",
@@ -134,8 +132,8 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
-    """Take out of the joints what the tendons of coupled drives add to them."""
+def _less_tendons(values: JointValues, robot: RobotModel) -> JointValues:
+    """Subtract from the joints what the tendons of coupled drives add to them."""
     armature, damping = values.armature.copy(), values.damping.copy()
     for coupling in values.couplings:
         for joint in (coupling.first, coupling.second):
@@ -152,9 +150,9 @@ def _behind_transmission(values: JointValues, robot: RobotModel) -> JointValues:
 
 
 def _custom(law: DriveLaw, native: NativeEffects) -> Iterator[Element]:
-    """The law, for a loop that runs it itself, and the names of elements that are effects.
+    """Return custom elements: the law for an external loop, and the names of effect elements.
 
-    Who reads the file as a nominal model leaves these effects out.
+    A reader of the file as a nominal model leaves these effects out.
     """
     yield element("text", name="control_law", data=law.words)
     for name, gains in (("kp", law.kp), ("kd", law.kd), ("ki", law.ki), ("delay", law.delay)):
@@ -167,7 +165,7 @@ def _custom(law: DriveLaw, native: NativeEffects) -> Iterator[Element]:
 
 
 def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) -> Element:
-    """One body for each joint, in the order of the tree, and one for each payload."""
+    """Return one body for each joint, in the order of the tree, and one for each payload."""
     robot, tree = exported.robot, exported.robot.pinocchio
     bodies, carriers = [element("worldbody")], {}
     for index, joint in enumerate(robot.order, start=1):
@@ -177,7 +175,7 @@ def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) 
             "body",
             element("inertial", **inertial_of(carried)),
             element("joint", **_joint(exported, values, native, int(joint))),
-            element("geom", **_drawn(tree, index, carried)),
+            element("geom", **_visual_geom(tree, index, carried)),
             name=exported.urdf.joints[name].child,
             **_placement(tree.jointPlacements[index]),
         )
@@ -193,6 +191,7 @@ def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) 
 def _joint(
     exported: ExportedRobot, values: JointValues, native: NativeEffects, joint: int
 ) -> dict[str, str]:
+    """Return the attributes of a joint: axis, drive, friction, range, stiffness."""
     robot, law = exported.robot, exported.law
     axis = np.array(exported.urdf.joints[robot.joints[joint]].axis)
     damping = np.array([values.damping[joint], *native.damping.get(joint, ())])
@@ -217,8 +216,8 @@ def _joint(
     return attributes
 
 
-def _drawn(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
-    """Something to look at: it neither weighs nor touches anything."""
+def _visual_geom(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
+    """Return a visual geom, without mass and contacts."""
     children = (k for k in range(1, tree.njoints) if int(tree.parents[k]) == index)
     child = next(children, None)
     end = 2.0 * body.lever if child is None else np.array(tree.jointPlacements[child].translation)
@@ -231,7 +230,7 @@ def _drawn(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
 
 
 def _tendon(coupling: Coupled, robot: RobotModel) -> Element:
-    """Fixed tendon of a coupled drive, or of an effect."""
+    """Return the fixed tendon of a coupled drive, or of an effect."""
     ends = ((coupling.first, 1.0), (coupling.second, coupling.direction))
     return element(
         "fixed",
@@ -244,7 +243,7 @@ def _tendon(coupling: Coupled, robot: RobotModel) -> Element:
 
 
 def _actuators(law: DriveLaw, joints: Sequence[str]) -> Iterator[Element]:
-    """The law at each joint, or a motor."""
+    """Return the actuators: the control law at each joint, or a motor."""
     for joint, name in enumerate(joints):
         kp, gain, kd = 0.0, 1.0, 0.0
         if law.in_actuators:
@@ -267,22 +266,22 @@ def _placement(place: pin.SE3) -> dict[str, str]:
 
 
 def _exact(*values: float) -> str:
-    """Numbers with all their digits."""
+    """Return numbers as text with all their digits."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 def number_text(value: float) -> str:
-    """With more digits than any interval has a use for, and no rounding of sums."""
+    """Return a number as text with up to eight significant digits, and without negative zero."""
     return f"{float(value) + 0.0:.8g}"
 
 
 def numbers_text(values: FloatArray) -> str:
-    """Several of one kind, with the digits that the largest has."""
+    """Return numbers of one kind as text, rounded at the same digit, set by the largest."""
     largest = float(np.abs(values).max())
     digits = 7 - math.floor(math.log10(largest)) if largest > 0.0 else 0
     return " ".join(number_text(round(float(value), digits)) for value in values)
 
 
 def comment(text: str) -> Any:
-    """A text as an XML comment."""
+    """Return a text as an XML comment."""
     return ElementTree.Comment(f" {text.replace('--', '- -')} ")

@@ -1,12 +1,12 @@
-"""The nominal model with the causes that a diagnosis names, each of which can be left out.
+"""The nominal model with the causes of a diagnosis, each of which can be left out.
 
 Friction, drive inertia and constant torques are numbers of their joint, a wrong link is that of its
-joint, a payload is a body of its own. What the recording does not show of a body comes from a
-reference: the nominal link, or a ball of water of the payload's mass. Where the numbers that it
-shows are of no body, the nearest one is taken, each number counted by its standard deviation.
+joint, a payload is a separate body. Parameters of a body that the recording does not determine come
+from a reference: the nominal link, or a ball of water of the payload's mass. If the determined
+numbers belong to no physical body, the nearest one is used, weighted by standard deviations.
 
-A structural effect of friction was found beside a refit of its joint's friction, so that the part
-of this friction that no other named cause accounts for belongs to the effect.
+A structural effect of friction was found together with a refit of its joint's friction, so that
+changes of this friction by no other cause belong to the effect.
 """
 
 import math
@@ -31,7 +31,7 @@ from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
-# Of the nominal link the rest must have at least this share in every direction.
+# A body must have at least this share of the reference's inertia in every direction.
 _LEAST = 1e-4
 # Torque that bodies and friction would take for theirs.
 _NO_BODY = ("torque scale", "gravity")
@@ -48,13 +48,13 @@ class Load:
 
     @property
     def body(self) -> pin.Inertia:
-        """As mass, centre and moments."""
+        """Return the body as mass, centre and moments."""
         return body_of(self.parameters)
 
 
 @dataclass(frozen=True)
 class CorrectedModel:
-    """The robot that is exported: the nominal model with named causes, or physical parameters."""
+    """Model to export: the nominal model with causes of a diagnosis, or physical parameters."""
 
     parameters: tuple[StandardValue, ...]
     loads: tuple[Load, ...]  # Payloads as bodies of their own
@@ -64,24 +64,24 @@ class CorrectedModel:
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """Standard parameters by name."""
+        """Return the standard parameters by name."""
         return {parameter.name: parameter.value for parameter in self.parameters}
 
 
 def kind_of(name: str) -> str:
-    """Kind of a standard parameter: Fv of Fv2."""
+    """Return the kind of a standard parameter: Fv of Fv2."""
     return name.rstrip("0123456789")
 
 
 def cause_name(cause: Cause) -> str:
-    """What --without calls a cause: ``payload@joint_6``."""
+    """Return the name of a cause for the option --without: ``payload@joint_6``."""
     return f"{cause.effect}@{cause.joint}" if cause.joint else cause.effect
 
 
 def kept_causes(
     causes: Sequence[Cause], without: Collection[str], source: str
 ) -> tuple[list[Cause], list[Cause]]:
-    """Return the causes that are kept, and those that are left out.
+    """Return the causes to keep, and those that `without` leaves out.
 
     Raises UsageError: a name that is none of them.
     """
@@ -96,12 +96,12 @@ def kept_causes(
 
 
 def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
-    """Values with the half-widths of their 95 % intervals."""
+    """Return parameters as text, with the half-widths of their 95 % intervals."""
     words = []
     for name, number in parameters.items():
         value = f"{number.value:.4g}"
         if number.std:
-            value = f"{_rounded(number):.6g} ± {1.96 * number.std:.2g}"
+            value = f"{_round(number):.6g} ± {1.96 * number.std:.2g}"
         words.append(f"{name.replace('_', ' ')} {value} {number.unit}".strip())
     return ", ".join(words)
 
@@ -113,13 +113,12 @@ def corrected_model(
     physical: PhysicalParameters,
     source: str,
 ) -> CorrectedModel:
-    """Return the nominal model, the given parameters of `model`, with these causes.
+    """Return the nominal model, the given parameters of `model`, with some causes.
 
-    `left_out` are causes that the diagnosis names and the model shall not have; `physical` is of
-    the refit, for friction beside structural effects of friction; `source` names the result in
-    messages.
+    `left_out` are the other causes of the diagnosis; `physical` is of the refit, whose friction
+    structural effects of friction need; `source` names the result in messages.
 
-    Raises UsageError: a body cannot be found.
+    Raises UsageError: no physical body fits a cause.
     """
     robot, layout = model.robot, model.regressor.layout
     given = dict(zip(layout.names, map(float, layout.vector(robot.given)), strict=True))
@@ -130,7 +129,7 @@ def corrected_model(
     for cause in causes:
         part = part_of(cause.effect)
         if part == "torque scale":
-            numbers = {name: _rounded(parameter) for name, parameter in cause.parameters.items()}
+            numbers = {name: _round(parameter) for name, parameter in cause.parameters.items()}
             effects.append(SimulatedEffect(cause.effect, cause.joint, numbers))
         elif part == "gravity":
             names = [f"rotation_about_{axis}" for axis in "xyz"]
@@ -146,9 +145,9 @@ def corrected_model(
                 changed |= _link(cause, changes, given, source)
             else:
                 for name, change in changes.items():
-                    value = given[name] + _rounded(change)
+                    value = given[name] + _round(change)
                     changed[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
-    # Of the refit's friction beside an effect, what left-out causes account for goes with them.
+    # Changes of the refit's friction by causes that are left out are removed with them.
     others = [_changes(effect, robot.joints) for effect in left_out if effect.kind == "parametric"]
     for cause in causes:
         joints = [joint for joint in (cause.joint, cause.other_joint) if joint]
@@ -177,10 +176,10 @@ def with_remainder(
     physical: PhysicalParameters,
     source: str,
 ) -> CorrectedModel:
-    """Return the corrected model with what no cause explains, as far as the recording asks for it.
+    """Return the corrected model with the parameter error spread that no cause explains.
 
-    It is found beside all causes, so that it stays where one is left out. Parameters as for
-    `corrected_model`.
+    The remainder is computed with all causes, so that it does not depend on those left out.
+    Parameters as for `corrected_model`.
     """
     kept = corrected_model(model, causes, left_out, physical, source)
     for cause in (*causes, *left_out):
@@ -242,7 +241,7 @@ def _number(cause: Cause, joints: Sequence[str]) -> int:
 
 
 def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
-    """Changes of standard parameters by name, those that the recording determines."""
+    """Return the changes of standard parameters by name that the recording determines."""
     number, changes = _number(cause, joints), {}
     for name, parameter in cause.parameters.items():
         link = re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name)
@@ -256,7 +255,7 @@ def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
 
 
 def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:
-    """A payload with a mass, at the joint that carries it."""
+    """Return a payload with a mass, at the joint that carries it."""
     numbers = {kind_of(name): change for name, change in changes.items()}
     mass = numbers["M"].value
     none = EffectParameter(0.0, None, "kg m")
@@ -264,7 +263,7 @@ def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, sou
     ball = pin.Inertia.FromSphere(mass, (3.0 * mass / (4.0 * math.pi * _WATER)) ** (1.0 / 3.0))
     ball.lever = first / mass
     about = f"{source}: {cause_name(cause)}"
-    body = _nearest(np.zeros(10), numbers, parameters_of(ball), about)
+    body = _nearest_body(np.zeros(10), numbers, parameters_of(ball), about)
     missing = [kind for kind in INERTIAL if kind not in numbers]
     words = f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
     if missing:
@@ -277,24 +276,24 @@ def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, sou
 def _link(
     cause: Cause, changes: Mapping[str, EffectParameter], given: Mapping[str, float], source: str
 ) -> dict[str, tuple[float, float | None]]:
-    """The parameters of one link."""
+    """Return the changed parameters of one link, with standard deviations, by name."""
     number = re.sub(r"\D", "", next(iter(changes)))
     numbers = {kind_of(name): change for name, change in changes.items()}
     nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
-    body = _nearest(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
+    body = _nearest_body(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
     return {
         f"{kind}{number}": (float(value), numbers[kind].std if kind in numbers else None)
         for kind, value in zip(INERTIAL, body, strict=True)
     }
 
 
-def _nearest(
+def _nearest_body(
     start: FloatArray, changes: Mapping[str, EffectParameter], reference: FloatArray, source: str
 ) -> FloatArray:
-    """XX … M (10,) of the body nearest to `start` with changes by kind."""
+    """Return XX … M (10,) of the physical body nearest to `start` with changes by kind."""
     places = [INERTIAL.index(kind) for kind in changes]
     wanted = start.copy()
-    wanted[places] += [_rounded(change) for change in changes.values()]
+    wanted[places] += [_round(change) for change in changes.values()]
     if len(places) == len(INERTIAL) and is_possible(wanted, reference):
         return wanted
     std = np.array([change.std for change in changes.values()])
@@ -308,7 +307,7 @@ def _nearest(
 
 
 def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
-    """Whether a body has these parameters, and no sliver of the reference is left."""
+    """Return whether parameters (10,) are of a physical body, and not below 1e-4 of `reference`."""
     try:
         root = np.linalg.inv(upper_root(pseudo_inertia(reference)))
     except np.linalg.LinAlgError:
@@ -317,8 +316,8 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
     return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
 
 
-def _rounded(number: EffectParameter) -> float:
-    """The value with no more digits than its interval has a use for: to 0.5 % of σ."""
+def _round(number: EffectParameter) -> float:
+    """Return the value rounded to 0.5 % of its standard deviation."""
     if not number.std:
         return number.value
     return round(number.value, 2 - math.floor(math.log10(number.std)))

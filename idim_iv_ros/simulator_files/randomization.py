@@ -1,8 +1,8 @@
-"""Ranges for domain randomisation: what a recording leaves open of an exported model.
+"""Ranges for domain randomisation: the uncertainty of an exported model.
 
-The posterior of links, loads and drives beside the causes. What the recording shows well hardly
-varies; sums that it shows alone stay while their parts vary; what no motion shows is as uncertain
-as the nominal numbers prove to be elsewhere.
+Links, loads and drives have their posterior beside the causes. What the recording determines well
+hardly varies; where it determines a sum only, the parts vary and the sum does not; what no motion
+shows is as uncertain as the nominal numbers prove to be elsewhere.
 """
 
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ _FIELDS = {"Ia": "dof_armature", "Fv": "dof_damping", "Fc": "dof_frictionloss"}
 
 
 class Ranges(NamedTuple):
-    """What changes.md says of ranges: usual errors of what no motion shows, and a row a body."""
+    """Ranges in changes.md: usual errors of undetermined parameters, and a row for each body."""
 
     link: float
     drive: float
@@ -28,9 +28,9 @@ class Ranges(NamedTuple):
 
 
 def randomization(exported: ExportedRobot, model: str) -> tuple[dict[str, Any], Ranges]:
-    """Return what the file of `sample(model, rng)` shows, and what it varies.
+    """Return the variables of the template of `sample(model, rng)`, and the ranges.
 
-    The exported parameters hold what no cause explains; `model` is the name of their MJCF.
+    The exported parameters include what no cause explains; `model` is the name of their MJCF.
     """
     remainder = exported.model.remainder
     assert remainder is not None
@@ -65,7 +65,7 @@ def randomization(exported: ExportedRobot, model: str) -> tuple[dict[str, Any], 
 def _drives(
     exported: ExportedRobot, uncertainty: Uncertainty
 ) -> tuple[dict[str, dict[str, str]], list[int]]:
-    """Intervals of the numbers of joints, by joint and MuJoCo's field, and their rows in `root`."""
+    """Return intervals of joint numbers by joint and MuJoCo's field, and their rows in `root`."""
     coordinates = uncertainty.coordinates
     drives: dict[str, dict[str, str]] = {}
     rows = []

@@ -1,9 +1,9 @@
-"""A robot that is exported: its control law, its links, and what all files take from its result.
+"""A robot to export: its control law, its links, and the values that all its files share.
 
-The model knows one body for each joint: its link, and all that fixed and locked joints carry behind
-it. What is fixed keeps the inertials of the URDF and is taken out of that body. Where nothing
-possible is left for the link, the change is spread over all of them: one affine map of the whole
-body, J → T J Tᵀ, takes the nominal one to the new one and every part of it to a possible part.
+The model has one body for each joint: its link, and all that fixed and locked joints carry behind
+it. Fixed links keep the inertials of the URDF, which are subtracted from that body. Where nothing
+physical is left for the link, the change is spread over all of them: one affine map of the whole
+body, J → T J Tᵀ, maps the nominal one to the new one and every part of it to a physical part.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class DriveLaw:
-    """Gains from errors to torque, joint side, (n_joints,) each; zeros where no law is known."""
+    """Control law as gains from errors to joint torques, (n_joints,) each; zero if unknown."""
 
     # kp, kd, ki: N m/rad, N m s/rad, N m/(rad s)
     kp: FloatArray
@@ -49,14 +49,14 @@ class DriveLaw:
 
     @property
     def in_actuators(self) -> bool:
-        """Whether proportional and derivative actuators are the whole law."""
+        """Return whether proportional and derivative actuators express the whole law."""
         return (
             self.configured and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
         )
 
     @property
     def words(self) -> str:
-        """The law in words."""
+        """Return the law as a formula in words."""
         if not self.configured:
             return "the control law is not known: give each motor its torque"
         slip = "(dq_ref - dq)" if self.velocity_reference else "(-dq)"
@@ -67,9 +67,9 @@ class DriveLaw:
 def drive_law(
     section: ControllerSection, joints: Sequence[str], effects: Sequence[SimulatedEffect]
 ) -> DriveLaw:
-    """Return the configured law with the gains, delays and limits that the robot really has.
+    """Return the configured law with the gains, delays and limits that the diagnosis found.
 
-    These are in effects whose part is gains, delay or limit.
+    They are in effects whose part is gains, delay or limit.
     """
     n = len(joints)
     law = None if section.type == "unknown" else control_law(section, n)
@@ -113,7 +113,7 @@ class Coupled:
     inertia: float = 0.0
 
     def name(self, joints: Sequence[str]) -> str:
-        """Of the tendon."""
+        """Return the name of the tendon."""
         return f"{joints[self.first]}_{joints[self.second]}"
 
 
@@ -129,7 +129,7 @@ class JointValues:
     # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
     # MuJoCo's with the defaults of its solver
     lead: FloatArray
-    couplings: tuple[Coupled, ...] = ()  # Of the transmission
+    couplings: tuple[Coupled, ...] = ()  # of coupled transmissions
 
 
 Result = GapResult | IdentificationResult
@@ -137,7 +137,7 @@ Result = GapResult | IdentificationResult
 
 @dataclass(frozen=True)
 class ExportedRobot:
-    """A result, the file that it changes, and what follows from both for all written files."""
+    """A result to export, the nominal model that it changes, and values for all files."""
 
     path: Path  # of the result
     result: Result
@@ -157,27 +157,27 @@ class ExportedRobot:
 
     @property
     def gap(self) -> GapResult | None:
-        """The diagnosis, where the result is one."""
+        """Return the diagnosis; None where the result is an identification."""
         return self.result if isinstance(self.result, GapResult) else None
 
     @property
     def bags(self) -> tuple[str, ...]:
-        """Its recordings, as the result names them."""
+        """Return the recordings, as the result names them."""
         return tuple(bag if isinstance(bag, str) else bag.path for bag in self.result.bags)
 
     @property
     def origin(self) -> str:
-        """What the numbers come from."""
+        """Return the file and the kind of the result in words."""
         return f"{self.path.name} ({'identification' if self.gap is None else 'diagnosis'})"
 
     def values(self, kind: str) -> list[float]:
-        """Standard parameters of drives of a kind by joint; given ones where the model has none."""
+        """Return drive parameters of a kind by joint; given ones where the model has none."""
         values, given = self.model.values, self.robot.given.of_drives[kind]
         return [values.get(f"{kind}{k + 1}", float(other)) for k, other in enumerate(given)]
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """XX … M (10,) of what each joint carries, without payloads."""
+        """Return XX … M (10,) of the body that each joint carries, without payloads."""
         values = self.model.values
         return {
             name: np.array([values[f"{kind}{joint}"] for kind in INERTIAL])
@@ -186,12 +186,12 @@ class ExportedRobot:
 
     @cached_property
     def links(self) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
-        """Links that change, and what there is to say of them."""
+        """Return the inertials of changed links, and notes on them."""
         return link_bodies(self.urdf, self.bodies, str(self.source))
 
     @cached_property
     def mounted(self) -> dict[str, tuple[str, Load]]:
-        """Payloads by a link name that no link has, each with the link that carries it."""
+        """Return payloads by an unused link name, each with the link that carries it."""
         taken, mounted = set(self.urdf.links), {}
         for load in self.model.loads:
             name = load.name
@@ -203,7 +203,7 @@ class ExportedRobot:
 
     @cached_property
     def drives(self) -> JointValues:
-        """Drives and friction of all joints."""
+        """Return drives and friction of all joints."""
         robot, values = self.robot, self.model.values
         numbers = {kind: np.array(self.values(kind)) for kind in robot.given.of_drives}
         leads = {} if self.gap is None else self.gap.friction_leads
@@ -228,10 +228,9 @@ class ExportedRobot:
 
     @cached_property
     def negative_friction(self) -> tuple[SimulatedEffect, ...]:
-        """Fv and Fc below zero as effects that are the same torque (`Cause.instead_of`).
+        """Return Fv and Fc below zero as effects with the same torque (`Cause.instead_of`).
 
-        No simulator has it as a number: the sum of a joint's friction is simulated, and kept from
-        driving.
+        Simulators allow no negative friction: only a joint's total friction is simulated.
         """
         values = self.model.values
         return tuple(
@@ -245,7 +244,7 @@ class ExportedRobot:
 
     @property
     def effects(self) -> tuple[SimulatedEffect, ...]:
-        """All effects, with negative friction and constant torques among them."""
+        """Return all effects, negative friction and constant torques included."""
         offsets = zip(self.robot.joints, self.drives.offset, strict=True)
         constant = tuple(
             SimulatedEffect(name_of("offset"), name, {"offset": float(offset)})
@@ -256,12 +255,12 @@ class ExportedRobot:
 
     @cached_property
     def law(self) -> DriveLaw:
-        """The configured law as the robot runs it."""
+        """Return the configured law with the effects of the diagnosis on it."""
         return drive_law(self.configuration.controller, self.robot.joints, self.structural)
 
     @property
     def coupled_friction(self) -> dict[str, float]:
-        """Friction of coupled transmissions, which no URDF has."""
+        """Return the changed friction of coupled transmissions, which no URDF has, by name."""
         return {
             parameter.name: parameter.value
             for parameter in self.model.parameters
@@ -270,7 +269,7 @@ class ExportedRobot:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What there is to say of links and friction."""
+        """Return notes on links and friction for the user."""
         negative = tuple(
             f"friction of {effect.joint} below zero, which another effect there makes up for, is "
             f"the {effect.effect} with parameters {effect.parameters}: the file holds zero in its "
@@ -285,7 +284,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class _Part:
-    """A link that has mass, in the frame of the joint that carries it."""
+    """A link with mass, in the frame of the joint that carries it."""
 
     link: str
     place: pin.SE3
@@ -295,14 +294,13 @@ class _Part:
 def link_bodies(
     urdf: Urdf, joints: Mapping[str, FloatArray], source: str
 ) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
-    """Return the links that change, and what there is to say of them.
+    """Return the inertials of changed links, and notes on them.
 
-    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF
-    in messages.
+    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF.
 
-    Raises UsageError: a link for which nothing possible is left.
+    Raises UsageError: a link for which no physical body is left.
     """
-    carried = _carried(urdf, set(joints))
+    carried = _carried_links(urdf, set(joints))
     changed, notes = {}, []
     for joint, target in joints.items():
         main = urdf.joints[joint].child
@@ -311,7 +309,7 @@ def link_bodies(
         main_part = next((part for part in parts if part.link == main), None)
         rest = target - sum((other.parameters for other in others), np.zeros(10))
         reference = rest if main_part is None else main_part.parameters
-        if main_part is not None and _same(rest, reference):
+        if main_part is not None and _equal_bodies(rest, reference):
             continue
         if is_possible(rest, reference):
             changed[main] = body_of(rest)
@@ -334,8 +332,8 @@ def link_bodies(
     return changed, tuple(notes)
 
 
-def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
-    """Links with mass that each identified joint carries, their inertials in its frame."""
+def _carried_links(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
+    """Return the links with mass that each identified joint carries, in its frame."""
     places: dict[str, tuple[str, pin.SE3]] = {}
     carried: dict[str, list[_Part]] = {joint: [] for joint in identified}
     for link, joint in urdf.outward():
@@ -354,13 +352,13 @@ def _carried(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
     return carried
 
 
-def _same(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two bodies differ by no more than rounding."""
-    return bool(np.abs(one - other).max() <= _ROUNDING * np.abs(other).max())
+def _equal_bodies(first: FloatArray, second: FloatArray) -> bool:
+    """Return whether the parameters (10,) of two bodies are equal but for rounding."""
+    return bool(np.abs(first - second).max() <= _ROUNDING * np.abs(second).max())
 
 
 def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | None:
-    """Map all parts alike; None where the nominal whole is no body."""
+    """Map all parts by one affine map to the whole `target`; None if that is impossible."""
     nominal = sum((part.parameters for part in parts), np.zeros(10))
     try:
         root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(

@@ -1,4 +1,4 @@
-"""What a simulated robot has beyond its configuration: a diagnosis, or effects written by hand."""
+"""Effects of a simulated robot beyond its configuration: of a diagnosis, or written by hand."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -16,12 +16,11 @@ EFFECTS_FORMAT: Final = "idim_iv_ros/effects/1"
 
 @dataclass(frozen=True, kw_only=True)
 class EffectsFile(Document):
-    """A file of effects that a user or an export writes.
+    """A file of effects, by an export or a user.
 
-    - `base_parameters`: those that differ from the configuration's, by name
-    - `effects`: numbers as in docs/simulation.md. `native`: the MJCF that the file goes with has it
-      already.
-    - `recordings`: names of those that they are from
+    - `base_parameters`: values by name that differ from the configuration's
+    - `effects`: with numbers as in docs/simulation.md; `native` ones are in the MJCF of the file
+    - `recordings`: names of the recordings that they were found on
     """
 
     what: ClassVar[str] = "a file of effects"
@@ -33,7 +32,7 @@ class EffectsFile(Document):
     place: Unsaved[str] = ""  # of the base parameters, for messages: what stands before their names
 
     def changed(self, nominal: Mapping[str, float]) -> dict[str, float]:
-        """Return base parameters by name with these in their place.
+        """Return base parameters by name, those in this file replaced.
 
         Raises UsageError: the robot does not have one of them.
         """
@@ -47,13 +46,13 @@ class EffectsFile(Document):
 
 
 def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
-    """Return a cause of a diagnosis as the simulators take it; `source` names it in messages."""
+    """Return a cause of a diagnosis as a simulated effect; `source` names it in messages."""
     numbers = {name: parameter.value for name, parameter in cause.parameters.items()}
     return SimulatedEffect(cause.effect, cause.joint, numbers, cause.other_joint, source)
 
 
 def read_effects(path: Path) -> EffectsFile:
-    """Read a file of effects, or a gap.json as one.
+    """Read a file of effects; a gap.json is converted to one.
 
     Raises UsageError: the file cannot be read, or is neither.
     """

@@ -1,4 +1,4 @@
-"""Effects of a diagnosis in MuJoCo: what its XML cannot say, added at every step.
+"""Effects of a diagnosis in MuJoCo: what MJCF cannot express, added at every step.
 
 ::
 
@@ -10,9 +10,9 @@
         effects.apply(model, data)
         mujoco.mj_step(model, data)
 
-The laws, and when they are asked, are those of `simulation.effect_kernel`: what opposes motion
-becomes dry friction and damping of the step, which MuJoCo solves together with contacts and limits,
-and what does not becomes an applied force.
+The laws, and their times of evaluation, are those of `simulation.effect_kernel`: torques that
+oppose motion become dry friction and damping of the step, which MuJoCo solves together with
+contacts and limits, and all others become an applied force.
 
 `apply` writes of the joints that have effects: `dof_frictionloss` and `dof_damping` of the model,
 and `qfrc_applied` of the data. But for constant torques it takes their dry friction as stiff as
@@ -76,7 +76,7 @@ class Effects:
     Parameters
     ----------
     model : mujoco.MjModel
-        Its joints are found by the names in the file. It is changed: see `apply`.
+        Model with the joint names of the effects. It is changed: see `apply`.
     effects : str, Path or sequence of SimulatedEffect
         A file of effects or a diagnosis (gap.json). Effects that are marked `native` are passed
         over: the model has them.
@@ -87,7 +87,7 @@ class Effects:
     Attributes
     ----------
     notes : tuple of str
-        What is not done here, a sentence each: changes of the control law are the user's.
+        Sentences on effects that are not simulated: the user changes the control law.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class Effects:
             for joint, _ in added.of(LawChange)
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
-        self._plant, self._effects = self._compiled(model, added, start_time)
+        self._plant, self._effects = self._kernel_arguments(model, added, start_time)
         self._friction = np.zeros((2, len(self._plant.level)))
         self._mode, self._push = self._friction[0].astype(np.int64), self._friction[0].copy()
         tendons = [_tendon(model, *(self.joints[k] for k in pair)) for *pair, _ in added.couplings]
@@ -150,10 +150,10 @@ class Effects:
             self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
 
-    def _compiled(
+    def _kernel_arguments(
         self, model: Any, added: JointContributions, start_time: float
     ) -> tuple[Plant, effect_kernel.Effects]:
-        """Friction of the joints, and what effects make of it; MuJoCo has the rigid bodies."""
+        """Return joint friction and effects for the kernels; MuJoCo has the rigid bodies."""
         n = len(self.joints)
         friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
         joints, bodies = np.arange(n), np.zeros(0, dtype=np.int64)
@@ -175,7 +175,7 @@ class Effects:
         return affected_plant(base, friction, added, joints, (), start_time)
 
     def reset(self) -> None:
-        """Forget what states and delays hold; called by itself where the data's time goes back."""
+        """Reset internal states and delays; done automatically where the data's time goes back."""
         self._time = np.inf
         self._before = np.zeros(len(self.joints))
         self._effects.rows.state[:] = 0.0
@@ -183,17 +183,17 @@ class Effects:
             self._drive.sent = []
 
     def position(self, data: Any) -> FloatArray:
-        """What the encoders show of `joints`, (n,) rad (m): of the motors, with their errors."""
+        """Return measured positions of `joints`, (n,) rad (m): motor side, with encoder errors."""
         return np.asarray(self.measured(data)[0])
 
     def measured(self, data: Any) -> FloatArray:
-        """Positions and velocities (2, n) of `joints` as the encoders show them."""
+        """Return the measured positions and velocities (2, n) of `joints`, encoder errors added."""
         q, dq = data.qpos[self._qpos], data.qvel[self._dof]
         error, slope = encoder_error(self._added, q)
         return np.stack([q + error, dq * (1.0 + slope)])
 
     def place_links(self, model: Any, data: Any) -> None:
-        """Put links behind shafts where gravity holds them; positions of their motors are kept."""
+        """Put links behind shafts into equilibrium with gravity; motor positions are kept."""
         self._shafts.place(model, data)
 
     def apply(self, model: Any, data: Any, applied: FloatArray | None = None) -> None:
@@ -230,7 +230,7 @@ class Effects:
         self._before, self._time = q, time
 
     def _frictions(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
-        """Set friction and damping of this step; return what else opposes the motors, (n,) N m."""
+        """Set friction and damping of this step; return the other effects' torque, (n,) N m (N)."""
         n, step, torque = len(self.joints), float(model.opt.timestep), np.empty(model.nv)
         for acceleration, load in ((1, self._effects.load), (0, self._effects.static)):
             self._mujoco.mj_rne(model, data, acceleration, torque)
@@ -252,7 +252,7 @@ class Effects:
 
 
 def _entry(digest: str) -> Callable[..., Any]:
-    """Compile what Python calls; `digest` is part of its key in numba's cache."""
+    """Compile the kernel that Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
     def torques(
@@ -311,7 +311,7 @@ _torques = _entry(source_digest(dry_friction, effect_kernel, *registry.MODULES))
 
 
 class _DelayLine:
-    """Torques of the actuators of some joints (by their numbers) on their way, (n,) s late."""
+    """Delay of the actuator torques of some joints (by number); `delay` (n,) s."""
 
     def __init__(self, mujoco: Any, model: Any, joints: list[int], delay: FloatArray) -> None:
         self._mujoco, self._delay = mujoco, delay
@@ -324,16 +324,16 @@ class _DelayLine:
         self.sent: list[FloatArray] = []
 
     def commanded(self, model: Any, data: Any, q: FloatArray, dq: FloatArray) -> FloatArray:
-        """Torque (n,) of the actuators at a motion."""
+        """Return the actuators' torque (n,) at positions and velocities."""
         data.actuator_length[self._actuators] = self._gear * q[self._place]
         data.actuator_velocity[self._actuators] = self._gear * dq[self._place]
         self._mujoco.mj_fwdActuation(model, data)
         return np.array(data.qfrc_actuator[self._dof])
 
     def delayed(self, torque: FloatArray, step: float) -> FloatArray:
-        """What arrives in a step of this length, (n,): the mean where a command ends within it.
+        """Return the delayed torque (n,) for a step, s: the mean where a command changes within it.
 
-        The first command is taken to have been held before.
+        Before the first step, the first command is taken as constant.
         """
         whole = np.floor(self._delay / step + 1e-9).astype(np.int64)
         if not self.sent:
@@ -357,7 +357,7 @@ def _tendon(model: Any, first: str, second: str) -> int:
 
 
 def _joint_names(mujoco: Any, model: Any) -> list[str]:
-    """Names of hinges and slides, without the shafts that `model_with_effects` adds."""
+    """Return names of hinges and slides, without the shafts that `model_with_effects` adds."""
     kinds = [int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)]
     joints = [joint for joint in range(model.njnt) if model.jnt_type[joint] in kinds]
     names = [model.joint(joint).name for joint in joints]

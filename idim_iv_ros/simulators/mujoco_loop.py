@@ -1,4 +1,4 @@
-"""A control law and its references in the closed loop with a MuJoCo model."""
+"""Closed loop of a control law and references with a MuJoCo model."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _HALVINGS = 6
 
 @dataclass(frozen=True)
 class References:
-    """What one recording asked for, and where its robot began."""
+    """References of one recording, and the initial state of its robot."""
 
     rate: float  # Hz
     position: FloatArray  # (n_samples, n_joints) rad (m)
@@ -41,11 +41,11 @@ class References:
 
 @dataclass(frozen=True)
 class MujocoMotion:
-    """What a recorder would have seen, (n_samples, n_joints) each."""
+    """Simulated measurements, (n_samples, n_joints) each."""
 
     position: FloatArray  # rad (m): of the encoders
     torque: FloatArray  # N m (N): command of the law
-    diverged: str = ""  # Why it ended early; empty if it did not
+    diverged: str = ""  # why the simulation ended early; empty if it did not
 
 
 def run_in_mujoco(
@@ -59,13 +59,13 @@ def run_in_mujoco(
     *,
     longest_step: float = LONGEST_STEP,
 ) -> MujocoMotion:
-    """Follow references with a control law.
+    """Simulate references and a control law in closed loop; return position and torque.
 
-    - `model`: with a motor ``replay_NAME`` for each joint, and the parts that the effects need
+    - `model`: with motors ``replay_NAME`` of the joints, and the parts that `effects` need
     - `robot`: its joints have the order of the law and the references
-    - `parameters`: of the model: effects that take the place of dry friction ask for it
-    - `effects`: what the model does not have. Of a changed control law, too.
-    - `longest_step`: s; a shaft may need shorter ones
+    - `parameters`: those of the model; effects that replace dry friction need them
+    - `effects`: effects that are not in the model already, and changes of the control law
+    - `longest_step`: largest time step, s; a shaft may need shorter ones
 
     Raises UsageError: see `Effects`.
     """
@@ -90,7 +90,7 @@ def run_in_mujoco(
 def _effects(
     model: Any, effects: Sequence[SimulatedEffect], period: float, start_time: float, longest: float
 ) -> tuple[Effects | None, int]:
-    """Effects, and steps in a control period; the model's time step is set."""
+    """Set the model's time step; return effects, and number of steps in a control period."""
     steps = math.ceil(period / longest - 1e-6)
     most = steps << _HALVINGS
     while True:
@@ -112,7 +112,10 @@ def _run(
     effects: Effects | None,
     steps: int,
 ) -> MujocoMotion:
-    """Run a loop from the position and speed of a state, joints in the order of both."""
+    """Simulate a loop from positions and velocities of `state`; `steps` are in a control period.
+
+    `joints` are in the order of loop and state. Stops early if the motion diverges.
+    """
     qpos, dof = (
         np.array([int(getattr(model.joint(name), address)[0]) for name in joints])
         for address in ("qposadr", "dofadr")

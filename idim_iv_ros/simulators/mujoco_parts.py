@@ -1,13 +1,13 @@
-"""What MuJoCo models are made of here: a robot's bodies and motors, and parts for effects.
+"""MuJoCo models from a robot: bodies, motors, and parts for effects.
 
-Base parameters are known, and not every standard parameter: `nearest_parameters` takes those that
-are nearest to the nominal model. They need not be physical, and MuJoCo computes with them all the
-same; its compiler would refuse them, so that they are set behind it.
+Base parameters are known, but not every standard parameter: `nearest_parameters` takes those
+nearest to the nominal model. They need not be physical; MuJoCo simulates them nevertheless, but its
+compiler refuses them, so that they are set after compilation.
 
-Elasticity and backlash make two masses of a joint. The joint stays that of the motor, with its
+Elasticity and backlash make two masses of a joint. The joint becomes that of the motor, with its
 armature, friction and actuators; a second one on the same body, ``NAME_shaft`` about the same axis,
-is the position of the link less that of the motor. Friction between two joints is that of a
-tendon ``A_B_coupling`` over both.
+is the position of the link less that of the motor. Friction between two joints is that of a tendon
+``A_B_coupling`` over both.
 """
 
 from collections.abc import Sequence
@@ -35,9 +35,9 @@ _LEAST_MASS = 1e-6  # kg
 
 
 def nearest_parameters(model: InverseModel, values: FloatArray) -> DynamicParameters:
-    """Standard parameters with these base parameters (b,), nearest to the nominal model.
+    """Return the standard parameters nearest to the nominal ones with base parameters (b,).
 
-    Distances are relative: what is small in the nominal model moves little.
+    Distances are relative: parameters that are small in the nominal model change little.
     """
     layout = model.regressor.layout
     nominal = layout.vector(model.robot.given)
@@ -56,9 +56,9 @@ def nearest_parameters(model: InverseModel, values: FloatArray) -> DynamicParame
 
 
 def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) -> Any:
-    """Return the kinematic tree with drives and friction; inertias are still to be set.
+    """Return the kinematic tree with drives and friction; `set_inertias` must follow.
 
-    Raises UsageError: couplings of joints, which have no counterpart here.
+    Raises UsageError: couplings of joints, which are not supported here.
     """
     if len(parameters.coupling_joints):
         raise UsageError("robot.couplings: a transmission that couples joints cannot be replayed")
@@ -95,7 +95,7 @@ def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) ->
 
 
 def add_motors(mujoco: Any, spec: Any, joints: Sequence[str]) -> None:
-    """One motor a joint, whose control is its torque."""
+    """Add one motor to each joint, whose control is its torque."""
     for name in joints:
         motor = spec.add_actuator(name=REPLAY + name, target=name)
         motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
@@ -191,14 +191,14 @@ def _add_shaft(spec: Any, name: str) -> None:
 
 
 def coupling_name(first: str, second: str) -> str:
-    """Name of the tendon that couples two joints."""
+    """Return the name of the tendon that couples two joints."""
     return f"{first}_{second}{COUPLING}"
 
 
 class MujocoShafts:
-    """Shafts of the joints that have one, as joints ``NAME_shaft``: link less motor.
+    """Shafts of the joints that have one, as joints ``NAME_shaft``: link less motor position.
 
-    Flanks only push: beyond the play such a joint has its stiffness and damping, within it neither.
+    Such a joint has stiffness and damping outside of its backlash, and neither within it.
 
     Raises UsageError: the model has no such joint, or its time step is too long for the shaft.
     """
@@ -223,7 +223,7 @@ class MujocoShafts:
             self._shafts.append((shaft, int(joint.id), int(joint.qposadr[0]), dof))
 
     def _complete(self, model: Any, shaft: Shaft, dof: int, name: str) -> Shaft:
-        """Stiffness and damping that are not given, from the inertias of motor and link."""
+        """Set missing stiffness and damping of shafts, from the inertias of motor and link."""
         data = self._mujoco.MjData(model)
         self._mujoco.mj_forward(model, data)
         unit, response = np.zeros((2, 1, model.nv))
@@ -240,7 +240,7 @@ class MujocoShafts:
         return shaft
 
     def apply(self, model: Any, data: Any) -> None:
-        """Set stiffness and damping of this step."""
+        """Set stiffness and damping of the shafts for this step."""
         for shaft, joint, place, dof in self._shafts:
             twist, rate = -data.qpos[place], -data.qvel[dof]
             stiffness, damping = shaft.stiffness, shaft.damping
@@ -254,7 +254,7 @@ class MujocoShafts:
             first_column(model.dof_damping)[dof] = damping
 
     def place(self, model: Any, data: Any) -> None:
-        """Put the links where gravity holds them behind their motors, all at rest."""
+        """Put the links at rest into equilibrium with gravity behind their motors."""
         load, speed = np.empty(model.nv), np.array(data.qvel)
         for _ in range(30 if self._shafts else 0):
             data.qvel[:] = 0.0
@@ -269,5 +269,5 @@ class MujocoShafts:
 
 
 def first_column(values: Any) -> Any:
-    """The linear coefficient of stiffness or damping, whatever newer versions keep beside it."""
+    """Return the linear coefficients of stiffness or damping, in any version of MuJoCo."""
     return values if values.ndim == 1 else values[:, 0]

@@ -1,4 +1,4 @@
-"""A simulated robot, and its bags: what a recorder on it would have written."""
+"""Simulated robots, and bags as a recorder would write them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ from idim_iv_ros.simulation.effects import joint_effects
 from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.types import FloatArray
 
-# Of the section `simulated_robot`: what the recorder adds.
+# Keys of the section `simulated_robot` that concern the recorder.
 _NOISE = {
     *("position_noise", "torque_noise", "encoder_resolution"),
     *("disturbance", "disturbance_bandwidth", "stamp_jitter"),
@@ -45,7 +45,7 @@ _NOISE = {
 
 @dataclass(frozen=True)
 class SimulatedRobot:
-    """A robot whose parameters are known."""
+    """A robot with known true parameters, to be simulated."""
 
     robot: RobotModel  # Kinematics, limits, and the given values, which need not be the true ones
     truth: dict[str, float]  # True base parameters by name, friction and drive inertia included
@@ -56,7 +56,7 @@ class SimulatedRobot:
     effects: tuple[SimulatedEffect, ...] = ()  # What it has beyond `parameters`
 
     def record(self, trajectory: Trajectory, seed: int) -> SimulatedRecording:
-        """Run a trajectory and record it; `seed` is that of all noise.
+        """Simulate a trajectory and return its record; `seed` is that of all noise.
 
         Raises UsageError: the trajectory is for other joints or too long, or the rates do not fit
         each other. DataError: the closed loop diverged.
@@ -66,7 +66,7 @@ class SimulatedRobot:
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
-        position, velocity = _resampled(trajectory, rate)
+        position, velocity = _resample(trajectory, rate)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
         levels = settings.model_dump(include=_NOISE, exclude_none=True)
         noise: dict[str, Any] = {name: np.asarray(level) for name, level in levels.items()}
@@ -96,11 +96,11 @@ class SimulatedRobot:
 def simulated_robot(
     configuration: Configuration, extended: FilePath | None = None
 ) -> SimulatedRobot:
-    """Build the robot that a configuration describes under `simulated_robot`.
+    """Return the robot that a configuration describes under `simulated_robot`.
 
-    Its model has every friction term and drive inertia, whatever `identification` leaves out. The
-    base parameters of a diagnosis (`extended`, a gap.json) take the place of the parameters of the
-    configuration, and its causes are added.
+    Its model has every friction term and drive inertia, whatever `identification` leaves out. With
+    the extended model of a diagnosis (`extended`, a gap.json), that has precedence over the
+    parameters of the configuration, and its causes are added.
 
     Raises
     ------
@@ -143,8 +143,8 @@ def simulated_robot(
     )
 
 
-def _resampled(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Positions and velocities at another rate: cubic between the samples."""
+def _resample(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities at another rate, interpolated by cubic polynomials."""
     if abs(rate / trajectory.rate - 1.0) < 1e-9:
         return trajectory.position, trajectory.velocity
     samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
@@ -160,7 +160,7 @@ TRUTH = ".truth.json"
 
 @dataclass(frozen=True)
 class SimulatedBag:
-    """One bag that was written."""
+    """One simulated bag that was written."""
 
     path: Path
     seed: int
@@ -174,7 +174,7 @@ class SimulatedBag:
     peak_error: FloatArray
 
     def to_document(self) -> dict[str, object]:
-        """Plain values for programs."""
+        """Return the fields as plain values for JSON."""
         peaks = {"peak_torque": self.peak_torque.tolist(), "peak_error": self.peak_error.tolist()}
         plain = ("seed", "samples", "rate", "duration")
         return {"path": str(self.path)} | {name: getattr(self, name) for name in plain} | peaks
@@ -190,13 +190,12 @@ def simulate(
     force: bool = False,
     progress: Progress | None = None,
 ) -> tuple[list[SimulatedBag], Path]:
-    """Write one bag for each seed, and the true base parameters beside them.
+    """Simulate a robot and write a bag for each seed, with the true base parameters.
 
-    Topics: the joint states and the reference of the configuration (``/joint_reference`` where
-    it names none), and ``/robot_description`` with the URDF of the nominal model.
+    Topics: the joint states and the reference of the configuration (``/joint_reference`` where it
+    names none), and ``/robot_description`` with the URDF of the nominal model.
 
-    - `configuration`: with a URDF and a control law; `simulated_robot` says how the
-      robot differs from both
+    - `configuration`: with a URDF and a control law; `simulated_robot` is how the robot differs
     - `out`: the bag; with several seeds ``-SEED`` is put before its suffix
     - `trajectory`: references; the robot starts on its first sample
     - `effects`: a diagnosis (`gap.json`): the robot is its extended model, with its causes
@@ -268,7 +267,7 @@ def _paths(out: Path, seeds: Sequence[int]) -> tuple[dict[int, Path], Path]:
 def recorded_topics(
     configuration: Configuration, robot: SimulatedRobot, record: SimulatedRecording
 ) -> list[JointTopic]:
-    """Messages on the recorder's side of transmission, offsets and effort scale."""
+    """Return the messages as recorded, motor side: with transmission, offsets and effort scale."""
     section, signals = configuration.robot, configuration.signals
     joints = section.joints
     to_motor = np.array(section.motor_to_joint or np.eye(len(joints)))

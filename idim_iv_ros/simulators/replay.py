@@ -1,4 +1,4 @@
-"""The recorded references once more, in MuJoCo: how far is the simulator from the robot?"""
+"""Replay of recorded references in MuJoCo: how far is the simulator from the robot?"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ _BEYOND_GAINS = 0.05
 
 @dataclass(frozen=True)
 class _Run:
-    """One recording that is replayed: its law, and where in the session (s) it starts."""
+    """One recording to replay: control law, and its start in the session, s."""
 
     motion: Motion
     law: ControlLaw
@@ -62,7 +62,7 @@ class _Run:
 
 @dataclass(frozen=True)
 class _Simulated:
-    """One stage on all recordings: filtered positions and torques; why there are none."""
+    """One stage on all recordings: filtered positions and torques, or why it failed."""
 
     positions: Sequence[FloatArray] = ()
     torques: Sequence[FloatArray] = ()
@@ -93,7 +93,7 @@ def replay_bags(
     effects
         A diagnosis (gap.json) or a file of effects.
     stages
-        Which are simulated, of those that there are; all of them by default.
+        Names of the stages to simulate; all available ones by default.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def replay_bags(
 def _runs(
     prepared: PreparedRegression, fitted: Collection[str], effects: Sequence[SimulatedEffect]
 ) -> tuple[list[_Run], tuple[str, ...]]:
-    """Recordings that are replayed, without those of the fit where there are others; notes."""
+    """Return the recordings to replay (not those of the fit, if there are others), and notes."""
     parts = prepared.session.parts
     runs = [
         _Run(motion, law, part.start)
@@ -156,10 +156,10 @@ def _runs(
     runs = held_out or runs
     if any(BY_NAME[effect.effect].part == "gains" for effect in effects):
         return runs, ()
-    beyond = [_beyond_gains(run) for run in runs]
+    beyond = [_feedforward(run) for run in runs]
     torques = [run.motion.filtered(run.motion.signals.torque) for run in runs]
-    both = zip(beyond, torques, strict=True)
-    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in both], axis=0)
+    pairs = zip(beyond, torques, strict=True)
+    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in pairs], axis=0)
     worst = int(np.argmax(shares))
     if shares[worst] < _BEYOND_GAINS:
         return runs, ()
@@ -174,8 +174,8 @@ def _runs(
     ], (note,)
 
 
-def _beyond_gains(run: _Run) -> FloatArray:
-    """Torque (n_samples, n_joints) that the recorded command is more than its law, smoothed."""
+def _feedforward(run: _Run) -> FloatArray:
+    """Return the recorded command less its law, (n_samples, n_joints) N m (N), smoothed."""
     signals = run.motion.signals
     speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
     law = [
@@ -186,7 +186,7 @@ def _beyond_gains(run: _Run) -> FloatArray:
 
 
 def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
-    """Control law of each recording."""
+    """Return the control law of each recording."""
     signals = [motion.signals for motion in prepared.motions]
     missing = [recording.name for recording in signals if recording.position_reference is None]
     if missing:
@@ -211,7 +211,7 @@ def _stages(
     extended: EffectsFile,
     source: FilePath | None,
 ) -> list[StageModel]:
-    """Nominal, corrected and with effects, as far as there is something to simulate."""
+    """Return the available stages: nominal, corrected, with effects."""
     robot, base = prepared.model.robot, prepared.model.base
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
@@ -244,7 +244,7 @@ def _stages(
 def _simulate(
     mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel
 ) -> _Simulated:
-    """Simulate all recordings, from where the filtered motion and so its speed is known."""
+    """Simulate all recordings, each from its first sample with a filtered velocity."""
     positions: list[FloatArray] = []
     torques: list[FloatArray] = []
     for run in runs:
@@ -271,20 +271,20 @@ def _simulate(
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Recordings, and how far simulations are from them."""
+    """Recordings, and the errors of simulations against them."""
 
     robot: RobotModel
     motions: Sequence[Motion]
 
     @cached_property
     def recorded(self) -> _Simulated:
-        """The recordings themselves, filtered."""
+        """Return the filtered recordings."""
         torques = [motion.filtered(motion.signals.torque) for motion in self.motions]
         return _Simulated([motion.position for motion in self.motions], torques)
 
     @cached_property
     def noise(self) -> list[FloatArray]:
-        """Standard deviations (n_joints,) of what the filter takes away: rad (m), and N m (N)."""
+        """Return RMS (n_joints,) of the noise that the filter removes: rad (m), and N m (N)."""
         signals = [motion.signals for motion in self.motions]
         deviations = []
         for raw, smooth in (
@@ -297,7 +297,7 @@ class _Comparison:
         return deviations
 
     def stage(self, model: StageModel, ran: _Simulated) -> ReplayStage:
-        """Errors of one stage; none where it was not simulated to the end."""
+        """Return the errors of one stage; without numbers if its simulation failed."""
         if ran.note:
             return ReplayStage(model.name, model.words, None, None, None, ran.note)
         joints, recorded = self.robot.joints, self.recorded
@@ -307,7 +307,7 @@ class _Comparison:
         return ReplayStage(model.name, model.words, tracking, torque, tool)
 
     def _tool_error(self, positions: Sequence[FloatArray]) -> ReplayError:
-        """Distance of the centres of the last link."""
+        """Return the error of the centre of the last link, m, for positions by recording."""
         tree = self.robot.pinocchio
         data, last = tree.createData(), tree.njoints - 1
         centre = np.array(tree.inertias[last].lever)
@@ -333,10 +333,13 @@ class _Comparison:
         recorded: Sequence[FloatArray],
         noise: FloatArray,
     ) -> dict[str, ReplayError]:
-        """Root mean squares, their interval by blocks of time, and their ratio to the noise."""
+        """Return RMS errors over all recordings by name, with intervals and ratio to the noise.
+
+        `simulated`, `recorded`: (n_samples, n_names) of each recording; `noise`: RMS (n_names,).
+        """
         sums = []
-        for motion, one, other in zip(self.motions, simulated, recorded, strict=True):
-            squares = np.nan_to_num((one - other)[motion.span] ** 2)
+        for motion, simulation, recording in zip(self.motions, simulated, recorded, strict=True):
+            squares = np.nan_to_num((simulation - recording)[motion.span] ** 2)
             (blocks,) = time_blocks([len(squares)], motion.signals.rate)
             sums.append(block_sums(blocks, np.column_stack([squares, np.ones(len(squares))])))
         table = np.concatenate(sums)
@@ -349,7 +352,7 @@ class _Comparison:
         }
 
     def series(self, stages: Mapping[str, _Simulated]) -> tuple[ReplaySeries, ...]:
-        """The first recording with these stages, thinned."""
+        """Return thinned curves of the first recording with these stages."""
         motion = self.motions[0]
         reference, span = motion.signals.position_reference, motion.span
         assert reference is not None
@@ -371,5 +374,5 @@ class _Comparison:
 
 
 def _rms(values: FloatArray) -> FloatArray:
-    """(n,) of columns, where they are known."""
+    """Return the RMS (n,) of columns over their finite values."""
     return np.asarray(np.sqrt(np.nanmean(values**2, axis=0)))

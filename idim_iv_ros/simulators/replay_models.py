@@ -1,4 +1,4 @@
-"""The MuJoCo models of a replay: made from the nominal model, or read from a file."""
+"""MuJoCo models of a replay: made from the nominal model, or read from a file."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class StageModel:
-    """One robot to simulate."""
+    """Robot model of one stage of a replay."""
 
     # name, words: Of the stage; what the model is made of
     name: str
@@ -42,7 +42,7 @@ class StageModel:
     notes: tuple[str, ...] = ()
 
     def with_effects(self, effects: Sequence[SimulatedEffect]) -> "StageModel":
-        """The model with effects; those that elements of its file hold stay theirs."""
+        """Return the model with effects, without those that elements of its file have already."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
         file = self.xml is not None
@@ -54,12 +54,12 @@ class StageModel:
         return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 
     def compiled(self, mujoco: Any) -> Any:
-        """A model with a motor for each joint and the parts that the effects need."""
+        """Return the MuJoCo model, with a motor for each joint and the parts for effects."""
         if self.parameters is not None:
             spec = plant_spec(mujoco, self.robot, self.parameters)
         else:
             assert self.xml is not None
-            spec = _read(mujoco, self.xml, self.robot.joints)
+            spec = _read_mjcf(mujoco, self.xml, self.robot.joints)
         with mujoco_reads(self.xml or self.robot.name):
             add_motors(mujoco, spec, self.robot.joints)
             add_parts(spec, self.effects)
@@ -75,7 +75,7 @@ class StageModel:
 
 
 def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = None) -> StageModel:
-    """Return a robot of the nominal model's geometry, its own values or base parameters (b,)."""
+    """Return a stage from the nominal model, or with other base parameters (b,)."""
     robot = model.robot
     parameters = robot.given if values is None else nearest_parameters(model, values)
     plant_spec(mujoco, robot, parameters)  # refuses what cannot be simulated
@@ -87,7 +87,7 @@ def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = No
 
 
 def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageModel:
-    """Return the nominal model: the user's own MJCF, where its joints are the robot's."""
+    """Return the stage of the nominal model: the user's MJCF, if its joints are the robot's."""
     robot = model.robot
     if mjcf is not None:
         with mujoco_reads(mjcf):
@@ -101,8 +101,8 @@ def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageM
 def xml_stage(
     mujoco: Any, robot: RobotModel, path: Path, parameters: Mapping[str, float]
 ) -> StageModel:
-    """Return the robot of an MJCF file, with constant torques among base parameters (off1 …)."""
-    _read(mujoco, path, robot.joints)
+    """Return the stage of an MJCF file, with constant torques among base parameters (off1 …)."""
+    _read_mjcf(mujoco, path, robot.joints)
     constants = {
         int(name[3:]) - 1: value
         for name, value in parameters.items()
@@ -119,13 +119,13 @@ def xml_stage(
 def require_same_native(
     mujoco: Any, path: Path, effects: Sequence[SimulatedEffect], source: FilePath
 ) -> None:
-    """Refuse effects that would be simulated twice, or not at all.
+    """Check that no effect is simulated twice, or not at all.
 
     Raises UsageError: the MJCF has an effect as an element which `effects` do not mark as native,
     or the other way round.
     """
     model = mujoco.MjModel.from_xml_path(str(path))
-    both = f"the {path.name} and effects.json of one export belong together"
+    hint = f"the {path.name} and effects.json of one export belong together"
     elements = native_elements(mujoco, model)
     for effect in effects:
         element = BY_NAME[effect.effect].element_of
@@ -138,15 +138,16 @@ def require_same_native(
         what = f"{effect.effect} at {effect.joint}"
         if effect.native and not present:
             raise UsageError(
-                f"{effect.source}: {what} is native, and {path} does not have it: {both}"
+                f"{effect.source}: {what} is native, and {path} does not have it: {hint}"
             )
         if present and not effect.native:
             raise UsageError(
-                f"{path}: has {what} as an element already, and {source} would add it again: {both}"
+                f"{path}: has {what} as an element already, and {source} would add it again: {hint}"
             )
 
 
 def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:
+    """Return constant torques by joint, N m (N), as effects."""
     return tuple(
         SimulatedEffect(name_of("offset"), robot.joints[joint], {"offset": float(value)})
         for joint, value in values.items()
@@ -154,8 +155,8 @@ def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedE
     )
 
 
-def _read(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
-    """Read a file of the same joints, and take its actuators out: the replay has its own."""
+def _read_mjcf(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
+    """Read an MJCF with the robot's joints, without actuators: the replay adds motors."""
     if not is_mjcf(read_text(path, "the MJCF")):
         raise UsageError(
             f"{path}: is no MJCF: its first element is not <mujoco>; --model takes the .xml of "

@@ -1,4 +1,4 @@
-"""What a replay found: how far the simulated robot is from the recorded one, stage by stage."""
+"""Result of a replay: errors of the simulated robot against the recorded one, by stage."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
@@ -29,13 +29,13 @@ class ReplayError:
 
 @dataclass(frozen=True)
 class ReplayStage:
-    """One simulated robot.
+    """One simulated robot of a replay, and its errors.
 
     - `name`: ``nominal``, ``corrected`` or ``with effects``
-    - `model`: what it is made of, in words
-    - `tracking`, `torque`: by joint; None where it was not simulated to the end
-    - `tool`: distance of the centres of the last link, m
-    - `note`: why not, or what is missing in it; empty otherwise
+    - `model`: its origin, in words
+    - `tracking`, `torque`: errors by joint; None where the simulation failed
+    - `tool`: error of the centre of the last link, m
+    - `note`: why it failed, or what the model lacks; empty otherwise
     """
 
     name: Annotated[str, Field(alias="stage")]
@@ -48,12 +48,12 @@ class ReplayStage:
 
 @dataclass(frozen=True)
 class ReplaySeries:
-    """Motion of one joint in one recording, thinned; in order of time.
+    """Curves of one joint in one recording, thinned; in order of time.
 
     - `time`: (n,) s
-    - `error`: (n,), reference less position of the recording, rad (m)
-    - `errors`: the same of each stage
-    - `torque`, `torques`: N m (N)
+    - `error`: (n,), reference less recorded position, rad (m)
+    - `errors`: reference less simulated position, by stage
+    - `torque`, `torques`: recorded, and simulated by stage, N m (N)
     """
 
     joint: str
@@ -67,19 +67,19 @@ class ReplaySeries:
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayResult(Document):
-    """Result of a replay; what `replay.json` holds.
+    """Result of a replay; the document `replay.json`.
 
     Attributes
     ----------
     format, robot : str
     joints, joint_types, bags : tuple of str
     duration : float
-        s of recording that were compared, those of `bags`.
+        s of recording that were compared, in total over `bags`.
     software : dict of str to str
     model, effects : str
         File of the model (``urdf``: made from the nominal model), file of the effects or empty.
     tracking_noise, torque_noise : dict
-        Of the recordings by joint, rad (m) and N m (N).
+        Noise of the recordings by joint, RMS in rad (m) and N m (N).
     stages : tuple of ReplayStage
     held_out : bool or None
         Whether model and effects were found on other recordings; None where that is not known.
@@ -87,7 +87,7 @@ class ReplayResult(Document):
     series : tuple of ReplaySeries
         Not saved.
     positions : dict of (n_samples, n_joints)
-        Of the first recording, recorded and of each stage, rad (m); not saved.
+        First recording, recorded and by stage, rad (m); not saved.
     """
 
     what: ClassVar[str] = "a replay"
@@ -112,6 +112,6 @@ class ReplayResult(Document):
 
     @property
     def best(self) -> ReplayStage:
-        """The last stage that was simulated to its end; the first where none was."""
+        """Return the last stage that was simulated to its end; the first if all failed."""
         done = [stage for stage in self.stages if stage.tracking is not None]
         return done[-1] if done else self.stages[0]

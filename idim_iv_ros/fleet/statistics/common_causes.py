@@ -1,4 +1,4 @@
-"""What the diagnoses of several robots say together: causes of the type, and those of one robot.
+"""Causes in the diagnoses of several robots: those of the type, and those of single robots.
 
 Robots have a cause in common where their values agree: in sign and, within their intervals, in
 size. Robots of one type are never equal, so that sizes that differ by less than `_SCATTER` agree
@@ -29,16 +29,16 @@ Robots = Mapping[str, CauseSummary]
 
 
 def is_nothing(cause: CauseSummary) -> bool:
-    """Whether no number of a cause differs from that of a robot without it, at 95 %.
+    """Return whether no number of a cause differs significantly (95 %) from no effect.
 
-    A cause without any number that has a deviation is not judged by them.
+    False for a cause without standard deviations.
     """
-    ratios = [_ratio(cause.effect, *item) for item in _determined(cause).items()]
+    ratios = [_ratio(cause.effect, *item) for item in _with_std(cause).items()]
     return bool(ratios) and max(ratios) <= _INTERVAL
 
 
 def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
-    """Causes that most diagnosed bags of one robot name, with the numbers of the newest of them.
+    """Return the causes in most diagnosed bags of one robot, with the numbers of the newest.
 
     The bags are in the order of time.
     """
@@ -53,9 +53,9 @@ def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
 def common_causes(
     causes: Mapping[str, Sequence[CauseSummary]], ordinary: Collection[str]
 ) -> tuple[CommonCause, ...]:
-    """Sort the causes of diagnosed robots into those of the type and those of single robots.
+    """Group the causes of diagnosed robots into those of the type and those of single robots.
 
-    An effect at a joint of which robots have different sizes is several causes. The `ordinary`
+    Robots with different sizes of one effect at one joint have different causes. The `ordinary`
     robots do not differ from their type.
     """
     places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
@@ -64,11 +64,11 @@ def common_causes(
             places[cause.effect, cause.joint][robot] = cause
     result = []
     for (effect, joint), robots in places.items():
-        for group in _of_one_size(robots, ordinary):
+        for group in _size_groups(robots, ordinary):
             among = len(set(group) & set(ordinary))
             of_type = among >= max(_OF_TYPE_LEAST, _OF_TYPE * len(set(ordinary)))
             kind = next(iter(group.values())).kind
-            values = _together(list(group.values()))
+            values = _mean_parameters(list(group.values()))
             result.append(CommonCause(effect, kind, joint, tuple(group), of_type, values))
     return tuple(
         sorted(result, key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or ""))
@@ -81,7 +81,7 @@ def sentences(
     diagnosed: Collection[str],
     ordinary: Collection[str],
 ) -> tuple[str, ...]:
-    """Say what the diagnoses say together; empty where none was made."""
+    """Return sentences on the common and single causes of a type; empty without a diagnosis."""
     if not diagnosed:
         return ()
     said = []
@@ -102,38 +102,38 @@ def sentences(
             continue
         place = (cause.effect, cause.joint)
         several = sum((other.effect, other.joint) == place for other in causes) > 1
-        one = len(cause.robots) == 1
-        alone = " alone" if one and not several and len(diagnosed) > 1 else ""
-        words = f"{', '.join(cause.robots)}{alone} {'has' if one else 'have'} {_name(cause)}"
+        single = len(cause.robots) == 1
+        alone = " alone" if single and not several and len(diagnosed) > 1 else ""
+        words = f"{', '.join(cause.robots)}{alone} {'has' if single else 'have'} {_name(cause)}"
         usual = shared.get(place)
         apart = f", apart from that of {type_name}{_size(usual)}" if usual else ""
         said.append(f"{words}{_size(cause)}{apart}")
     return tuple(said)
 
 
-def _of_one_size(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
-    """Split the robots with one effect into groups that agree with their first, largest first.
+def _size_groups(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
+    """Group the robots with one effect by size, largest group first.
 
     A group begins with the robot with which most of the ordinary robots agree.
     """
     groups = []
-    left = dict(robots)
-    while left:
+    rest = dict(robots)
+    while rest:
         agreeing = {
-            first: [name for name, other in left.items() if _agree(left[first], other)]
-            for first in left
+            first: [name for name, other in rest.items() if _sizes_agree(rest[first], other)]
+            for first in rest
         }
         most = max(agreeing.values(), key=lambda names: (len({*names} & {*ordinary}), len(names)))
-        groups.append({name: left.pop(name) for name in most})
+        groups.append({name: rest.pop(name) for name in most})
     return groups
 
 
-def _agree(one: CauseSummary, other: CauseSummary) -> bool:
-    """Whether two robots may have one cause: each number of both agrees in sign and size.
+def _sizes_agree(one: CauseSummary, other: CauseSummary) -> bool:
+    """Return whether two causes may be equal: their common numbers agree in sign and size.
 
-    The 95 % are of all numbers together (Bonferroni).
+    Intervals hold for all numbers together, 95 % (Bonferroni).
     """
-    first, second = _determined(one), _determined(other)
+    first, second = _with_std(one), _with_std(other)
     same = first.keys() & second.keys()
     if (first or second) and not same:
         return False  # nothing to compare
@@ -152,11 +152,11 @@ def _agree(one: CauseSummary, other: CauseSummary) -> bool:
     return True
 
 
-def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
-    """Mean of each number that half of the robots determine; its deviation holds their scatter."""
+def _mean_parameters(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
+    """Return the mean of each number that half of the robots determine, scatter in its σ."""
     numbers = {}
-    for name in dict.fromkeys(name for cause in causes for name in _determined(cause)):
-        same = [cause.parameters[name] for cause in causes if name in _determined(cause)]
+    for name in dict.fromkeys(name for cause in causes for name in _with_std(cause)):
+        same = [cause.parameters[name] for cause in causes if name in _with_std(cause)]
         if 2 * len(same) < len(causes):
             continue
         values, stds = np.array([[number.value, number.std] for number in same]).T[:, :, None]
@@ -165,12 +165,12 @@ def _together(causes: Sequence[CauseSummary]) -> dict[str, EffectParameter]:
     return numbers
 
 
-def _determined(cause: CauseSummary | CommonCause) -> dict[str, EffectParameter]:
+def _with_std(cause: CauseSummary | CommonCause) -> dict[str, EffectParameter]:
     return {name: number for name, number in cause.parameters.items() if number.std is not None}
 
 
 def _without_effect(effect: str, name: str) -> float:
-    """Value of a number at which there is no effect: one of a gain, else zero."""
+    """Return the value of a parameter at which an effect vanishes: one of a gain, else zero."""
     cause = BY_NAME.get(effect)
     spec = cause.spec(name) if cause is not None and cause.kind == "parametric" else None
     default = spec.default if spec is not None else None
@@ -178,7 +178,7 @@ def _without_effect(effect: str, name: str) -> float:
 
 
 def _ratio(effect: str, name: str, number: EffectParameter) -> float:
-    """Distance of a number from that without the effect, in its deviations."""
+    """Return the distance of a number from its value without effect, in standard deviations."""
     distance = abs(number.value - _without_effect(effect, name))
     return distance / number.std if number.std else float(np.inf if distance else 0.0)
 
@@ -190,7 +190,7 @@ def _name(cause: CommonCause) -> str:
 
 def _size(cause: CommonCause) -> str:
     """Return the best determined numbers of a cause with their 95 % intervals, in brackets."""
-    numbers = _determined(cause)
+    numbers = _with_std(cause)
     clearest = sorted(numbers, key=lambda n: -_ratio(cause.effect, n, numbers[n]))[:_SHOWN]
     about = BY_NAME.get(cause.effect)
     said = [

@@ -1,16 +1,16 @@
-"""Which robots of a type differ from the others, in which quantities, and many tests at once.
+"""Tests which robots of a type differ from the others, in which quantities.
 
 Robots that differ widen the scatter of the others and hide each other. So the robot farthest from
-the others is taken out, then the farthest of the rest, until a third is out; each is compared with
-those that are still there (externally studentised). A robot's p-value is the smallest of its own
-and of those taken out after it: if one of these differs, so does a robot that is farther out
-(generalised extreme studentised deviate: Rosner, Technometrics 25, 1983). It is calibrated with
-fleets in which nobody differs: the p-value that counts is how often it would be as small there.
+the others is removed, then the farthest of the rest, until a third is removed; each is compared
+with those that remain (externally studentised). A robot's p-value is the smallest of its test and
+of those removed after it: if one of these differs, so does a robot that is farther out (generalised
+extreme studentised deviate: Rosner, Technometrics 25, 1983). It is calibrated by simulated fleets
+without outliers: as the share of their robots with a smaller p-value.
 
 Each robot has one p-value, that of Simes (Biometrika 73, 1986) over its quantities; robots are
-chosen by Benjamini and Hochberg (J. R. Statist. Soc. B 57, 1995). In a chosen robot, quantities are
-chosen at the level times the share of robots that were chosen, so that the false discovery rate
-averaged over chosen robots keeps its level (Benjamini and Bogomolov, J. R. Statist. Soc. B 76,
+selected by Benjamini and Hochberg (J. R. Statist. Soc. B 57, 1995). In a selected robot, quantities
+are selected at the level times the share of selected robots, so that the false discovery rate
+averaged over selected robots keeps its level (Benjamini and Bogomolov, J. R. Statist. Soc. B 76,
 2014).
 """
 
@@ -30,7 +30,7 @@ FALSE_DISCOVERIES = 0.1  # at most, on average, of what is called different
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which of the tests of k units (robots) in m entries (quantities) are called."""
+    """Rejected null hypotheses of k units (robots) in m entries (quantities)."""
 
     p_values: FloatArray  # (k,); NaN where nothing was tested
     units: NDArray[np.bool_]  # (k,)
@@ -38,7 +38,7 @@ class Chosen:
 
 
 def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
-    """Choose units and their entries at one rate for all groups.
+    """Select units, and entries of selected units, at the false discovery rate `level`.
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
@@ -58,7 +58,7 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
 
 
 def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
-    """Which null hypotheses are rejected, (k,); NaN never is."""
+    """Return which of p-values (k,) are rejected at the rate `level`, (k,) bool; NaN never is."""
     tested = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
     if tested.any():
@@ -67,7 +67,7 @@ def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
 
 
 def _simes(p_values: FloatArray) -> float:
-    """p-value of Simes for all of (m,) hypotheses together; NaN where none was tested."""
+    """Return Simes' p-value of all hypotheses with p-values (m,); NaN where none was tested."""
     ordered = np.sort(p_values[np.isfinite(p_values)])
     if not len(ordered):
         return float("nan")
@@ -84,7 +84,7 @@ _TAIL = 20  # of these with a smaller p-value; beyond, both fall in proportion
 
 @dataclass(frozen=True)
 class Outlying:
-    """How far the k robots of a type are from the others in m quantities."""
+    """Comparison of the k robots of a type with the others, in m quantities."""
 
     statistics: FloatArray  # (k, m), studentised distance from the others
     p_values: FloatArray  # (k, m)
@@ -92,25 +92,25 @@ class Outlying:
 
 
 def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
-    """Judge the robots of all types together at one false discovery rate.
+    """Test the robots of all types at one false discovery rate.
 
     A type has values (k, m) and variances (k, m) of its robots, NaN where one has no estimate.
     """
     tested = [_p_values(values, variances) for values, variances in types]
     return [
-        Outlying(_against_others(*robots, chosen.entries), p_values, chosen)
+        Outlying(_distances(*robots, chosen.entries), p_values, chosen)
         for robots, p_values, chosen in zip(types, tested, choose(tested), strict=True)
     ]
 
 
 def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Calibrated p-values (k, m); NaN where nothing can be judged."""
-    raw = _taken_out(values, variances)
+    """Return calibrated p-values (k, m) of values and variances (k, m); NaN for few robots."""
+    raw = _stepwise_p_values(values, variances)
     counts = np.isfinite(raw).sum(axis=0)
     result = np.full(raw.shape, np.nan)
     for column in np.flatnonzero(counts >= LEAST):
         tested = np.isfinite(raw[:, column])
-        drawn = _nobody_differs(int(counts[column]))
+        drawn = _null_p_values(int(counts[column]))
         ranks = np.searchsorted(drawn, raw[tested, column], side="right")
         share = (ranks + 1.0) / (len(drawn) + 1.0)
         small = raw[tested, column] * (_TAIL / len(drawn)) / drawn[_TAIL - 1]
@@ -119,31 +119,34 @@ def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=32)
-def _nobody_differs(robots: int) -> FloatArray:
-    """Sorted p-values before calibration, of robots of normal fleets of this size."""
+def _null_p_values(robots: int) -> FloatArray:
+    """Return sorted p-values before calibration, of simulated fleets without outliers."""
     fleets = max(_DRAWN // robots, 100)
     values = np.random.default_rng([_SEED, robots]).standard_normal((robots, fleets))
-    return np.sort(_taken_out(values, np.full(values.shape, 1e-9)), axis=None)
+    return np.sort(_stepwise_p_values(values, np.full(values.shape, 1e-9)), axis=None)
 
 
-def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Smallest p-value of each robot and of those that are nearer to the others, (k, m)."""
+def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return p-values (k, m) before calibration: each the smallest of robots removed later.
+
+    Values and variances are (k, m); see the module for the procedure.
+    """
     estimated = np.isfinite(values) & np.isfinite(variances)
-    left = np.where(estimated, values, np.nan)
+    remaining = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)
     columns = np.arange(values.shape[1])
     steps = np.maximum(counts // _MOST, 1)
     order, tails = [], []
     for step in range(int(steps.max(initial=0))):
-        between = between_variance(left, variances)
-        _, mean, _ = generalised_q(left, variances, between)
+        between = between_variance(remaining, variances)
+        _, mean, _ = generalised_q(remaining, variances, between)
         with np.errstate(invalid="ignore", divide="ignore"):
-            distances = np.abs(left - mean) / np.sqrt(variances + between)
+            distances = np.abs(remaining - mean) / np.sqrt(variances + between)
         farthest = np.argmax(np.where(np.isfinite(distances), distances, -1.0), axis=0)
-        value = left[farthest, columns]
-        left[farthest, columns] = np.nan
-        distance = _distance(value, variances[farthest, columns], left, variances)
-        others = np.isfinite(left + variances).sum(axis=0)
+        value = remaining[farthest, columns]
+        remaining[farthest, columns] = np.nan
+        distance = _distance(value, variances[farthest, columns], remaining, variances)
+        others = np.isfinite(remaining + variances).sum(axis=0)
         tail = 2.0 * scipy.stats.t.sf(np.abs(distance), np.maximum(others - 1, 1))
         tested = (step < steps) & (counts - step >= LEAST) & np.isfinite(tail)
         order.append(farthest)
@@ -160,21 +163,21 @@ def _taken_out(values: FloatArray, variances: FloatArray) -> FloatArray:
 def _distance(
     value: FloatArray, variance: FloatArray, others: FloatArray, variances: FloatArray
 ) -> FloatArray:
-    """Studentised distance (m,) of one robot from others."""
+    """Return the studentised distance (m,) of a robot's values (m,) from `others` (k, m)."""
     between = between_variance(others, variances)
     _, mean, uncertainty = generalised_q(others, variances, between)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray((value - mean) / np.sqrt(variance + between + uncertainty))
 
 
-def _against_others(
+def _distances(
     values: FloatArray, variances: FloatArray, left_out: NDArray[np.bool_]
 ) -> FloatArray:
-    """Studentised distances (k, m) of each robot from the others that were not called."""
+    """Return studentised distances (k, m) of robots from the others, without those left out."""
     statistics = np.full(values.shape, np.nan)
-    kept = np.where(left_out, np.nan, values)
+    ordinary = np.where(left_out, np.nan, values)
     for robot in range(len(values)):
-        others, spread = np.delete(kept, robot, axis=0), np.delete(variances, robot, axis=0)
+        others, spread = np.delete(ordinary, robot, axis=0), np.delete(variances, robot, axis=0)
         usable = np.isfinite(others + spread).sum(axis=0) >= LEAST - 1
         distance = _distance(values[robot], variances[robot], others, spread)
         statistics[robot, usable] = distance[usable]

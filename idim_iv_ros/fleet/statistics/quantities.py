@@ -1,9 +1,9 @@
-"""What is compared of every bag, and all bags of a robot in one regression from their R factors.
+"""Quantities to compare, of every bag, and regressions over all bags of a robot by R factors.
 
-Compared are base parameters and the joints' residuals. A residual is compared by its logarithm: it
-is positive, and robots differ by factors.
+Base parameters and the joints' residuals are compared, residuals as logarithms, since they are
+positive and robots differ by factors.
 
-R factors one below the other have the R factor of all rows: RᵀR = Σ R_rᵀ R_r.
+Stacked R factors have the R factor of all rows: RᵀR = Σ R_rᵀ R_r.
 """
 
 import math
@@ -26,8 +26,8 @@ from idim_iv_ros.types import FloatArray
 class Regression:
     """Least squares from an R factor.
 
-    `complete` says whether every parameter is shown; else the values are those of least squares
-    without the columns that depend on others, and the covariance says nothing.
+    `complete`: whether all parameters are identifiable; else the values are those without dependent
+    columns, and the covariance is meaningless.
     """
 
     values: FloatArray  # (p,)
@@ -38,7 +38,7 @@ class Regression:
 
 
 def regression(factor: FloatArray, rows: int) -> Regression:
-    """Solve for the parameters, from the R factor (p + 1, p + 1) of `rows` whitened rows [X y]."""
+    """Solve least squares from the R factor (p + 1, p + 1) of `rows` whitened rows [X y]."""
     width = factor.shape[1] - 1
     basis = independent_basis(factor[:, :width], tolerance=NOT_SHOWN)
     rest = basis.remove(factor[:, -1])
@@ -51,7 +51,7 @@ def regression(factor: FloatArray, rows: int) -> Regression:
 
 
 def shares(factors: Sequence[FloatArray]) -> list[FloatArray]:
-    """Matrices W_r (p, p) with which the estimates of the bags make that of all: Σ W_r = 1."""
+    """Return matrices W_r (p, p), Σ W_r = 1, that weight estimates of bags by their R factors."""
     width = factors[0].shape[1] - 1
     root = independent_basis(stacked(factors)[:, :width], tolerance=NOT_SHOWN).inverse_root(width)
     inverse = root @ root.T
@@ -64,7 +64,7 @@ _DAY = 86400.0
 
 @dataclass(frozen=True)
 class Quantity:
-    """One column: a base parameter, or the residual of a joint (N m)."""
+    """One compared quantity: a base parameter, or the residual of a joint (N m)."""
 
     name: str
     kind: QuantityKind
@@ -75,10 +75,10 @@ class Quantity:
 
 @dataclass(frozen=True)
 class RobotBags:
-    """The k usable bags of one robot in the order of time, in m quantities.
+    """Usable bags of one robot: k bags in the order of time, m quantities.
 
     Bags without a time come last. Values and variances are NaN for the parameters of a bag that
-    does not show all of them.
+    does not identify all of them.
     """
 
     robot: str
@@ -93,8 +93,7 @@ class RobotBags:
 class TypeBags:
     """Usable bags of the robots of one type.
 
-    Bags of another model have other base parameters, geometry or unit than most of the type and are
-    not comparable.
+    Bags in `other_model` have other base parameters, geometry or units than most: not comparable.
     """
 
     type: str
@@ -105,12 +104,12 @@ class TypeBags:
 
 
 def stamp_of(days: float) -> str:
-    """ISO 8601, UTC, of days since 1970."""
+    """Return a time in days since 1970 as ISO 8601, UTC."""
     return iso_time(datetime.fromtimestamp(round(days * _DAY), tz=timezone.utc))
 
 
 def _days_of(time: str | None) -> float:
-    """Days since 1970; NaN of what is no time."""
+    """Return a time in ISO 8601 as days since 1970; NaN if it is none."""
     try:
         return math.nan if time is None else time_of(time).timestamp() / _DAY
     except ValueError:
@@ -118,7 +117,7 @@ def _days_of(time: str | None) -> float:
 
 
 def types_of(bags: Sequence[BagResult]) -> list[TypeBags]:
-    """Group usable bags by type and robot; types and robots in the order of their names."""
+    """Group usable bags by type and robot, in the order of their names."""
     return [
         _type([bag for bag in bags if bag.type == name], name)
         for name in sorted({bag.type for bag in bags})
@@ -130,7 +129,7 @@ def _model(bag: BagResult) -> tuple[tuple[str, ...], str, str]:
 
 
 def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
-    """Collect the robots of a type, in the model that most of its bags have."""
+    """Return the robots of a type; bags of another model than most are set aside."""
     (usual, _), *_ = Counter(map(_model, bags)).most_common(1)
     comparable = [bag for bag in bags if _model(bag) == usual]
     first = comparable[0]
@@ -148,7 +147,7 @@ def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
 
 
 def _robot(bags: Sequence[BagResult], robot: str, joints: Sequence[str]) -> RobotBags:
-    """Sort the bags of a robot by time, and collect what is compared of them."""
+    """Return the bags of a robot sorted by time, with their compared quantities."""
     dated = [(_days_of(bag.time), bag) for bag in bags]
     dated.sort(key=lambda pair: (math.isnan(pair[0]), pair[0], pair[1].uri))
     times, bags = np.array([days for days, _ in dated]), [bag for _, bag in dated]

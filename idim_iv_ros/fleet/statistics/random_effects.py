@@ -26,7 +26,7 @@ _CLOSE = 1e-12
 def generalised_q(
     values: FloatArray, variances: FloatArray, between: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Q (m,), the weighted mean (m,) and its variance (m,) of k units at τ² = `between` (m,)."""
+    """Return Q, weighted mean, its variance, (m,) each, of values (k, m) at τ² = `between` (m,)."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     weights = np.where(estimated, 1.0 / (np.where(estimated, variances, 1.0) + between), 0.0)
     filled = np.where(estimated, values, 0.0)
@@ -40,9 +40,9 @@ def generalised_q(
 def between_variance(
     values: FloatArray, variances: FloatArray, target: FloatArray | None = None
 ) -> FloatArray:
-    """τ² (m,) at which Q is `target` (m,), zero where it is below that already.
+    """Return τ² (m,) of values (k, m) at which Q equals `target` (m,); zero if Q is below it.
 
-    Without a target it is k − 1 of each column: the estimate of Paule and Mandel.
+    By default the target is k − 1 of each column: the estimate of Paule and Mandel.
     """
     estimated = np.isfinite(values) & np.isfinite(variances)
     count = estimated.sum(axis=0)
@@ -75,11 +75,11 @@ def between_variance(
 
 
 def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """τ² (m,) within groups, common to them: the median of P(χ² < Q) over groups is one half.
+    """Return τ² (m,) common to groups: the median of P(χ² < Q) over groups is one half.
 
     Groups that scatter more than the others, by a drift or a fault, do not move it as long as they
-    are fewer than half. A group has values and variances, (k_g, m) each, and says nothing of a
-    column where it has fewer than two units; NaN where no group says anything.
+    are fewer than half. A group has values and variances, (k_g, m) each, and does not count in a
+    column where it has fewer than two units; NaN where no group counts.
     """
     counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups])
     usable = (counts > 1).any(axis=0)
@@ -101,7 +101,7 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
 
 
 def _spread(values: FloatArray) -> FloatArray:
-    """Largest less smallest of each column (m,), zero where there is none."""
+    """Return the range (m,) of each column of values (k, m), zero where it is empty."""
     estimated = np.isfinite(values)
     largest = np.where(estimated, values, -np.inf).max(axis=0)
     return np.where(
@@ -110,14 +110,14 @@ def _spread(values: FloatArray) -> FloatArray:
 
 
 def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatArray]:
-    """Mean, scatter and prediction interval (m,) of quantities over the k robots of a type.
+    """Return mean, scatter and prediction interval (m,) of quantities over k robots of a type.
 
     By the names of `TypeQuantity`: ``mean`` with the interval of Hartung and Knapp (Statist. Med.
-    20, 2001), at the τ² of Paule and Mandel never narrower than the estimates' variances allow;
-    ``sigma``, from robot to robot, with its Q-profile interval; ``next_low`` and ``next_high``,
-    between which the true value of the next robot lies (Higgins, Thompson and Spiegelhalter, J. R.
-    Statist. Soc. A 172, 2009). NaN where there are too few robots: of two there is no next one, of
-    one only its value.
+    20, 2001) at the τ² of Paule and Mandel, never narrower than by the estimates' variances;
+    ``sigma``, from robot to robot, with its Q-profile interval; ``next_low`` and ``next_high``, the
+    prediction interval of the next robot's true value (Higgins, Thompson and Spiegelhalter, J. R.
+    Statist. Soc. A 172, 2009). NaN where there are too few robots: the prediction needs three,
+    everything but the mean needs two.
     """
     count = (np.isfinite(values) & np.isfinite(variances)).sum(axis=0)
     between = between_variance(values, variances)

@@ -1,4 +1,4 @@
-"""The robots of a type: all bags of each together, what changed over time, what stands out."""
+"""Statistics of the robots of a type: estimates over all bags, changes over time, outliers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _SCATTERS_MORE = 0.05
 
 @dataclass(frozen=True)
 class OverTime:
-    """What changed over time at one robot, in m quantities."""
+    """Changes over time of one robot, in m quantities."""
 
     rows: Sequence[NDArray[np.int64]]  # by quantity, the bags that have an estimate and a time
     changes: Sequence[Change | None]  # the best supported ones; None where none can be judged
@@ -38,7 +38,7 @@ def over_time(robots: Sequence[tuple[RobotBags, FloatArray, FloatArray]]) -> lis
     """Search every robot and quantity for a change, at one false discovery rate.
 
     Each robot comes with the variance (m,) between the bags of an unchanged robot, NaN where it is
-    unknown, and the degrees of freedom (m,) by which other robots say it.
+    unknown, and the degrees of freedom (m,) with which the other robots determine it.
     """
     series = []
     for bags, between, prior in robots:
@@ -62,17 +62,17 @@ def over_time(robots: Sequence[tuple[RobotBags, FloatArray, FloatArray]]) -> lis
 def _change(
     values: FloatArray, variances: FloatArray, times: FloatArray, prior: float
 ) -> Change | None:
-    """Search for a change; a robot that scatters more than others is judged by itself alone.
+    """Search values (k,) at times (k,), days, for a change; None where there are too few bags.
 
-    A robot of which the model misses something differs from motion to motion, and what others
-    scatter by would make changes of that.
+    A robot that scatters more than others is tested by its own scatter, since with the smaller one
+    of others (`prior` degrees of freedom) motions with a missing effect would pass for changes.
     """
     change = change_of(values, variances, times, prior) if len(values) >= LEAST else None
     if change is None or prior == 0.0:
         return change
     dof = len(values) - 2
-    left = float(np.sum((values - change.fitted) ** 2 / variances))
-    if scipy.stats.f.sf(left / dof, dof, prior) < _SCATTERS_MORE:
+    squares = float(np.sum((values - change.fitted) ** 2 / variances))
+    if scipy.stats.f.sf(squares / dof, dof, prior) < _SCATTERS_MORE:
         return change_of(values, variances, times)
     return change
 
@@ -83,12 +83,11 @@ _RESEMBLANCE_LEVEL = 0.01  # of the signed-rank test over robots
 
 
 def resemblance(robots: Sequence[RobotBags]) -> float | None:
-    """Correlation of a bag with the next of its robot: median over robots; None where none is seen.
+    """Return the median over robots of the correlation of successive bags; None if insignificant.
 
     Each robot has one number, the mean over its quantities of the lag-one correlation of their
-    deviations from the robot's mean, 1 / k added for the mean of k bags being taken from them
-    (Kendall, Biometrika 41, 1954). The test over robots is that of Wilcoxon, which one robot that
-    changed moves no more than any other.
+    deviations from the robot's mean, plus 1 / k as a correction for the mean of k bags (Kendall,
+    Biometrika 41, 1954). Wilcoxon's test over robots is used, robust against one changed robot.
     """
     correlations = [correlation for robot in robots if (correlation := _lag_one(robot)) is not None]
     if len(correlations) < _FEWEST_ROBOTS:
@@ -98,7 +97,7 @@ def resemblance(robots: Sequence[RobotBags]) -> float | None:
 
 
 def _lag_one(robot: RobotBags) -> float | None:
-    """Lag-one correlation of the bags of one robot; None where there are too few."""
+    """Return the lag-one correlation of the bags of one robot; None where there are too few."""
     values = robot.values[np.isfinite(robot.times)]
     values = values[:, np.isfinite(values).all(axis=0)]
     if len(values) < _FEWEST_BAGS or not values.shape[1]:
@@ -122,12 +121,12 @@ _PRIORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 
 @dataclass(frozen=True)
 class Estimates:
-    """k robots of a type, all bags of each together, in m quantities.
+    """Estimates of k robots of a type from all their bags, in m quantities.
 
-    `values` are of all bags in one regression, and the mean logarithm for residuals; NaN where the
-    bags together do not show a parameter. `half` is half of the 95 % interval. The bags of an
-    `unsteady` robot differ more than those of the other robots do. Robots are compared by their
-    ordinary values: what changed over time as it was before.
+    `values` are of one regression over all bags, and mean logarithms for residuals; NaN where the
+    bags do not identify a parameter. `half` is half of the 95 % interval. The bags of an `unsteady`
+    robot differ more than those of other robots. Ordinary values are those to compare robots by: if
+    a quantity changed over time, its value before.
     """
 
     values: FloatArray  # (k, m)
@@ -139,7 +138,7 @@ class Estimates:
 
 @dataclass(frozen=True)
 class ComparedType:
-    """All that the statistics say of the robots of one type, in the order of `bags.robots`.
+    """All statistics of the robots of one type, in the order of `bags.robots`.
 
     `between` is the variance between the bags of one robot beyond their noise, common to the robots
     of the type; NaN where no robot has two bags.
@@ -153,7 +152,7 @@ class ComparedType:
 
 
 def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
-    """Judge the robots of all types: changes first, since what changed is compared as it was.
+    """Compare the robots of all types: first changes over time, then differences.
 
     Robots of all types share one false discovery rate.
     """
@@ -169,19 +168,19 @@ def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
     return list(map(ComparedType, groups, between, by_type, estimates, outliers))
 
 
-def _estimated(robots: Sequence[RobotBags]) -> NDArray[np.int64]:
-    """Count the bags (k, m) of each robot with an estimate of each quantity."""
+def _counts(robots: Sequence[RobotBags]) -> NDArray[np.int64]:
+    """Return the number (k, m) of bags of each robot with an estimate of each quantity."""
     return np.array([np.isfinite(robot.values + robot.variances).sum(axis=0) for robot in robots])
 
 
 def _prior(robots: Sequence[RobotBags], between: FloatArray) -> FloatArray:
-    """Degrees of freedom ν (m,) by which a robot's scatter is known from the other robots.
+    """Return degrees of freedom ν (m,) with which other robots determine a robot's scatter.
 
-    Those of F with d and ν, as which the robots' scatters spread: many where all scatter as much,
-    none where they do as they like. By the distance of the quartiles, which a drifting robot does
-    not move. No more than robots less one: few robots say little of how the scatter differs.
+    The scatters of robots are taken as F-distributed with d and ν: ν is large where all scatter
+    alike, and zero where scatters are unrelated. It is found from the quartiles' distance, which a
+    drifting robot does not move, and limited to the number of robots less one.
     """
-    counts = _estimated(robots)
+    counts = _counts(robots)
     q = np.array([generalised_q(robot.values, robot.variances, between)[0] for robot in robots])
     prior = np.zeros(len(between))
     for column in range(len(between)):
@@ -200,15 +199,15 @@ def _prior(robots: Sequence[RobotBags], between: FloatArray) -> FloatArray:
 
 @cache
 def _spread(dof: float, prior: float) -> float:
-    """Distance of the quartiles of log F."""
+    """Return the quartiles' distance of log F with (dof, prior) degrees of freedom."""
     return float(np.subtract(*np.log(scipy.stats.f.ppf([0.75, 0.25], dof, prior))))
 
 
 def _estimates(group: TypeBags, between: FloatArray, changes: Sequence[OverTime]) -> Estimates:
-    """Estimate the robots of a type; a quantity that changed is not called unsteady as well."""
+    """Estimate all robots of a type; a quantity that changed is not also called unsteady."""
     tests = sum(robot.values.shape[1] for robot in group.robots if len(robot.bags) > 1)
     alpha = _UNSTEADY_LEVEL / max(tests, 1)
-    dof = np.maximum(_estimated(group.robots) - 1, 0).sum(axis=0)
+    dof = np.maximum(_counts(group.robots) - 1, 0).sum(axis=0)
     rows = [
         _estimate(robot, group.parameters, between, dof, change, alpha)
         for robot, change in zip(group.robots, changes, strict=True)
@@ -224,9 +223,9 @@ def _estimate(
     changes: OverTime,
     alpha: float,
 ) -> tuple[FloatArray, ...]:
-    """Estimate one robot: the rows of `Estimates`, (m,)."""
+    """Return the rows (m,) of `Estimates` for one robot; `between` (m,) is the bags' variance."""
     between = np.nan_to_num(between)
-    (count,) = _estimated([robot])
+    (count,) = _counts([robot])
     q, _, _ = generalised_q(robot.values, robot.variances, between)
     surprise = scipy.stats.chi2.sf(q, np.maximum(count - 1, 1))
     unsteady = (count >= _FEWEST_UNSTEADY) & (surprise < alpha) & ~changes.changed
@@ -235,7 +234,7 @@ def _estimate(
     between = np.where(apart, np.maximum(scatter, between), between)
     dof = np.where(apart, count - 1, np.maximum(common_dof, 1))
     _, values, variances = generalised_q(robot.values, robot.variances, between)
-    values[:parameters], variances[:parameters] = _together(robot, between[:parameters])
+    values[:parameters], variances[:parameters] = _pooled(robot, between[:parameters])
     half = scipy.stats.t.isf(0.5 * (1.0 - LEVEL), dof) * np.sqrt(variances)
     ordinary_values, ordinary_variances = values.copy(), variances.copy()
     for column in np.flatnonzero(changes.changed):
@@ -246,11 +245,11 @@ def _estimate(
     return values, half, unsteady, ordinary_values, ordinary_variances
 
 
-def _together(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Estimate of all rows (p,), and its variances with those between bags in them.
+def _pooled(robot: RobotBags, between: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the estimate (p,) of all rows, and its variances (p,), scatter of bags included.
 
-    β̂ = Σ W_r β̂_r, so that bags which differ with covariance T add Σ W_r T W_rᵀ to what the noise
-    of the rows leaves.
+    β̂ = Σ W_r β̂_r, so that bags which differ with covariance T add Σ W_r T W_rᵀ to the variance by
+    the noise of the rows.
     """
     factors = [bag.r_factor for bag in robot.bags]
     rows = sum(bag.rows for bag in robot.bags)

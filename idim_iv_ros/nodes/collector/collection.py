@@ -1,6 +1,6 @@
-"""One goal: plan, move, record, check, identify; and stop the robot when anything is wrong.
+"""One goal of the collector: plan, move, record, check, identify; stop the robot on any fault.
 
-Runs in a thread of its own; what it needs from ROS comes through its parts.
+The collection runs in a thread; its access to ROS is given to it as `Parts`.
 """
 
 import contextlib
@@ -30,13 +30,13 @@ from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
 _REST = 0.5  # s that are recorded before and after the motion
-_DISCOVERY = 3.0  # s that a neighbour may need to be found
-_CHECK, _IDENTIFICATION = 5.0, 20.0  # s, about, for the share that is done
-_PLANNING = 0.1  # of the whole, whose duration is known only afterwards
+_DISCOVERY = 3.0  # s until a node must be discovered
+_CHECK, _IDENTIFICATION = 5.0, 20.0  # s, about, for the progress
+_PLANNING = 0.1  # share of the progress: the duration is known only afterwards
 
 
 class HeardRobot:
-    """The robot of a configuration file, where it is, and where its controller asks it to be."""
+    """The robot of a configuration file: its measured positions and its controller's references."""
 
     def __init__(self, node: Node, file: str) -> None:
         self.configuration = read_configuration(node, file)
@@ -47,7 +47,7 @@ class HeardRobot:
             self.references = JointPositions(node, signals.reference, joints, reference=True)
 
     def close(self) -> None:
-        """Hear no more of it."""
+        """Unsubscribe from the joint states and the references."""
         for topic in (self.positions, self.references):
             if topic is not None:
                 topic.close()
@@ -55,7 +55,7 @@ class HeardRobot:
 
 @dataclass(frozen=True)
 class Parts:
-    """What a collection works with; `gone` says whether nobody waits for it any more."""
+    """Everything a collection needs; `gone` returns whether no client waits for its result."""
 
     robot: HeardRobot
     controller: Controller
@@ -66,9 +66,9 @@ class Parts:
 
 
 class Collection:
-    """Collects data for one goal, once; `say` as of `Course`.
+    """Carries out one goal of the collector; `say` is the callback of `Course`.
 
-    The goal has numbers in place of the zeros that stand for the node's parameters.
+    In the goal, zeros that stand for the node's parameters are already replaced by their values.
     """
 
     def __init__(self, goal: Collect.Goal, parts: Parts, say: Say) -> None:
@@ -79,11 +79,11 @@ class Collection:
         self.result = Collect.Result()
 
     def cancel(self, why: str) -> None:
-        """Stop the robot and end; in any thread."""
+        """Stop the robot and end the collection; may be called from any thread."""
         self._course.cancel(why)
 
     def run(self) -> Collect.Result:
-        """Do it all, and return the result whatever happens."""
+        """Carry out the goal, and return its result whatever happens."""
         try:
             self._run()
             self.result.success = True
@@ -116,7 +116,7 @@ class Collection:
             self._identify(bag)
 
     def _find(self, wanted: list[Callable[[], str]]) -> None:
-        """Wait a little for those who take part, and for a robot that stands still."""
+        """Wait until all nodes and joint states are there; raise UsageError if the robot moves."""
         positions, settings = self._parts.robot.positions, self._parts.settings
         until = time.monotonic() + _DISCOVERY
 
@@ -151,7 +151,7 @@ class Collection:
             ),
             _PLANNING,
         )
-        find()  # that took its time
+        find()  # planning took a while
         return passes_of(
             model,
             limits,
@@ -162,10 +162,10 @@ class Collection:
         )
 
     def _asked_position(self) -> FloatArray:
-        """Where the controller holds the robot, if it says so, else where the robot is.
+        """Return the controller's reference (n_joints,), rad (m), else the measured position.
 
-        The two differ by what the weight of the arm pulls it down: a motion that began at the other
-        would begin with a step.
+        The two differ by the steady-state error under gravity: a motion that began at the measured
+        position would begin with a step of the reference.
         """
         settings, references = self._parts.settings(), self._parts.robot.references
         here = self._robot.position()

@@ -1,4 +1,4 @@
-"""A robot that follows a motion, is supervised, and stopped when anything is wrong."""
+"""The robot follows a motion under supervision, and is stopped when anything is wrong."""
 
 import threading
 import time
@@ -14,27 +14,27 @@ from idim_iv_ros.nodes.joint_topic import JointPositions, Place
 from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
 
-STANDING = 0.2  # s in which a robot at rest moves less than
+STANDING = 0.2  # s in which a robot at rest moves less than STILL
 STILL = 0.01  # rad (m)
 
-_SIGN_OF_LIFE = 0.5  # s between two words on what is done
+_SIGN_OF_LIFE = 0.5  # s between two progress reports
 _SETTLED = 3.0  # s until a robot that was stopped rests
 _SLACK = 0.1  # s around the delay of the controller
-_MOVED = 0.5  # of the allowed error: the robot has begun
+_MOVED = 0.5  # share of the allowed error by which a robot that has begun moved
 _STEP = 0.01  # s between two delays that are tried
-_UNSEEN = 1.0  # s that a motion is waited for which is too small to be seen
+_UNSEEN = 1.0  # s to wait for a motion that is too small to be noticed
 
 Say = Callable[[str, float, float, str], None]
 State = tuple[FloatArray, FloatArray]
 
 
 class Course:
-    """Passes the time for a collection, and raises in it what ends it.
+    """Waits during a collection, reports progress, and raises whatever must end the collection.
 
-    `timeout` counts from now, s; `allowed` says whether the robot may be moved, `gone` whether
-    nobody waits for the goal any more; `say` takes stage, share done, largest tracking error so far
-    in the stage and its joint. `done` and `whole` are the expected durations of what is done and of
-    all, s; `trouble` says what else ends the course (empty: nothing).
+    `timeout` counts from construction, s. `allowed` returns whether the robot may be moved, `gone`
+    whether no client waits for the goal any more. `say` takes the stage, the share done, the
+    largest tracking error of the stage and its joint. `done` and `whole` are expected durations so
+    far and in all, s; `trouble` returns another reason to end (empty: none).
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class Course:
         self.trouble: Callable[[], str] = str
 
     def cancel(self, why: str) -> None:
-        """End the course; in any thread."""
+        """End the collection at the next `tick`; may be called from any thread."""
         self._cancelled = self._cancelled or why
 
     def reason_to_end(self) -> str:
-        """Why nothing more is to be done; empty if all is well."""
+        """Return why the collection must end; empty if it may go on."""
         if self._cancelled:
             return self._cancelled
         if not self._allowed():
@@ -65,31 +65,31 @@ class Course:
         return self.trouble()
 
     def begin(self, stage: str) -> None:
-        """Say what is done from now on."""
+        """Report the beginning of a stage."""
         self._stage, self._worst, self._joint = stage, 0.0, ""
-        self._speak(at_once=True)
+        self._report_progress(at_once=True)
 
     def deviates(self, size: float, joint: str) -> None:
-        """Keep the largest tracking error of the stage, rad (m)."""
+        """Remember the largest tracking error of the stage, rad (m), and its joint."""
         if size > self._worst:
             self._worst, self._joint = size, joint
 
     def proceed(self, done: float, stage: str = "") -> None:
-        """Say from time to time how far it is (s of the whole); a stage of others at once."""
+        """Set the progress `done`, s of `whole`, and report it; at once if a `stage` begins."""
         self.done = done
         self._stage = stage or self._stage
-        self._speak(at_once=bool(stage))
+        self._report_progress(at_once=bool(stage))
 
     def tick(self) -> None:
-        """Let a little time pass; a DataError says why nothing more is to be done."""
+        """Sleep for `LOOK` seconds, then report progress; a DataError says why to end."""
         time.sleep(LOOK)
         reason = self.reason_to_end()
         if reason:
             raise DataError(reason)
-        self._speak()
+        self._report_progress()
 
     def pause(self, seconds: float) -> None:
-        """Let some time pass."""
+        """Let a time in seconds pass in ticks."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.tick()
@@ -97,10 +97,10 @@ class Course:
     def compute(
         self, compute: Callable[[Callable[[str, float], None]], Result], expected: float
     ) -> Result:
-        """Compute in another thread, so that what happens meanwhile is noticed.
+        """Compute in another thread while this one ticks, so that a reason to end is noticed.
 
-        `compute` takes where it reports its progress, which raises when it is to end; `expected` is
-        its duration, in the unit of `whole`.
+        `compute` takes a callback for its progress, which raises when the computation shall end;
+        `expected` is its share of `whole`.
         """
         begun = self.done
         given_up = threading.Event()
@@ -120,7 +120,7 @@ class Course:
         self.done = begun + expected
         return answer.result()
 
-    def _speak(self, at_once: bool = False) -> None:
+    def _report_progress(self, at_once: bool = False) -> None:
         now = time.monotonic()
         if at_once or now > self._said + _SIGN_OF_LIFE:
             self._said = now
@@ -128,12 +128,12 @@ class Course:
 
 
 class Supervision:
-    """Compares where a robot is with where one trajectory should have it by now.
+    """Compares where a robot is with where its trajectory should have it by now.
 
-    The controller begins some time after it was asked, which nobody says: until the robot moves,
-    any delay up to the longest, s, is possible; then it is the one that fits best, and the robot
-    must keep to it (`delay` is None before). `start` (n_joints,) is where the robot was when it was
-    asked for the motion; from the distance `allowed` on it does not follow, rad (m).
+    The controller begins at an unknown time after the request. Until the robot moves, any delay up
+    to `longest_delay`, s, is possible; then `delay` (None before) is the one that fits best, and
+    must hold. `start` (n_joints,) is the position at the request; a deviation of `allowed`, rad
+    (m), or more is a fault.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class Supervision:
     def look(self, elapsed: float, position: FloatArray) -> tuple[float, str]:
         """Return the largest distance from where the robot should be, rad (m), and its joint.
 
-        `elapsed` is the time since it was asked, s; `position` is measured, (n_joints,) rad (m).
+        `elapsed` is the time since the request, s; `position` is measured, (n_joints,) rad (m).
         """
         moved = float(np.abs(position - self._start).max()) > _MOVED * self._allowed
         if self.delay is None and moved:
@@ -162,7 +162,7 @@ class Supervision:
         return size, self._motion.joints[int(np.argmax(np.abs(position - due)))]
 
     def ended(self, elapsed: float) -> bool:
-        """Whether the robot should rest at the end by now."""
+        """Return whether the motion must be over `elapsed` seconds after the request."""
         delay = self._longest if self.delay is None else self.delay + _SLACK
         way = np.abs(self._motion.position - self._motion.position[0]).max()
         if way <= _MOVED * self._allowed:  # the robot may have gone all of it without being seen
@@ -170,9 +170,9 @@ class Supervision:
         return elapsed > self._motion.duration + delay
 
     def planned(self, elapsed: float) -> State:
-        """Position and velocity (n_joints,) that the controller asks for now, rad, rad/s.
+        """Return position and velocity (n_joints,) of the reference now, rad, rad/s.
 
-        Before the robot has begun, that is the beginning, at rest.
+        Before the robot has begun, these are the first position and zero.
         """
         if self.delay is None:
             return self._motion.position[0], np.zeros_like(self._motion.velocity[0])
@@ -183,7 +183,7 @@ class Supervision:
     def _nearest(
         self, elapsed: float, position: FloatArray, low: float, high: float
     ) -> tuple[FloatArray, float]:
-        """Place of the motion that fits best among the delays, and that delay."""
+        """Return the planned position nearest to `position` of delays low … high, s; its delay."""
         delays = low + _STEP * np.arange(round((high - low) / _STEP) + 1)
         samples = np.round((elapsed - delays) * self._motion.rate).astype(int)
         samples = np.clip(samples, 0, len(self._motion.position) - 1)
@@ -193,7 +193,7 @@ class Supervision:
 
 
 class Follower:
-    """One robot: where it is, and what moves it."""
+    """Moves one robot along trajectories and supervises it."""
 
     def __init__(
         self,
@@ -206,12 +206,12 @@ class Follower:
         self._settings, self._course = settings, course
 
     def position(self) -> FloatArray:
-        """Where the robot is (n_joints,) rad (m); joint states must have come."""
+        """Return the measured position (n_joints,) rad (m); joint states must have arrived."""
         assert self._positions.last is not None
         return self._positions.last.position
 
     def follow(self, stage: str, motion: Trajectory, passes: Passes) -> None:
-        """Have the robot go through a motion; an IdimError says why it was stopped."""
+        """Move the robot along a motion; an IdimError says why it was stopped."""
         self._course.begin(stage)
         settings = self._settings()
         watch = Supervision(motion, self.position(), settings.tracking_error, settings.start_delay)
@@ -228,9 +228,9 @@ class Follower:
         self._course.done = done + motion.duration
 
     def _watch(self, watch: Supervision, begun: float, duration: float) -> tuple[str, State]:
-        """Look at the robot until it rests at the end (no problem), or there is one.
+        """Supervise the robot until its motion is over or a problem occurs.
 
-        The state is position and velocity from which the robot can be stopped smoothly.
+        Returns the problem (empty: none), and the position and velocity (n_joints,) to stop from.
         """
         settings, positions = self._settings(), self._positions
         before, done = positions.last, self._course.done
@@ -259,7 +259,7 @@ class Follower:
         return "", (self.position(), np.zeros_like(self.position()))
 
     def _halt(self, motion: Trajectory, passes: Passes, moving: State) -> None:
-        """Bring the robot to rest from where it is and as fast as it moves."""
+        """Stop the robot from a position and velocity, and wait until it rests."""
         self._controller.halt(stop(motion.joints, *moving, passes.limits))
         until = time.monotonic() + _SETTLED
         still = None
@@ -272,7 +272,7 @@ class Follower:
 
 
 def _speed(before: Place | None, now: Place) -> FloatArray:
-    """Return the mean speed between two places, rad/s (m/s); zero where they are one."""
+    """Return the mean velocity between two positions, rad/s (m/s); zero for equal times."""
     if before is None or now.measured <= before.measured:
         return np.zeros_like(now.position)
     return np.asarray((now.position - before.position) / (now.measured - before.measured))

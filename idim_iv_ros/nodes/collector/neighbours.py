@@ -1,4 +1,4 @@
-"""Those whom the collector asks: a controller of ros2_control, the recorder, the identifier."""
+"""The nodes that the collector needs: a ros2_control controller, the recorder, the identifier."""
 
 import time
 from collections.abc import Callable
@@ -29,17 +29,17 @@ _CODES = (
     "PATH_TOLERANCE_VIOLATED",
     "GOAL_TOLERANCE_VIOLATED",
 )
-_ANSWER = 15.0  # s; the recorder gives up a disk that hangs after ten
+_ANSWER = 15.0  # s to wait for an answer; the recorder waits ten for a disk
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
 _BETWEEN_LOOKS, _ABSENCES = 0.4, 2  # s between two looks for clients; looks that must find none
 _WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
-Tick = Callable[[], None]  # lets a little time pass; may raise why nothing more is to be done
+Tick = Callable[[], None]  # sleeps a little; raises when the collection must end
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: Tick) -> None:
-    """Let time pass until a condition; a UsageError says `what` did not come in time."""
+    """Tick until a condition holds; a UsageError says that `what` did not come within `seconds`."""
     until = time.monotonic() + seconds
     while not condition():
         tick()
@@ -48,7 +48,7 @@ def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: T
 
 
 def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
-    """Return every k-th sample and the last one, `point_rate` a second, to be begun at once."""
+    """Return a JointTrajectory of `point_rate` points a second (Hz), the last sample included."""
     samples = len(motion.position)
     kept = list(range(0, samples - 1, max(1, round(motion.rate / point_rate))))
     points = []
@@ -66,14 +66,13 @@ def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
 
 
 class Controller:
-    """A controller of ros2_control that follows trajectories.
+    """A ros2_control controller that follows trajectories.
 
-    Its action ``follow_joint_trajectory`` is used where a server is there when `missing` is called,
-    else its topic ``joint_trajectory``, on which it does not answer. With `interface` ``topic`` or
-    ``action`` only that one is used, with ``auto`` either.
+    `interface` ``action`` uses its action ``follow_joint_trajectory``, ``topic`` its topic
+    ``joint_trajectory``, which reports no failure. With ``auto`` the action is used if its server
+    was ready at the last call of `missing`, else the topic.
 
-    Raises UsageError: the action is wanted and control_msgs is not installed, or the name is none
-    of ROS.
+    Raises UsageError: control_msgs, needed for the action, is not installed, or `name` is invalid.
     """
 
     def __init__(self, node: Node, name: str, interface: str) -> None:
@@ -107,7 +106,7 @@ class Controller:
         self._failure = ""
 
     def missing(self) -> str:
-        """Why the controller cannot be used now; empty if it can."""
+        """Return why the controller cannot be used now; empty if it can."""
         self._by_action = self._client is not None and self._client.server_is_ready()
         if self._by_action:
             return ""
@@ -118,7 +117,7 @@ class Controller:
         return f"nobody listens on {self._publisher.topic_name}: is the controller running?"
 
     def follow(self, motion: Trajectory, point_rate: float) -> None:
-        """Ask the controller to follow a motion that begins where the robot is."""
+        """Send the controller a motion that begins where the robot is."""
         message = trajectory_message(motion, point_rate)
         if not self._by_action:
             assert self._publisher is not None
@@ -128,12 +127,12 @@ class Controller:
         self._goal, self._failure = None, ""
         self._goals_sent += 1
         answer = self._client.send_goal_async(self._kind.Goal(trajectory=message))
-        answer.add_done_callback(self._of_this_goal(self._accepted))
+        answer.add_done_callback(self._of_this_goal(self._goal_accepted))
 
     def halt(self, stop: Trajectory) -> None:
-        """Bring the robot to rest: a controller whose goal is cancelled stops where it is.
+        """Bring the robot to rest by cancelling the goal of the action.
 
-        `stop` comes to rest, for a controller that is used by its topic.
+        By the topic, the trajectory `stop` is sent instead, which comes to rest.
         """
         if not self._by_action:
             assert self._publisher is not None
@@ -144,29 +143,29 @@ class Controller:
             self._goal.cancel_goal_async()
 
     def failure(self) -> str:
-        """Why the goal was refused or ended, as the controller says it; empty without a reason."""
+        """Return why the controller refused or ended the goal; empty if it did neither."""
         return self._failure if self._by_action else ""
 
     def _of_this_goal(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback of a future that does nothing once another goal was sent."""
+        """Return a callback for futures that does nothing once another goal was sent."""
         number = self._goals_sent
 
         def call(future: Any) -> None:
             if number == self._goals_sent:
                 callback(future.result())
-            elif callback == self._accepted and future.result().accepted:
+            elif callback == self._goal_accepted and future.result().accepted:
                 future.result().cancel_goal_async()  # halted before the controller had answered
 
         return call
 
-    def _accepted(self, goal: Any) -> None:
+    def _goal_accepted(self, goal: Any) -> None:
         if not goal.accepted:
             self._failure = "the controller refuses the trajectory"
             return
         self._goal = goal
-        goal.get_result_async().add_done_callback(self._of_this_goal(self._ended))
+        goal.get_result_async().add_done_callback(self._of_this_goal(self._goal_ended))
 
-    def _ended(self, answer: Any) -> None:
+    def _goal_ended(self, answer: Any) -> None:
         code = answer.result.error_code
         if code != self._kind.Result.SUCCESSFUL:
             names = {getattr(self._kind.Result, name): name for name in _CODES}
@@ -177,10 +176,10 @@ class Controller:
 
 
 class Clients:
-    """The clients of one service: whether there were any, and now there are none.
+    """Tells whether all clients of one service are gone.
 
-    A server does not learn who asked: only when the last client is gone, nobody waits for an
-    answer. One that is killed counts until its lease in the middleware ends, 20 s as a rule.
+    A server does not learn who called: only without any client it is certain that nobody waits for
+    an answer. A killed client is listed until its lease in the middleware ends, usually 20 s.
     """
 
     def __init__(self, node: Node, name: str) -> None:
@@ -189,7 +188,7 @@ class Clients:
         self._looked = float("-inf")
 
     def gone(self) -> bool:
-        """Whether there were none in the last two looks; look again after a while."""
+        """Return whether clients were seen before, and none in the last two looks, 0.4 s apart."""
         if time.monotonic() - self._looked > _BETWEEN_LOOKS:
             self._looked = time.monotonic()
             if self._node.count_clients(self._name):
@@ -200,10 +199,10 @@ class Clients:
 
 
 class RecorderNeighbour:
-    """Services ``start``, ``stop`` and ``abort`` of ``recorder``, and what it says meanwhile.
+    """Services ``start``, ``stop`` and ``abort`` of the node ``recorder``, and its status.
 
-    A recorder that was killed is on the list of services for another 20 s: its silence is noticed
-    before, by `clock`, which is monotonic, s.
+    A killed recorder stays in the list of services for about 20 s; that its status stops is noticed
+    earlier, by the monotonic `clock`, s.
     """
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
@@ -215,11 +214,11 @@ class RecorderNeighbour:
         self._status: RecorderStatus | None = None
         self._heard_at, self._period = 0.0, 0.0
         self._records = False
-        node.create_subscription(BagClosed, "recorder/bag_closed", self._heard, 10)
+        node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
         node.create_subscription(RecorderStatus, "recorder/status", self._reported, 10)
 
     def missing(self) -> str:
-        """Why it cannot be used now; empty if it can."""
+        """Return why the recorder cannot start a bag now; empty if it can."""
         for what, client in self._clients.items():
             if not client.service_is_ready():
                 return f"no {self._names[what]}: start the recorder"
@@ -234,7 +233,7 @@ class RecorderNeighbour:
         return ""
 
     def trouble(self) -> str:
-        """Why a bag that was begun is not complete; empty if nothing is known of it."""
+        """Return why the bag that is recorded is incomplete; empty without a reported fault."""
         status = self._status
         if status is None:
             return ""
@@ -253,34 +252,35 @@ class RecorderNeighbour:
         return ""
 
     def _reported(self, message: RecorderStatus) -> None:
+        """Remember the recorder's status, and its time and period, s."""
         now = self._clock()
         if self._status is not None:
             self._period = now - self._heard_at
         self._status, self._heard_at = message, now
-        # What it said before it began may come later.
+        # A status from before the start may arrive after it.
         self._records = self._records or message.state == RecorderStatus.RECORDING
 
     def start(self, tick: Tick) -> None:
-        """Begin a bag; a UsageError is why the recorder refuses."""
+        """Have the recorder open a bag; a UsageError says why it refuses."""
         self._closed.clear()
         self._records = False
-        self._ask("start", tick)
+        self._call_service("start", tick)
 
     def stop(self, *, aborted: bool = False) -> Path:
-        """Close the bag in any case, or give it up, and return its folder.
+        """Have the recorder close its bag, or abort it, and return the bag's folder.
 
-        A UsageError is why the recorder refuses, or that it does not say which bag it was.
+        A UsageError says why the recorder refuses, or that it names no bag in time.
         """
         sleep = partial(time.sleep, LOOK)
-        self._ask("abort" if aborted else "stop", sleep)
+        self._call_service("abort" if aborted else "stop", sleep)
         self._status = None  # that it records is no longer true
         wait_until(lambda: bool(self._closed), _ANSWER, "the recorder's word on the bag", sleep)
         return Path(self._closed[-1])
 
-    def _heard(self, message: Any) -> None:
+    def _bag_closed(self, message: Any) -> None:
         self._closed.append(message.bag)
 
-    def _ask(self, what: str, tick: Tick) -> None:
+    def _call_service(self, what: str, tick: Tick) -> None:
         client, name = self._clients[what], self._names[what]
         future: Any = client.call_async(Trigger.Request())
         wait_until(future.done, _ANSWER, f"an answer of {name}", tick)
@@ -289,14 +289,14 @@ class RecorderNeighbour:
 
 
 class IdentifierNeighbour:
-    """Action ``identifier/identify_bags``."""
+    """Client of the action ``identifier/identify_bags``."""
 
     def __init__(self, node: Node) -> None:
         self._client = ActionClient(node, Identify, "identifier/identify_bags")
         self._name = node.resolve_service_name("identifier/identify_bags")
 
     def missing(self) -> str:
-        """Why it cannot be used now; empty if it can."""
+        """Return why the identifier cannot be used now; empty if it can."""
         if self._client.server_is_ready():
             return ""
         return f"no {self._name}: start the identifier, or leave identify out"
@@ -307,7 +307,7 @@ class IdentifierNeighbour:
         """Have a bag of the identifier's directory identified and return the result message.
 
         `say` takes the stage and the share done; where `tick` raises, the goal is cancelled. A
-        UsageError is why the identifier refuses.
+        UsageError says why the identifier refuses.
         """
 
         def heard(message: Any) -> None:

@@ -35,7 +35,7 @@ It needs the nodes recorder and identifier. Parameters: ros2 param describe /col
 
 
 class Collector(NodeProgram[CollectorSettings]):
-    """The action around the collection that is under way."""
+    """The node `collector`: an action server that runs one `Collection` at a time."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("collector"), CollectorSettings, arguments)
@@ -44,11 +44,11 @@ class Collector(NodeProgram[CollectorSettings]):
         self._recorder = RecorderNeighbour(node)
         self._identifier = IdentifierNeighbour(node)
         self._robot: HeardRobot | None = None
-        self._load()
+        self._load_robot()
         self._goal: ServerGoalHandle | None = None
         self._collection: Collection | None = None
         self._actions = DeferredActionServer(
-            node, Collect, "~/collect", self._accepted, self._cancel
+            node, Collect, "~/collect", self._start_goal, self._cancel
         )
         self._name = action = node.resolve_service_name("~/collect")
         self._clients = Clients(node, f"{action}/_action/get_result")
@@ -60,7 +60,7 @@ class Collector(NodeProgram[CollectorSettings]):
         )
 
     def close(self) -> None:
-        """Stop the robot if it moves, and answer."""
+        """Stop the robot if it moves, answer the goal, and end the node."""
         if self._collection is not None:
             self._collection.cancel("the collector was shut down")
         while self._goal is not None and self.node.executor is not None:
@@ -69,17 +69,17 @@ class Collector(NodeProgram[CollectorSettings]):
         self._actions.destroy()
         super().close()
 
-    def _load(self) -> None:
-        """Read the configuration, and hear its robot."""
+    def _load_robot(self) -> None:
+        """Read the configuration file and subscribe to its robot."""
         before, self._robot = self._robot, None
         if before is not None:
             before.close()
         if self._settings.configuration:
             self._robot = HeardRobot(self.node, self._settings.configuration)
 
-    def _accepted(self, goal: ServerGoalHandle) -> None:
+    def _start_goal(self, goal: ServerGoalHandle) -> None:
         try:
-            collection = Collection(self._filled_in(goal.request), self._parts(), self._say)
+            collection = Collection(self._complete_goal(goal.request), self._parts(), self._say)
         except IdimError as error:
             self.node.get_logger().warning(f"refused: {error}")
             self._actions.finish(goal, Collect.Result(success=False, message=str(error)))
@@ -89,11 +89,11 @@ class Collector(NodeProgram[CollectorSettings]):
         executor = self.node.executor
         assert executor is not None
         in_thread(collection.run, "collection").add_done_callback(
-            lambda done: executor.create_task(self._ended, goal, done.result())
+            lambda done: executor.create_task(self._finish_goal, goal, done.result())
         )
 
-    def _filled_in(self, request: Collect.Goal) -> Collect.Goal:
-        """Return a request with parameters in place of zeros; a UsageError says what is wrong."""
+    def _complete_goal(self, request: Collect.Goal) -> Collect.Goal:
+        """Return a goal with the node's parameters in place of zeros; a UsageError refuses it."""
         settings = self._settings
         if not settings.allow_motion:
             raise UsageError(
@@ -159,7 +159,7 @@ class Collector(NodeProgram[CollectorSettings]):
         if self._collection is not None and goal is self._goal:
             self._collection.cancel("cancelled")
 
-    def _ended(self, goal: ServerGoalHandle, result: Collect.Result) -> None:
+    def _finish_goal(self, goal: ServerGoalHandle, result: Collect.Result) -> None:
         self._goal = self._collection = None
         log = self.node.get_logger()
         if result.success:
@@ -175,7 +175,7 @@ class Collector(NodeProgram[CollectorSettings]):
 
     def _apply(self, given: set[str]) -> None:
         if "configuration" in given:
-            self._load()
+            self._load_robot()
 
 
 run = partial(run_node, "collector", Collector, ABOUT)

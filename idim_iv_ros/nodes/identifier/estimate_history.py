@@ -1,4 +1,4 @@
-"""Estimates of one bag after the other: kept over a restart, compared, and what is said of them."""
+"""The history of estimates: kept in a file, compared for drift, and reported."""
 
 import fcntl
 import os
@@ -39,15 +39,15 @@ class PastEstimates:
 
     @property
     def kind(self) -> tuple[str, str, str, str]:
-        """What estimates must share to be compared."""
+        """Return the properties that estimates must share to be compared."""
         return self.robot, self.configuration, self.estimator, self.effort_unit
 
     def repeats(self, other: "PastEstimates") -> bool:
-        """Whether both are estimates of one kind from the same bags."""
+        """Return whether both are estimates of one kind from the same bags."""
         return self.kind == other.kind and set(self.bags) == set(other.bags)
 
     def independent_of(self, other: "PastEstimates") -> bool:
-        """Whether both have the same parameters, and no bag in common."""
+        """Return whether both have the same parameters, and no bag in common."""
         return set(self.values) == set(other.values) and not set(self.bags) & set(other.bags)
 
     def to_message(self) -> PastIdentification:
@@ -58,10 +58,10 @@ class PastEstimates:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The newest identification of one kind beside its baseline.
+    """The newest identification of one kind compared with its baseline.
 
     `drifts` has one item for each parameter, none without a baseline. `since` is the stamp of the
-    first identification from which on all drift, ns since 1970.
+    first identification after which every one drifts, ns since 1970.
     """
 
     newest: PastEstimates
@@ -71,16 +71,16 @@ class Comparison:
 
     @property
     def drifting(self) -> tuple[Drift, ...]:
-        """Parameters that differ by more than chance."""
+        """Return the parameters whose change is significant."""
         return tuple(drift for drift in self.drifts if drift.drifts)
 
     @property
     def compared_with(self) -> str:
-        """The bags of the baseline."""
+        """Return the names of the baseline's bags, separated by commas."""
         return "" if self.baseline is None else ", ".join(self.baseline.bags)
 
     def to_message(self) -> DriftComparison:
-        """Return the entry of what `~/drift` publishes."""
+        """Return the comparison as an entry of the message on `~/drift`."""
         baseline = self.baseline
         stds = {} if baseline is None else baseline.values
         return message_of(
@@ -107,7 +107,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Saved(Document):
+class _HistoryFile(Document):
     what: ClassVar[str] = "a history"
     written_by: ClassVar[str] = "serve"
     format: Literal["idim_iv_ros/history/1"] = "idim_iv_ros/history/1"
@@ -115,10 +115,10 @@ class _Saved(Document):
 
 
 class EstimateHistory:
-    """Identifications in the order of time, in a file.
+    """Past identifications in the order of time, saved in a file.
 
-    Those of one kind (robot, configuration, estimator, unit of the effort) are compared with each
-    other alone: what an operator asks for with another estimator does not end an alarm.
+    Only those of one kind (robot, configuration, estimator, unit of the effort) are compared: an
+    identification with another estimator does not end an alarm.
 
     Raises DataError: the file is there but is no history; it is left as it is.
     """
@@ -128,30 +128,30 @@ class EstimateHistory:
         self.entries: list[PastEstimates] = []
         if self._path.exists():
             try:
-                self.entries = list(_Saved.read(self._path).identifications)
+                self.entries = list(_HistoryFile.read(self._path).identifications)
             except UsageError as error:
                 raise DataError(f"{error}; or move it away") from error
 
     def add(self, entry: PastEstimates, length: int) -> None:
-        """Keep an identification; an earlier one of the same bags gives way to it.
+        """Save an identification in place of an earlier one of the same kind and bags.
 
-        Of its kind `length` are kept at most; a baseline that was set stays.
+        At most `length` of its kind are kept, the newest and a baseline that the user set.
         """
         if any(other.baseline and entry.repeats(other) for other in self.entries):
             entry = replace(entry, baseline=True)
-        kept = [other for other in self.entries if not entry.repeats(other)]
-        of_kind = [other for other in kept if other.kind == entry.kind]
+        others = [other for other in self.entries if not entry.repeats(other)]
+        of_kind = [other for other in others if other.kind == entry.kind]
         removable = [other for other in of_kind if not other.baseline]
         surplus = removable[: max(len(of_kind) + 1 - length, 0)]
-        self._keep([*(other for other in kept if other not in surplus), entry])
+        self._save([*(other for other in others if other not in surplus), entry])
 
     def set_baseline(self, folder: str) -> PastEstimates:
-        """Compare later identifications with the one whose files are in `folder`, and return it."""
+        """Make the identification in `folder` the baseline of its kind, and return it."""
         chosen = next((entry for entry in self.entries if entry.folder == folder), None)
         if chosen is None:
             what = f"no identification in {folder}" if folder else "no identification"
             raise UsageError(f"{what} is kept; get_history lists those that are")
-        self._keep(
+        self._save(
             [
                 replace(entry, baseline=entry is chosen) if entry.kind == chosen.kind else entry
                 for entry in self.entries
@@ -162,14 +162,15 @@ class EstimateHistory:
     def comparisons(self, significance: float) -> list[Comparison]:
         """Compare the newest identification of each kind with its baseline.
 
-        That is the one that was set, else the first that is comparable: with the same parameters,
-        and no bag in common, for estimates from the same data are not independent.
+        The baseline is the one that was set, else the first with the same parameters and no bag in
+        common (estimates from the same data are not independent).
         """
         newest = {entry.kind: entry for entry in self.entries}
         ordered = sorted(newest.values(), key=self.entries.index)
         return [self._comparison(entry, significance) for entry in ordered]
 
     def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
+        """Compare one identification with its baseline, and find since when it drifts."""
         of_kind = [entry for entry in self.entries if entry.kind == newest.kind]
         comparable = [entry for entry in of_kind if entry.independent_of(newest)]
         chosen = [entry for entry in comparable if entry.baseline]
@@ -189,13 +190,13 @@ class EstimateHistory:
             since = entry.stamp
         return Comparison(newest, baseline, drifts(newest), since)
 
-    def _keep(self, entries: Sequence[PastEstimates]) -> None:
-        _Saved(identifications=tuple(entries)).write(self._path)
+    def _save(self, entries: Sequence[PastEstimates]) -> None:
+        _HistoryFile(identifications=tuple(entries)).write(self._path)
         self.entries = list(entries)
 
 
 def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
-    """Return what `~/drift` publishes."""
+    """Return the message for `~/drift`."""
     return message_of(
         DriftReport,
         None,
@@ -207,7 +208,7 @@ def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
 
 
 def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticStatus:
-    """Name the parameters that differ from their baseline by more than chance."""
+    """Return a diagnostic status with the drift of every parameter; WARN if any is significant."""
     # The kind that was identified last, unless another is the reason of the alarm.
     compared = [comparison for comparison in comparisons if comparison.drifts]
     alarms = [comparison for comparison in compared if comparison.drifting]
@@ -223,7 +224,7 @@ def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticS
 
 
 def drift_sentence(comparisons: Sequence[Comparison]) -> str:
-    """Say in one line which parameters changed, and since when."""
+    """Return one line that says which parameters changed, and since when."""
     parts = []
     for comparison in comparisons:
         if comparison.drifting:
@@ -246,10 +247,10 @@ def drift_sentence(comparisons: Sequence[Comparison]) -> str:
 
 
 class FolderLock:
-    """A folder that one process has to itself, however it ends: the system releases the lock.
+    """Locks a folder for one process; the system releases the lock if the process dies.
 
-    It is made if it is not there. Where it cannot be locked, as on some network disks, nothing is
-    refused.
+    The folder is created if necessary. Where locks are not supported, as on some network disks,
+    several processes may take it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -257,9 +258,9 @@ class FolderLock:
         self._open: int | None = None
 
     def take(self) -> None:
-        """Have the folder from now on.
+        """Create and lock the folder.
 
-        Raises UsageError: it cannot be written, or another identifier has it.
+        Raises UsageError: it cannot be written, or another identifier holds the lock.
         """
         if self._open is not None:
             return
@@ -279,7 +280,7 @@ class FolderLock:
                 raise UsageError(f"parameter output_directory: {error}") from error
 
     def release(self) -> None:
-        """Let others have it."""
+        """Release the lock."""
         if self._open is not None:
             os.close(self._open)
             self._open = None

@@ -31,9 +31,9 @@ Send = Callable[[Mapping[str, object]], None]
 
 
 def do_job(request: Mapping[str, Any], events: Connection) -> None:
-    """Do one request and send what happens: stages with their progress, at last the answer.
+    """Carry out one request and send its events: stages with progress, then the answer.
 
-    When the node ends, this process ends at once, with what it started: no job outlives the node.
+    When the node ends, this process and its children are killed: no job outlives the node.
     """
     os.setsid()  # it is killed with what it started
     threading.Thread(target=_end_with_the_node, daemon=True).start()

@@ -1,4 +1,4 @@
-"""One identification or diagnosis that was asked for: who asked, and what a request may name."""
+"""One requested identification or diagnosis, and the checks of what a request may name."""
 
 import math
 import stat
@@ -21,10 +21,10 @@ ESTIMATORS = ("idim-iv", "idim-ls")
 
 @dataclass(frozen=True)
 class JobListener:
-    """Who asked for a job: what is called when it begins, while it runs, and when it has ended.
+    """Callbacks of the client of a job: when it begins, while it runs, and when it has ended.
 
-    `progress` takes the stage and the share done, 0 to 1; `ended` takes, in any case, whether there
-    is a result, and the verdict or why there is none.
+    `progress` takes the stage and the share done, 0 to 1. `ended` is always called: with whether
+    there is a result, and with the verdict or the reason of the failure.
     """
 
     ended: Callable[[bool, str], None]
@@ -34,14 +34,14 @@ class JobListener:
 
 @dataclass(eq=False)
 class Job:
-    """One request, and what has become of it. Times are those of the queue's clock, s.
+    """One request and its state. Times are those of the queue's clock, s.
 
-    `bags`: absolute, inside the bag directory; `names` are relative to it. `timeout`,
-    `answer_within`: s, from the start of the work, and from the receipt of the request.
-    `configuration_name`: as the request names it; empty for the node's own. `estimator`, `without`:
-    of an identification; effects that a diagnosis does not consider. `folder`: of its files; None
-    before it is worked on and after it failed. `message`: verdict, or why there is none. `said_at`:
-    when who asked last heard of it.
+    `bags` are absolute paths inside the bag directory, `names` relative to it. `timeout` limits the
+    work, `answer_within` the time since receipt, s. `configuration_name` is as in the request;
+    empty for the node's configuration. `estimator` belongs to an identification, `without` (effects
+    that are not considered) to a diagnosis. `folder` holds the files of the job; None before it
+    runs and after it failed. `message` is the verdict or the reason of the failure. `said_at` is
+    the time of the last progress report.
     """
 
     task: Task
@@ -64,7 +64,7 @@ class Job:
     said_at: float = 0.0
 
     def say(self, stage: str, share: float, now: float) -> None:
-        """Let who asked know what is done, and which share of the work is."""
+        """Report the stage and the share done to the client of the job."""
         self.stage, self.share, self.said_at = stage, share, now
         self.listener.progress(stage, share)
 
@@ -76,13 +76,13 @@ def requested_job(
     configuration: Configuration | None,
     listener: JobListener,
 ) -> Job:
-    """Return the job that a goal or a request of a service asks for.
+    """Return the job that a goal or a service request asks for.
 
     `request` has `bags`, `configuration`, `timeout`, and `estimator` or `without`, whose effects
-    the worker looks up; `configuration` is the node's.
+    the worker checks; `configuration` is the node's.
 
     Raises UsageError: a name leads out of its folder, a file is missing or too large, the estimator
-    is unknown or the timeout is no time.
+    is unknown, or the timeout is not a valid time.
     """
     estimator = getattr(request, "estimator", "") or ESTIMATORS[0]
     without = getattr(request, "without", ())
@@ -119,13 +119,12 @@ def requested_job(
 
 
 def confined(folder: Path, name: str, what: str) -> Path:
-    """Return the file or folder that a request names, links resolved.
+    """Return the resolved path of a file or folder that a request names, inside `folder`.
 
     `name` is relative to the folder, or absolute and inside it; `what` is the parameter that holds
     the folder, for the message.
 
-    Raises UsageError: an empty name, one with ``..``, or one that leads out of the folder, also by
-    a link.
+    Raises UsageError: the name is empty, contains ``..``, or leads out of the folder.
     """
     if len(name) > _LONGEST:
         raise UsageError(f"{what}: a name of {len(name)} characters is too long")
@@ -133,20 +132,20 @@ def confined(folder: Path, name: str, what: str) -> Path:
         raise UsageError(f"{name!r} names no file in {what}")
     if ".." in Path(name).parts:
         raise UsageError(f"{name}: '..' is not allowed; name a file in {what}")
-    path = _resolved(folder / name, name)
-    if not path.is_relative_to(_resolved(folder, what)):
+    path = _resolve(folder / name, name)
+    if not path.is_relative_to(_resolve(folder, what)):
         raise UsageError(f"{name}: leads out of {what}")
     return path
 
 
 def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
-    """Return a bag that a request names, and its size in bytes.
+    """Return the path of a bag that a request names, and its size in bytes.
 
     Raises UsageError: as `confined`; or the bag, or a file of it, does not exist, leads out of the
     folder, or is no regular file.
     """
     path = confined(folder, name, "bag_directory")
-    root = _resolved(folder, "bag_directory")
+    root = _resolve(folder, "bag_directory")
     try:
         files: Iterable[Path] = path.iterdir() if path.is_dir() else [path]
         return path, sum(_size(file, root, name) for file in files)
@@ -157,7 +156,7 @@ def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
 
 
 def _size(file: Path, root: Path, name: str) -> int:
-    if not _resolved(file, name).is_relative_to(root):
+    if not _resolve(file, name).is_relative_to(root):
         raise UsageError(f"{name}: its file {file.name} leads out of bag_directory")
     status = file.stat()
     if stat.S_ISDIR(status.st_mode):
@@ -167,7 +166,7 @@ def _size(file: Path, root: Path, name: str) -> int:
     return status.st_size
 
 
-def _resolved(path: Path, name: str) -> Path:
+def _resolve(path: Path, name: str) -> Path:
     try:
         return path.resolve()
     except (OSError, RuntimeError) as error:  # too long, or a link to itself

@@ -1,4 +1,4 @@
-"""Jobs one after the other, each in a process of its own."""
+"""A queue of jobs, one at a time, each in another process."""
 
 import queue
 import shutil
@@ -14,14 +14,14 @@ from idim_iv_ros.nodes.identifier.job import WAITING, Job
 from idim_iv_ros.nodes.identifier.worker import Event, StartWorker, Worker
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 
-_SIGN_OF_LIFE = 1.0  # s; who asked hears at least so often what is done
+_SIGN_OF_LIFE = 1.0  # s between two progress reports to the client, at most
 
 
 class JobQueue:
-    """One job at a time; everything but `wake` happens in the thread of `poll`.
+    """Runs one job at a time; everything but `wake` happens in the thread that calls `poll`.
 
-    `wake` is called in any thread when `poll` has something to do, `ended` takes a job when all is
-    over; `clock` is monotonic, s.
+    `wake` is called from any thread when `poll` has work to do, `ended` takes every job that has
+    ended; `clock` is monotonic, s.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class JobQueue:
 
     @property
     def waiting(self) -> int:
-        """Jobs that are not worked on yet."""
+        """Return the number of jobs that have not begun."""
         return len(self._waiting)
 
     @property
@@ -51,9 +51,9 @@ class JobQueue:
         return [*self._waiting, *([self.running] if self.running else [])]
 
     def submit(self, job: Job) -> None:
-        """Work on a job now or later.
+        """Queue a job.
 
-        Raises UsageError: another is worked on and `when_busy` says refuse, or too many wait.
+        Raises UsageError: another job runs and `when_busy` is refuse, or too many jobs wait.
         """
         settings = self._settings()
         if self.running is not None or self._waiting:
@@ -67,15 +67,15 @@ class JobQueue:
         self._wake()
 
     def cancel(self, job: Job) -> None:
-        """End a job; the next `poll` says so."""
+        """Cancel a job; the next `poll` reports its end."""
         self._abandon(job, "cancelled")
         job.cancelled = True
 
     def poll(self) -> None:
-        """Hear the worker, end what takes too long, begin the next."""
+        """Handle events of the worker, end jobs that are too late, begin the next job."""
         while True:
             try:
-                self._hear(*self._events.get_nowait())
+                self._handle_event(*self._events.get_nowait())
             except queue.Empty:
                 break
         now = self._clock()
@@ -89,12 +89,12 @@ class JobQueue:
             self._ended(self._over.popleft())
 
     def end_all(self, why: str) -> None:
-        """End all jobs; the next `poll` says so."""
+        """End all jobs for the reason `why`; the next `poll` reports it."""
         for job in self._jobs:
             self._abandon(job, why)
 
     def close(self) -> None:
-        """End all jobs."""
+        """End all jobs and the worker process."""
         self.end_all("the identifier was shut down")
         if self._worker is not None:
             self._worker.close()
@@ -115,6 +115,7 @@ class JobQueue:
             self._abandon(running, f"ended after {over[0]:g} s without a result")
 
     def _abandon(self, job: Job, why: str) -> None:
+        """Kill the worker of a running job, or remove a waiting one, for a reason."""
         if job is self.running and self._worker is not None:
             job.message = job.message or why
             self._worker.kill()
@@ -125,6 +126,7 @@ class JobQueue:
             self._wake()
 
     def _begin(self, job: Job) -> None:
+        """Create the folder of a job and start its worker."""
         settings, configuration = self._settings(), job.configuration
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)
@@ -142,7 +144,7 @@ class JobQueue:
                 "file_limit": settings.max_bag_size,
             }
             job.folder = folder
-            self._worker = self._start_worker(request, self._put)
+            self._worker = self._start_worker(request, self._queue_event)
         except OSError as error:
             job.message = f"cannot be begun: {error.strerror or error}"
             self._finish(job)
@@ -151,25 +153,25 @@ class JobQueue:
         self._begun = self._clock()
         job.listener.started()
 
-    def _put(self, worker: Worker, event: Event) -> None:
+    def _queue_event(self, worker: Worker, event: Event) -> None:
         self._events.put((worker, event))
         self._wake()
 
-    def _hear(self, worker: Worker, event: Event) -> None:
+    def _handle_event(self, worker: Worker, event: Event) -> None:
         job = self.running
         if worker is not self._worker or job is None:
             return
         if "gone" in event:
             self._worker = None
-            self._end(int(event["gone"]))
+            self._worker_ended(int(event["gone"]))
         elif "stage" in event:
             job.say(str(event["stage"]), float(event["progress"]), self._clock())
         elif not job.message:  # neither cancelled nor late
             job.success = "message" in event
             job.message = str(event["message" if job.success else "error"])
 
-    def _end(self, status: int) -> None:
-        """Finish the running job, whose process has ended."""
+    def _worker_ended(self, status: int) -> None:
+        """Finish the running job, whose process has ended with an exit status."""
         job, self.running = self.running, None
         assert job is not None
         how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"

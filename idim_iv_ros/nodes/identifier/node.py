@@ -48,10 +48,10 @@ With -p auto:=true every bag that the recorder closes is identified. Topics: ~/e
 
 
 class ManagedNode(LifecycleNode):
-    """A node in one of the states unconfigured, inactive, active and finalized.
+    """A lifecycle node: unconfigured, inactive, active or finalized.
 
-    `transitions` are what is done in ``configure``, ``activate`` and so on; an IdimError is why it
-    cannot be done. A transition that fails leaves the state as it was, with the reason in the log.
+    `transitions` maps ``configure``, ``activate`` and so on to functions, which raise IdimError if
+    the transition is impossible. A failed transition is logged and leaves the state as it was.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -59,11 +59,11 @@ class ManagedNode(LifecycleNode):
         self._transitions, self._starting = transitions, False
         self._failure: Exception | None = None
         for transition in transitions:
-            setattr(self, f"on_{transition}", partial(self._do, transition))
+            setattr(self, f"on_{transition}", partial(self._run, transition))
         super().__init__(name)  # type: ignore[no-untyped-call]
 
     def start(self) -> None:
-        """Configure and activate; an IdimError says why that is not possible."""
+        """Configure and activate the node; an IdimError says why that is impossible."""
         self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
@@ -71,7 +71,7 @@ class ManagedNode(LifecycleNode):
                 raise self._failure
         self._starting = False
 
-    def _do(self, transition: str, _: LifecycleState | None = None) -> TransitionCallbackReturn:
+    def _run(self, transition: str, _: LifecycleState | None = None) -> TransitionCallbackReturn:
         try:
             self._transitions[transition]()
         except Exception as error:  # rclpy would end the node without a word
@@ -86,7 +86,7 @@ class ManagedNode(LifecycleNode):
 
 
 class Identifier(NodeProgram[IdentifierSettings]):
-    """Services, actions and topics around the queue of jobs; `start_worker` as of `JobQueue`."""
+    """The node `identifier`: services, actions and topics around a `JobQueue`."""
 
     def __init__(self, arguments: Sequence[str] = (), start_worker: StartWorker = Worker) -> None:
         transitions = {name: getattr(self, f"_{name}") for name in _AFTER}
@@ -102,11 +102,11 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._gaps = GapPublisher(node, folder)
         self._guard = node.create_guard_condition(lambda: self._jobs.poll())
         self._jobs = JobQueue(
-            lambda: self._settings, self._guard.trigger, self._ended, start_worker=start_worker
+            lambda: self._settings, self._guard.trigger, self._job_ended, start_worker=start_worker
         )
         self._servers = (
-            self._server("identification", srv.Identify, action.Identify, self._publisher),
-            self._server("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
+            self._request_server("identification", srv.Identify, action.Identify, self._publisher),
+            self._request_server("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
         )
         self._diagnostics = Diagnostics(node)
         node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
@@ -118,7 +118,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         else:
             node.get_logger().info(f"unconfigured: {self._next_step()}")
 
-    def _server(
+    def _request_server(
         self, task: Task, service: Any, goals: Any, publisher: ResultPublisher | GapPublisher
     ) -> RequestServer:
         return RequestServer(
@@ -132,14 +132,14 @@ class Identifier(NodeProgram[IdentifierSettings]):
         )
 
     def _configure(self) -> None:
-        """Read the files and publish what they hold; that of the robot is read anew."""
-        self._configuration = self._loaded()
+        """Read the robot's configuration and publish the newest saved results."""
+        self._configuration = self._read_configuration()
         self._folder.take()
         self._publisher.publish_last()
         self._gaps.publish_last()
 
     def _activate(self) -> None:
-        """Accept requests."""
+        """Start the worker processes; from now on requests are accepted."""
         if self._start_worker is Worker:
             warm()
         robot = (
@@ -153,7 +153,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         )
 
     def _deactivate(self) -> None:
-        """Refuse requests; those that were accepted are answered with that."""
+        """End all jobs; from now on requests are refused."""
         self._jobs.end_all("the identifier was deactivated")
         self.node.get_logger().info("inactive: requests are refused")
 
@@ -167,7 +167,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._cleanup()
 
     def _next_step(self) -> str:
-        """What to do before requests are accepted."""
+        """Return the lifecycle commands that are needed before requests are accepted."""
         if self._managed.state == FINALIZED:
             return "start the node again"
         name = self.node.get_fully_qualified_name()
@@ -175,7 +175,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         return "call " + ", then ".join(f"ros2 lifecycle set {name} {step}" for step in steps)
 
     def close(self) -> None:
-        """End the job that is worked on, and answer all requests."""
+        """End the running job, and answer all requests."""
         self._managed.state = FINALIZED  # what comes now is refused
         self._jobs.close()
         send_last_answers(self.node)
@@ -183,7 +183,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
             server.actions.destroy()
         super().close()
 
-    def _loaded(self) -> Configuration | None:
+    def _read_configuration(self) -> Configuration | None:
         path = self._settings.configuration
         return read_configuration(self.node, path) if path else None
 
@@ -203,7 +203,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._submit("identification", request, JobListener(ended))
 
     def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
-        """Queue a job; None if it was refused, and the listener has the reason."""
+        """Queue a job and return it; None if it was refused, and the listener has the reason."""
         try:
             if self._managed.state != ACTIVE:
                 raise UsageError(f"the identifier is {self._managed.state}: {self._next_step()}")
@@ -216,7 +216,8 @@ class Identifier(NodeProgram[IdentifierSettings]):
             listener.ended(False, str(error))
             return None
 
-    def _ended(self, job: Job) -> None:
+    def _job_ended(self, job: Job) -> None:
+        """Publish the result of an ended job, or log why there is none; tell the client."""
         if job.success:
             try:
                 (self._publisher if job.task == "identification" else self._gaps).add(job)
@@ -237,7 +238,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._diagnostics.publish(self._work_diagnosis(name), *self._publisher.diagnoses(name))
 
     def _work_diagnosis(self, name: str) -> DiagnosticStatus:
-        """What is done now; an error if the last job failed, and why."""
+        """Return the status of the queue: what runs, or an ERROR with why the last job failed."""
         jobs, state = self._jobs, self._managed.state
         level, sentence = DiagnosticStatus.OK, "idle" if state == ACTIVE else state
         if jobs.running is not None:
@@ -249,7 +250,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
 
     def _apply(self, given: set[str]) -> None:
         if "configuration" in given and self._managed.state in (INACTIVE, ACTIVE):
-            self._configuration = self._loaded()
+            self._configuration = self._read_configuration()
 
 
 run = partial(run_node, "identifier", Identifier, ABOUT)

@@ -1,4 +1,4 @@
-"""The last results: as messages, published latched, compared with earlier ones, kept."""
+"""Publishers of the last results, latched, and of their comparison with earlier ones."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -37,9 +37,9 @@ _LEVELS = {
 class ResultPublisher:
     """Topics `~/estimates`, `~/result` and `~/drift`, services on the history of estimates.
 
-    The topics have the newest result by IDIM-IV with the node's own configuration, once there is
-    one: what somebody asks for with another estimator or configuration is answered to who asked.
-    `last` is the result of the job that ended last.
+    The topics carry the newest result by IDIM-IV with the node's configuration, once there is one;
+    results with another estimator or configuration go to their client alone. `last` is the result
+    of the job that ended last.
     """
 
     def __init__(self, node: Node, directory: Path, settings: Callable[[], IdentifierSettings]):
@@ -53,15 +53,15 @@ class ResultPublisher:
         node.create_service(SetBaseline, "~/set_baseline", self._set_baseline)
 
     def forget(self) -> None:
-        """Have no history until it is read again."""
+        """Drop the history and the published result until `publish_last` reads them again."""
         self._history: EstimateHistory | None = None
         self._comparisons: list[Comparison] = []
         self._shown: tuple[PastEstimates, msg.IdentificationResult] | None = None
 
     def publish_last(self) -> None:
-        """Read the history; publish the newest result whose file can be read, and what drifts."""
+        """Read the history; publish the newest result whose file can be read, and its drift."""
         history = self._history = EstimateHistory(self._directory)
-        # Of those that are shown the newest, else the newest of all.
+        # The newest that may be shown; without any, the newest of all.
         for entry in sorted(history.entries, key=_is_shown)[::-1]:
             try:
                 path = self._directory / entry.folder / RESULT
@@ -74,7 +74,7 @@ class ResultPublisher:
         self._compare(history)
 
     def add(self, job: Job) -> None:
-        """Publish and keep the result of a job that has ended."""
+        """Publish the result of a job that has ended, and save it in the history."""
         assert job.folder is not None
         history = self._required_history()
         result = IdentificationResult.read(job.folder / RESULT)
@@ -101,7 +101,7 @@ class ResultPublisher:
             self._node.get_logger().warning(f"changed since {newest.compared_with}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
-        """The verdict on each joint and the drift; nothing before the first result."""
+        """Return the status of each joint and of the drift; none before the first result."""
         joints = [] if self._shown is None else _joint_diagnoses(name, self._shown[1])
         return [*joints, drift_diagnosis(name, self._comparisons)] if self._comparisons else joints
 
@@ -147,12 +147,12 @@ class ResultPublisher:
 
 
 def _now(node: Node) -> int:
-    """Time of the node, ns; that of the system where simulated time has not begun."""
+    """Return the node's time, ns; the system's time where simulated time has not begun."""
     return node.get_clock().now().nanoseconds or time.time_ns()
 
 
 def _is_shown(entry: PastEstimates) -> bool:
-    """Whether an identification is of the kind that the topics have."""
+    """Return whether an identification is by IDIM-IV with the node's configuration."""
     return not entry.configuration and entry.estimator == ESTIMATORS[0]
 
 
@@ -177,7 +177,7 @@ def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[Diagno
 
 
 class GapPublisher:
-    """Topic `~/gap`; `last` is what was published last."""
+    """Topic `~/gap`; `last` is the message published last."""
 
     def __init__(self, node: Node, directory: Path) -> None:
         self._node, self._directory = node, directory
@@ -208,7 +208,7 @@ class GapPublisher:
 
 
 def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str) -> msg.GapReport:
-    """Return a diagnosis that ended at a time, ns since 1970, as a message.
+    """Return a diagnosis that ended at `stamp`, ns since 1970, as a message.
 
     `bags` are relative to the bag directory, the `folder` of its files to the output directory.
     """
@@ -225,7 +225,7 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
         header=stamp,
         joints=result.joint_gaps,
         stages=[
-            message_of(msg.GapStage, stage, **_in_order(stage, joints)) for stage in result.stages
+            message_of(msg.GapStage, stage, **_per_joint(stage, joints)) for stage in result.stages
         ],
         bags=bags,
         files=[f"{folder}/{name}" for name in (GAP, REPORT)],
@@ -236,7 +236,10 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
 def result_message(
     result: IdentificationResult, stamp: int, bags: Sequence[str], folder: str
 ) -> msg.IdentificationResult:
-    """Return an identification as a message, as `gap_message` does a diagnosis."""
+    """Return an identification that ended at `stamp`, ns since 1970, as a message.
+
+    `bags` are relative to the bag directory, the `folder` of its files to the output directory.
+    """
     refined = result.refined
     return message_of(
         msg.IdentificationResult,
@@ -270,15 +273,15 @@ def result_message(
     )
 
 
-def _named(parameters: Mapping[str, EffectParameter]) -> list[msg.ParameterEstimate]:
-    """Return numbers of an effect, which have nothing of what only a regression has."""
+def _messages(parameters: Mapping[str, EffectParameter]) -> list[msg.ParameterEstimate]:
+    """Return the parameters of an effect as messages; fields of a regression stay empty."""
     return [
         message_of(msg.ParameterEstimate, None, name=name, **vars(parameter))
         for name, parameter in parameters.items()
     ]
 
 
-def _in_order(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
+def _per_joint(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
     intervals = [stage.torque_ci95.get(joint, (None, None)) for joint in joints]
     return {
         "stage": stage.name,
@@ -289,8 +292,8 @@ def _in_order(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
     }
 
 
-def _interval(name: str) -> Callable[[Any], dict[str, object]]:
-    """The 95 % interval of an attribute as two fields."""
+def _interval_fields(name: str) -> Callable[[Any], dict[str, object]]:
+    """Return a function from an object to its interval `ci95` as fields NAME_low, NAME_high."""
     ends = (f"{name}_low", f"{name}_high")
     return lambda part: dict(zip(ends, part.ci95 or (None, None), strict=True))
 
@@ -300,13 +303,13 @@ _OUTCOMES = {None: _TEST.NOT_RUN, True: _TEST.ACCEPTED, False: _TEST.REJECTED}
 _WHITENESS = {None: _RESIDUAL.NOT_TESTED, True: _RESIDUAL.WHITE, False: _RESIDUAL.AUTOCORRELATED}
 # What is not filled by an attribute of its name.
 _OTHER_NAMES: OtherNames = {
-    msg.GapCause: lambda cause: {**vars(cause.evidence), "parameters": _named(cause.parameters)},
-    msg.GapChange: _interval("shrinkage"),
-    msg.GapHint: lambda hint: {"parameters": _named(hint.parameters)},
-    msg.GapRegime: _interval("lift"),
+    msg.GapCause: lambda cause: {**vars(cause.evidence), "parameters": _messages(cause.parameters)},
+    msg.GapChange: _interval_fields("shrinkage"),
+    msg.GapHint: lambda hint: {"parameters": _messages(hint.parameters)},
+    msg.GapRegime: _interval_fields("lift"),
     msg.GapSignalChain: lambda chain: {
-        "effort_shift": _named({"effort_shift": chain.effort_shift})[0],
-        "joint_shifts": _named(chain.joint_shifts),
+        "effort_shift": _messages({"effort_shift": chain.effort_shift})[0],
+        "joint_shifts": _messages(chain.joint_shifts),
     },
     _TEST: lambda test: {"null_hypothesis": test.null, "outcome": _OUTCOMES[test.accepted]},
     _RESIDUAL: lambda residual: {"whiteness": _WHITENESS[residual.white]},

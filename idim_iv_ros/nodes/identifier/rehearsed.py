@@ -1,7 +1,7 @@
-"""Importing this loads libraries and kernels of an identification, and rehearses one.
+"""Importing this module loads libraries and compiled kernels, and runs one identification.
 
-Done once, in the process from which those of the jobs are forked: no job starts cold. It has lower
-priority than recorder and controllers on the same machine, and what libraries print is no answer.
+The process from which jobs are forked imports it once, so that no job starts cold. It has lower
+priority than recorder and controllers on the same machine; its stdout goes to stderr.
 """
 
 import contextlib
@@ -26,9 +26,9 @@ _URDF = """<robot name="rehearsal"><link name="base"/>
 
 
 def rehearse() -> None:
-    """Identify a bag of a simulated joint and draw the report, in a folder for a while.
+    """Identify a bag of a simulated joint and draw the report, in a temporary folder.
 
-    On a machine where the loops were never compiled they are compiled here.
+    Kernels that are not in numba's cache are compiled here.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -1,4 +1,4 @@
-"""A service and an action of the same name that ask for the same jobs, and answer later.
+"""A service and an action of the same name that queue the same jobs and answer later.
 
 An awaiting callback keeps rclpy's executor busy (it resumes every waiting coroutine in each turn,
 100 % of a core), and a blocking one needs a thread for each request. Here the request and its
@@ -23,10 +23,10 @@ _LAST_ANSWERS = 0.5  # s
 
 
 class DeferredActionServer(ActionServer):
-    """An action server whose goals run outside of it.
+    """An action server whose goals are executed outside of it.
 
-    `accepted` takes each goal, whose `execute` says that its work begins; `cancel` takes a goal for
-    which `finish` is to be called early.
+    `accepted` takes every accepted goal, and calls its `execute` when the work begins; `cancel`
+    takes a goal whose work shall end early, by `finish`.
     """
 
     def __init__(
@@ -54,10 +54,10 @@ class DeferredActionServer(ActionServer):
         )
 
     def notify_execute(self, *_: Any) -> None:
-        """Do nothing: whoever called `execute` does the work."""
+        """Do nothing: the caller of `execute` does the work."""
 
     def finish(self, goal: ServerGoalHandle, result: Any) -> None:
-        """End a goal with a result; without its `success` it is aborted, or was cancelled."""
+        """End a goal with a result: succeeded, or without `success` cancelled or aborted."""
         if goal.status == GoalStatus.STATUS_ACCEPTED:
             goal.execute()  # only then may it be aborted
 
@@ -73,19 +73,18 @@ class DeferredActionServer(ActionServer):
         super().notify_execute(goal, end)  # type: ignore[no-untyped-call]
 
     def destroy(self) -> None:
-        """Take the server away; its goals are lost."""
+        """Destroy the action server and its goals."""
         super().destroy()  # type: ignore[no-untyped-call]
 
 
 class RequestServer:
-    """Takes requests and goals, and answers each when its job has ended.
+    """Queues a job for every service request and every goal, and answers when the job has ended.
 
-    `name`: of the service. That of the action ends with ``_bags``: a service and an action of one
-    name look the same in lists and in policies. `service`, `action`: their types: requests and
-    goals have the same fields, answers `success`, `message` and `result`, feedback `stage` and
-    `progress`. `submit`: takes a request and who asks; returns its job, or None if it was refused
-    and who asks has the reason. `cancel`: takes a job that is to be cancelled. `result`: returns
-    what is published of the job that has ended last.
+    `name` is that of the service; the action adds ``_bags``, since a service and an action of one
+    name look the same in lists and in policies. The types `service` and `action` have the same
+    request fields, answers `success`, `message` and `result`, feedback `stage` and `progress`.
+    `submit` takes a request and its listener, and returns the job, or None if it was refused and
+    the listener has the reason. `cancel` takes a job. `result` returns the last message.
     """
 
     def __init__(
@@ -110,9 +109,9 @@ class RequestServer:
             self._submit_for(request, service.Response(), lambda answer: send(answer, header))
 
         requests.send_response = asked  # type: ignore[assignment]
-        self.actions = DeferredActionServer(node, action, goals, self._accepted, self._cancel)
+        self.actions = DeferredActionServer(node, action, goals, self._start_goal, self._cancel)
 
-    def _accepted(self, goal: ServerGoalHandle) -> None:
+    def _start_goal(self, goal: ServerGoalHandle) -> None:
         def progress(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
 
@@ -130,7 +129,7 @@ class RequestServer:
     def _submit_for(
         self, request: Any, response: Any, answer: Callable[[Any], None], **callbacks: Any
     ) -> Job | None:
-        """Submit a job; `answer` takes the response when it has ended."""
+        """Submit a job; `answer` takes the filled-in response when the job has ended."""
 
         def ended(success: bool, message: str) -> None:
             response.success, response.message = success, message
@@ -147,7 +146,7 @@ class RequestServer:
 
 
 def send_last_answers(node: Node) -> None:
-    """Spin for a moment, in which the answers of what has ended are sent."""
+    """Spin the executor for 0.5 s, so that answers of ended jobs are sent."""
     executor, until = node.executor, time.monotonic() + _LAST_ANSWERS
     while executor is not None and time.monotonic() < until:
         executor.spin_once(timeout_sec=0.1)

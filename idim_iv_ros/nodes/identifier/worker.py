@@ -20,7 +20,7 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THR
 
 
 def warm() -> None:
-    """Begin to load what jobs need, so that they find it ready."""
+    """Start the process from which jobs are forked; it loads and rehearses an identification."""
     os.environ.update(_ONE_THREAD)
     forkserver.set_forkserver_preload(_LOADED)
     with contextlib.suppress(OSError):  # the next job says why
@@ -28,28 +28,27 @@ def warm() -> None:
 
 
 def _do_job(request: Request, events: Connection) -> None:
-    """Do a job in its process; the node itself loads nothing of what that takes."""
+    """Carry out a job in the worker process; the node does not import what that needs."""
     from idim_iv_ros.nodes.identifier.identification_worker import do_job
 
     do_job(request, events)
 
 
 class Worker:
-    """A process that does a job and ends.
+    """A process that carries out one job and ends.
 
-    `heard` takes each event of `identification_worker` in a thread of its own, at last ``{"gone":
-    exit status}``.
+    `heard` takes the events of `identification_worker` in a thread, at last ``{"gone": status}``.
     """
 
     def __init__(self, request: Request, heard: Callable[["Worker", Event], None]) -> None:
-        self._events, its = _PROCESSES.Pipe(duplex=False)
-        self._process = _PROCESSES.Process(target=_do_job, args=(request, its))
+        self._events, pipe = _PROCESSES.Pipe(duplex=False)
+        self._process = _PROCESSES.Process(target=_do_job, args=(request, pipe))
         self._heard, self._unwanted = heard, False
-        self._thread = threading.Thread(target=self._listen, args=(its,), name="job", daemon=True)
+        self._thread = threading.Thread(target=self._listen, args=(pipe,), name="job", daemon=True)
         self._thread.start()
 
     def kill(self) -> None:
-        """End the process and what it started, now."""
+        """Kill the process and pipe children."""
         self._unwanted = True
         if self._process.pid is None:  # nobody waits until all is loaded
             self._heard(self, {"gone": -signal.SIGKILL})
@@ -59,12 +58,13 @@ class Worker:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
-        """End the process and wait until all of its events were heard."""
+        """Kill the process and wait until all of pipe events were handled."""
         self.kill()
         if self._process.pid is not None:
             self._thread.join()
 
-    def _listen(self, its: Connection) -> None:
+    def _listen(self, pipe: Connection) -> None:
+        """Start the process and pass on its events until it ends; then kill its children."""
         try:
             self._process.start()  # waits until all is loaded
         except (OSError, EOFError) as error:
@@ -72,7 +72,7 @@ class Worker:
             self._heard(self, {"gone": 1})
             return
         finally:
-            its.close()
+            pipe.close()
         if self._unwanted:
             self.kill()
         with contextlib.suppress(EOFError, OSError):

@@ -1,4 +1,4 @@
-"""The node `predictor`: what the last identification predicts of a robot that runs."""
+"""The node `predictor`: predicts the efforts of a running robot by the last identification."""
 
 import math
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _ADVICE = "output_directory must be that of the identifier, on the same machine"
 
 @dataclass(frozen=True)
 class _Described:
-    """A URDF as a model; `links` are the links that the joints carry."""
+    """A URDF with the model made of it; `links` are the child links of the joints, in order."""
 
     text: str
     source: str
@@ -44,12 +44,10 @@ class _Described:
 
 
 class ModelSource:
-    """Reads a result when there is a new one.
+    """Reads the result to predict with: a file of the user, or the identifier's newest.
 
-    `output_directory` is that of the identifier.
-
-    `stamp`: when its identification ended, ns since 1970. `reason`: why there is no model, or why a
-    newer result was refused; else empty.
+    `output_directory` is that of the identifier. `identified` is the model, or None; `stamp` is
+    when its identification ended, ns since 1970; `reason` says why there is no model, or is empty.
     """
 
     def __init__(self, configuration: Configuration, output_directory: Path) -> None:
@@ -67,11 +65,11 @@ class ModelSource:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Link that each joint carries; empty before there is a URDF."""
+        """Return the child link of each joint; empty before there is a URDF."""
         return () if self._described is None else self._described.links
 
     def describe(self, text: str, source: str) -> None:
-        """Take the URDF of a topic."""
+        """Use the URDF `text` from a topic."""
         if self._described is None or self._described.text != text:
             self._read = None
             try:
@@ -80,26 +78,26 @@ class ModelSource:
                 self.identified, self.reason = None, str(error)
 
     def announce(self, file: str, stamp: int) -> None:
-        """Take note of a result of the identifier: a file relative to its output directory."""
+        """Remember the identifier's newest result, a file relative to its output directory."""
         self._announced = self._directory / file, stamp
 
     def look(self, pinned: str) -> bool:
-        """Read the result if it is new; whether `identified` is another one now.
+        """Read the result if it is new, and return whether `identified` changed.
 
-        `pinned` is the file of the user's choice; empty for the newest that was announced.
+        `pinned` is the file that the user chose; empty for the newest that was announced.
         """
         if self._described is None:
             self.reason = "no URDF: none in the configuration, and none on robot_description yet"
             return False
         wanted = (Path(pinned), 0) if pinned else self._announced
         if wanted is None:
-            return self._refused(WAITING, None)
+            return self._drop_model(WAITING, None)
         path, stamp = wanted
         try:
             written = path.stat().st_mtime_ns
         except OSError as error:
             advice = "set the parameter result" if pinned else _ADVICE
-            return self._refused(f"{path}: {error.strerror or error}: {advice}", None)
+            return self._drop_model(f"{path}: {error.strerror or error}: {advice}", None)
         content = (path, written, self._described.text)
         if content == self._read:
             return False
@@ -108,17 +106,18 @@ class ModelSource:
                 path, self._configuration, self._described.model, self._described.source
             )
         except IdimError as error:
-            return self._refused(str(error), content)
+            return self._drop_model(str(error), content)
         self._read, self.reason, self.stamp = content, "", stamp or written
         return True
 
-    def _refused(self, reason: str, content: tuple[Path, int, str] | None) -> bool:
-        """Give up what another file said: a user who names a file wants that one."""
+    def _drop_model(self, reason: str, content: tuple[Path, int, str] | None) -> bool:
+        """Drop the model for a `reason`, and return whether there was one."""
         self.reason, self._read = reason, content
         changed, self.identified = self.identified is not None, None
         return changed
 
     def _describe(self, text: str, source: str) -> None:
+        """Build the model of a URDF text; `source` names it in messages."""
         model = build_inverse_model(self._configuration, text, source)
         carried = {
             joint.name: link
@@ -129,7 +128,7 @@ class ModelSource:
         self._described = _Described(text, source, model, links)
 
     def _announce_kept(self) -> None:
-        """Find the newest result that the identifier's history keeps of its own kind."""
+        """Announce the newest result of the node's configuration in the identifier's history."""
         try:
             entries = EstimateHistory(self._directory).entries
         except IdimError:
@@ -144,7 +143,7 @@ _LOOK = 0.5  # s between two looks for publishers and for a new result
 _MARKERS = 0.2  # s between two messages for RViz
 _DIAMETER, _TEXT, _LIFT = 0.14, 0.05, 0.12  # m
 _GREY = (0.55, 0.55, 0.58)
-# As good as the identification, twice its noise floor, four times or more.
+# Colours at one, two and four times the noise floor of the identification.
 _COLOURS = ((0.13, 0.60, 0.33), (0.95, 0.68, 0.10), (0.80, 0.12, 0.16))
 _ALPHA = 0.75
 _DESCRIPTIONS = ("robot_description", "/robot_description")
@@ -160,7 +159,7 @@ Parameters: ros2 param describe /predictor NAME."""
 
 
 class Predictor(NodeProgram[PredictorSettings]):
-    """Topics around a `LivePrediction`."""
+    """The node `predictor`: topics around a `LivePrediction`."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("predictor"), PredictorSettings, arguments)
@@ -171,7 +170,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._source = ModelSource(self._configuration, Path(self._settings.output_directory))
         self._topics = self._joint_topics()
         self._live: LivePrediction | None = None
-        self._newest = self._nothing("nothing has arrived")
+        self._newest = self._absent_prediction("nothing has arrived")
         self._said = ""
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
@@ -192,13 +191,13 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._look()
 
     def close(self) -> None:
-        """Unsubscribe."""
+        """Unsubscribe, and end the node."""
         for topic in self._topics:
             topic.close()
         super().close()
 
     def _joint_topics(self) -> tuple[JointTopic, ...]:
-        """The topic of positions and efforts, or one of each."""
+        """Return the subscriptions to positions and efforts; one if they share a topic."""
         signals, resolve = self._configuration.signals, self.node.resolve_topic_name
         sources = {
             "position": signals.joint_states,
@@ -222,7 +221,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._look()
 
     def _look(self) -> None:
-        """Look for publishers, and for a new result."""
+        """Look for new publishers and a new result."""
         for topic in self._topics:
             topic.look()
         if self._source.look(self._settings.result):
@@ -239,14 +238,14 @@ class Predictor(NodeProgram[PredictorSettings]):
     def _predict(self) -> None:
         taken = {name: value for topic in self._topics for name, value in topic.take().items()}
         if self._live is None:
-            self._newest = self._nothing(self._source.reason)
+            self._newest = self._absent_prediction(self._source.reason)
         else:
             now = self._now()
             self._live.add(taken["position"], taken["effort"], now)
             self._newest = self._live.newest(now)
             problem = next((topic.problem for topic in self._topics if topic.problem), "")
             if self._newest.reason and problem:
-                self._newest = self._nothing(problem)
+                self._newest = self._absent_prediction(problem)
         newest, identified = self._newest, self._source.identified
         message = message_of(
             msg.Prediction,
@@ -263,7 +262,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         )
         self._predictions.publish(message)
 
-    def _nothing(self, reason: str) -> Prediction:
+    def _absent_prediction(self, reason: str) -> Prediction:
         absent = np.full(len(self._joints), np.nan)
         return Prediction(0, reason, absent, absent, absent, absent)
 
@@ -300,7 +299,7 @@ class Predictor(NodeProgram[PredictorSettings]):
 
 
 def joint_diagnosis(name: str, level: JointLevel) -> DiagnosticStatus:
-    """Whether the residual of a joint is larger than its scatter explains."""
+    """Return a joint's status; WARN if its residual exceeds the limit of the noise floor."""
     values: dict[str, object] = {
         "unit": level.unit,
         f"residual, RMS ({level.unit})": f"{level.rms:.4g}",
@@ -316,7 +315,7 @@ def joint_diagnosis(name: str, level: JointLevel) -> DiagnosticStatus:
 
 
 def colour_of(share: float) -> tuple[float, float, float]:
-    """Red, green, blue of a share of the noise floor: green at 1, amber at 2, red from 4 on."""
+    """Return red, green, blue (0 to 1) of residual / noise floor: green 1, amber 2, red from 4."""
     if not math.isfinite(share):
         return _GREY
     place = math.log2(max(share, 1e-9))
@@ -329,7 +328,10 @@ def colour_of(share: float) -> tuple[float, float, float]:
 def residual_markers(
     links: Sequence[str], joints: Sequence[str], shares: Sequence[float]
 ) -> MarkerArray:
-    """Return a sphere and a text for each joint, in the frame of its link, at its newest place."""
+    """Return a sphere and a text for each joint, in the frame of its link, for RViz.
+
+    `shares` (n_joints,) are RMS of the residual over noise floor; NaN where unknown.
+    """
     markers = []
     for number, (link, joint, share) in enumerate(zip(links, joints, shares, strict=True)):
         red, green, blue = colour_of(share)

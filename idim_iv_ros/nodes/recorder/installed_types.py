@@ -1,4 +1,4 @@
-"""Message types that are installed beside ROS 2: their Python class, and their definition."""
+"""Message types of packages that rosbags does not know: their Python class and definition."""
 
 import os
 import sys
@@ -16,7 +16,7 @@ from idim_iv_ros.recording.writing.write import Definition
 
 @cache
 def python_type(message_type: str) -> type:
-    """Class of a message type; a DataError says what to do where its package is not installed."""
+    """Return the class of a message type; a DataError says which package to install."""
     package, kind, name = message_type.split("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), name)  # type: ignore[no-any-return]
@@ -30,7 +30,7 @@ def python_type(message_type: str) -> type:
 
 
 def why_unreadable(message_type: str) -> str:
-    """Why messages of a type cannot be recorded; empty if they can."""
+    """Return why messages of a type cannot be recorded; empty if they can."""
     try:
         python_type(message_type)
         definition(message_type)
@@ -40,16 +40,16 @@ def why_unreadable(message_type: str) -> str:
 
 
 def has_header(message_type: str) -> bool:
-    """Whether messages of a type begin with a std_msgs/Header."""
+    """Return whether messages of a type begin with a std_msgs/Header."""
     fields: dict[str, str] = python_type(message_type).get_fields_and_field_types()  # type: ignore[attr-defined]
     return next(iter(fields.values()), "") == "std_msgs/Header"
 
 
 @cache
 def definition(message_type: str) -> Definition | None:
-    """Definition of a type that rosbags does not know, from the .msg files of its package.
+    """Return the definition of a type, from the .msg files of its package.
 
-    None where it needs none; a DataError where the files are not there, or cannot be read.
+    None for a type that rosbags knows; a DataError where the files are missing or cannot be read.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
     if message_type in store.fielddefs:
@@ -60,14 +60,14 @@ def definition(message_type: str) -> Definition | None:
         name = waiting.pop()
         if name in types or name in store.fielddefs:
             continue
-        types.update(_from_file(name))
-        waiting += [part for _, described in types[name][1] for part in _named(described)]
+        types.update(_types_from_file(name))
+        waiting += [part for _, described in types[name][1] for part in _type_names(described)]
     store.register(types)
     text, _ = store.generate_msgdef(message_type, ros_version=2)
     return Definition(text, store.hash_rihs01(message_type))
 
 
-def _from_file(message_type: str) -> dict[str, Any]:
+def _types_from_file(message_type: str) -> dict[str, Any]:
     package, kind, name = message_type.split("/")
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     for prefix in filter(None, prefixes):
@@ -84,8 +84,8 @@ def _from_file(message_type: str) -> dict[str, Any]:
     )
 
 
-def _named(described: tuple[Any, Any]) -> list[str]:
+def _type_names(described: tuple[Any, Any]) -> list[str]:
     node, detail = described
     if node == Nodetype.NAME:
         return [detail]
-    return _named(detail[0]) if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else []
+    return _type_names(detail[0]) if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else []

@@ -45,12 +45,12 @@ Parameters: ros2 param describe /recorder NAME."""
 
 
 class Recorder(NodeProgram[RecorderSettings]):
-    """Services and topics of the recorder around its two threads."""
+    """The node `recorder`: services and topics around the threads that take and write messages."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("recorder"), RecorderSettings, arguments)
         node = self.node
-        self._session = RecordingSession(self._settings, self._now, self._ended)
+        self._session = RecordingSession(self._settings, self._now, self._bag_ended)
         self._writer = WriterThread(self._session)
         self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
         self._topics = TopicSet(node, self._settings, node.get_logger().error)
@@ -89,7 +89,7 @@ class Recorder(NodeProgram[RecorderSettings]):
             node.get_logger().info(self.act("start"))
 
     def close(self) -> None:
-        """Close the bag, if one is open."""
+        """Close the bag, if one is open, and end the threads and the node."""
         self._intake.end()
         try:
             if self._session.bag is not None:
@@ -101,13 +101,13 @@ class Recorder(NodeProgram[RecorderSettings]):
             super().close()
 
     def _log_time(self) -> int | None:
-        """Simulated time where it is used, as rosbag2 does; else the time of receipt."""
+        """Return the simulated time, ns, as rosbag2 does; None (time of receipt) without it."""
         clock = self.node.get_clock()
         simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
         return self._now() if simulated else None
 
     def _call(self, function: Callable[[], Result]) -> Result:
-        """Run a function of the session once everything that has arrived is with the writer."""
+        """Hand all messages that have arrived to the writer, then run a function in its thread."""
         self._intake.drain()
         return self._writer.call(function)
 
@@ -128,7 +128,7 @@ class Recorder(NodeProgram[RecorderSettings]):
         return self._sentence
 
     def act(self, name: str) -> str:
-        """Do what the service of that name does, and say what was done."""
+        """Carry out the service of that name, and return a sentence on what was done."""
         return self._actions[name]()
 
     def _answer(
@@ -179,7 +179,7 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._bags.publish(message)
         return message
 
-    def _ended(self, closed: ClosedBag, faulty: bool) -> None:
+    def _bag_ended(self, closed: ClosedBag, faulty: bool) -> None:
         message, log = self._announce(closed, faulty), self.node.get_logger()
         self._sentence, warns = bag_sentence(message, self._topics.topics, self._writer)
         if warns:
@@ -206,10 +206,9 @@ class Recorder(NodeProgram[RecorderSettings]):
 
 
 class SnapshotService:
-    """Takes snapshots, one at a time.
+    """Writes snapshots (bags of the last seconds), one at a time.
 
-    `drain` hands everything that has arrived to the writer; `announce` takes the bag when it is
-    complete.
+    `drain` hands all messages that have arrived to the writer; `announce` takes the complete bag.
     """
 
     def __init__(
@@ -224,14 +223,14 @@ class SnapshotService:
         self._writing: Future[None] | None = None
         self._errors: set[str] = set()
         self._taken = float("-inf")
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._watch_errors, 100)
 
     @property
     def _session(self) -> RecordingSession:
         return self._writer.session
 
     def take(self) -> str:
-        """Begin to write a snapshot and say into which folder."""
+        """Begin to write a snapshot in another thread; return a sentence that names its folder."""
         if self._writing is not None and not self._writing.done():
             raise UsageError("the last snapshot is still being written")
         self._drain()
@@ -255,8 +254,8 @@ class SnapshotService:
         if self._writing is not None:
             self._writing.exception()
 
-    def _diagnosed(self, array: DiagnosticArray) -> None:
-        # Not the recorder's own: a full disk takes no snapshot.
+    def _watch_errors(self, array: DiagnosticArray) -> None:
+        # Without the recorder's errors: with a full disk a snapshot is impossible.
         mine = (self._node.get_name(), self._node.get_fully_qualified_name())
         errors = {
             status.name: f"{status.name}: {status.message}"

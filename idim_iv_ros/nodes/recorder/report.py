@@ -1,4 +1,4 @@
-"""What the recorder says of itself: RecorderStatus and diagnostics, from counts to sentences."""
+"""The recorder's reports on itself: RecorderStatus, BagClosed, and messages on /diagnostics."""
 
 import math
 from collections import deque
@@ -22,7 +22,7 @@ _COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
 
 def topic_status(topic: WatchedTopic, session: RecordingSession, rate: float) -> TopicStatus:
-    """Counts of one topic; `rate` in Hz."""
+    """Return the counts of one topic as a message; `rate` in Hz."""
     content = topic.monitor.content
     return message_of(
         TopicStatus,
@@ -39,7 +39,7 @@ def topic_status(topic: WatchedTopic, session: RecordingSession, rate: float) ->
 def recorder_status(
     writer: WriterThread, topics: Sequence[TopicStatus], failure: str, stamp: int
 ) -> RecorderStatus:
-    """Return the state of the recording, or why it fails; `stamp` is the time now, ns."""
+    """Return the state of the recording as a message, with its fault; `stamp` is now, ns."""
     session = writer.session
     bag, state = session.bag, session.state
     if state == State.RECORDING and session.waits:
@@ -65,7 +65,7 @@ def recorder_status(
 def bag_closed(
     closed: ClosedBag, faulty: bool, topics: Sequence[WatchedTopic], stamp: int
 ) -> BagClosed:
-    """Return the announcement of a bag with what was counted on its topics by now, ns."""
+    """Return the announcement of a closed bag with its topics' counts; `stamp` is now, ns."""
     monitors = [topic.monitor for topic in topics]
     shares = [m.received / (m.received + m.lost) for m in monitors if m.counts_lost]
     counts = ("lost", "late", "gaps")
@@ -87,7 +87,7 @@ def bag_closed(
 def bag_sentence(
     message: BagClosed, topics: Sequence[WatchedTopic], writer: WriterThread
 ) -> tuple[str, bool]:
-    """Return what a bag that was announced holds and lacks, and whether that is a warning."""
+    """Return a sentence on the content and losses of a closed bag, and whether it is a warning."""
     session = writer.session
     parts = [f"{message.messages} messages in {message.duration:.1f} s"]
     for what in ("lost", "late", "gaps"):
@@ -107,7 +107,7 @@ def bag_sentence(
 def recorder_diagnosis(
     name: str, status: RecorderStatus, ring: SnapshotRing | None = None
 ) -> DiagnosticStatus:
-    """Return the diagnosis of the recorder as a whole; `ring` is what a snapshot would hold."""
+    """Return the recorder's status; `ring` holds the messages of a snapshot."""
     level, sentence = DiagnosticStatus.OK, State(status.state).name.lower()
     if status.fault:
         level, sentence = DiagnosticStatus.ERROR, status.fault
@@ -124,16 +124,16 @@ def recorder_diagnosis(
 
 
 class RecentCounts:
-    """How far the counts of a topic rose within the last `RECENT` seconds.
+    """Increase of the counts of a topic within the last `RECENT` seconds.
 
-    A recording of a day is not at fault for one message that was late in its first minute.
+    A status takes its level from these: one late message does not make a long recording faulty.
     """
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, dict[str, int]]] = deque()
 
     def since(self, status: TopicStatus, now: float) -> TopicStatus:
-        """Return a status with the counts of the last seconds; `now` in s, never falling."""
+        """Return a status with the increase of its counts; `now`, s, must not decrease."""
         counts = {name: getattr(status, name) for name in _COUNTED}
         if self._seen and any(counts[name] < self._seen[-1][1][name] for name in _COUNTED):
             self._seen.clear()  # counted from zero: a new recording, or another publisher
@@ -150,7 +150,7 @@ class RecentCounts:
 def topic_diagnosis(
     name: str, topic: WatchedTopic, status: TopicStatus, recent: TopicStatus
 ) -> DiagnosticStatus:
-    """Return the diagnosis of one topic: its level from `recent` counts, its values of all."""
+    """Return the status of one topic: level from the `recent` counts, values from `status`."""
     errors, warnings = _errors(topic), _warnings(topic, recent)
     level = DiagnosticStatus.OK
     if errors or warnings:

@@ -26,7 +26,7 @@ _OVERHEAD = 250  # bytes of memory for a message beside its content
 
 
 class State(IntEnum):
-    """As in RecorderStatus."""
+    """States of the recorder, numbered as in the message RecorderStatus."""
 
     IDLE = 0
     RECORDING = 1
@@ -36,10 +36,10 @@ class State(IntEnum):
 
 
 class SnapshotRing:
-    """Messages of the last seconds. Not for several threads.
+    """Messages of the last seconds, in memory. Not thread-safe.
 
-    They are those of `duration`, s of log time (0: nothing is kept), and fewer where they would
-    take more than `limit` bytes of memory; `size` are those used, about.
+    Messages are kept for `duration`, s of log time (0: none), as far as `limit` bytes of memory
+    allow; `size` is about the memory used, bytes.
     """
 
     def __init__(self, duration: float, limit: int) -> None:
@@ -49,14 +49,14 @@ class SnapshotRing:
         self._channels: dict[str, TopicChannel] = {}
 
     def keep(self, duration: float, limit: int) -> None:
-        """Keep so much from now on."""
+        """Change the duration, s, and the memory limit, bytes."""
         self.duration, self.limit = duration, limit
         if not duration:
             self._batches.clear()
             self.size = 0
 
     def add(self, channels: Sequence[TopicChannel], messages: Sequence[Message]) -> None:
-        """Take messages, in any order, and forget those that are too old."""
+        """Add messages of topics `channels`, in any order; drop those that are too old."""
         if not self.duration:
             return
         self._channels.update({channel.name: channel for channel in channels})
@@ -72,12 +72,12 @@ class SnapshotRing:
 
     @property
     def span(self) -> float:
-        """Seconds that are kept."""
+        """Return the time that the messages cover, s."""
         batches = self._batches
         return (batches[-1][1] - batches[0][0]) * 1e-9 if batches else 0.0
 
     def content(self) -> tuple[list[TopicChannel], list[Message]]:
-        """What is kept, in the order of its log time."""
+        """Return the topics and messages, in the order of log time."""
         messages = [message for *_, batch in list(self._batches) for message in batch]
         messages.sort(key=itemgetter(0))
         present = {message[1] for message in messages}
@@ -85,14 +85,13 @@ class SnapshotRing:
 
 
 class RecordingSession:
-    """One recorder's bags, one after the other. Not for several threads.
+    """State machine of the recorder, with one open bag at most. Not thread-safe.
 
-    `clock` is log time now, ns; what arrives while it is zero is not recorded. `closed` takes every
-    bag that was closed, and whether it ended by a fault or was given up.
+    `clock` returns log time, ns; nothing is recorded while it is zero. `closed` takes every closed
+    bag, and whether it is faulty or was aborted.
 
-    `fault`: what is wrong, in one line that says what to do; empty if nothing is. `dropped`:
-    messages that arrived and were not written since the start. `ring`: what arrived in the last
-    seconds, recorded or not.
+    `fault`: one line on what is wrong and what to do; empty if nothing is. `dropped`: messages that
+    were not written since the start. `ring`: messages of the last seconds, recorded or not.
     """
 
     def __init__(
@@ -115,7 +114,7 @@ class RecordingSession:
 
     @property
     def waits(self) -> bool:
-        """Whether nothing can be recorded yet, because no clock has said the time."""
+        """Return whether nothing can be recorded yet, because simulated time has not begun."""
         return self._clock() == 0
 
     @property
@@ -124,13 +123,13 @@ class RecordingSession:
         return time.monotonic() - self._started if self.bag is not None else 0.0
 
     def recorded(self, topic: str) -> int:
-        """Messages of a topic in the present bag, or in the last one."""
+        """Return the number of messages of a topic in the open bag, or in the last one."""
         if self.bag is not None:
             return self.bag.count(topic)
         return sum(file.counts.get(topic, 0) for file in self._last)
 
     def free_disk(self) -> int:
-        """Free bytes where the bags lie; zero if that is not known."""
+        """Return the free bytes on the disk of the bags; zero if unknown."""
         try:
             disk = os.statvfs(self.settings.bag_directory)
         except OSError:
@@ -164,7 +163,7 @@ class RecordingSession:
         return self.bag.folder
 
     def stop(self, *, aborted: bool = False) -> ClosedBag:
-        """Close the bag; of one that was given up the folder's name says so."""
+        """Close and return the bag; if `aborted`, its folder is renamed to ``…_aborted``."""
         bag = self._open_bag()
         try:
             closed = bag.close()
@@ -182,17 +181,17 @@ class RecordingSession:
         return closed
 
     def forget(self) -> None:
-        """Have no latched message of the robot that was recorded before."""
+        """Drop the latched messages, for another robot follows."""
         self._latched.clear()
 
     def go_on(self, state: State) -> str:
-        """Record what arrives from now on, or leave it out (paused), and say so."""
+        """Switch between RECORDING and PAUSED, and return the state in words."""
         self._open_bag()
         self.state = state
         return state.name.lower()
 
     def split(self) -> Path:
-        """Go on in a new file and return the one that was closed.
+        """Close the present file, go on in a new one, and return the path of the closed one.
 
         A UsageError says that nothing is being recorded, or that the new file cannot be made.
         """
@@ -205,7 +204,7 @@ class RecordingSession:
         return path
 
     def write(self, channels: list[TopicChannel], messages: list[Message]) -> None:
-        """Take messages of the topics `channels`, in any order."""
+        """Add messages of the topics `channels`, in any order, to the bag and the ring."""
         for channel in channels:
             if channel.latched:
                 last = next(message for message in reversed(messages) if message[1] == channel.name)
@@ -229,9 +228,9 @@ class RecordingSession:
             self._give_up()
 
     def snapshot(self) -> tuple[Path, Callable[[], ClosedBag]]:
-        """Return the folder of a bag of the last seconds, and what writes it in any thread.
+        """Return the folder of a new snapshot, and a function that writes it in any thread.
 
-        A UsageError says that nothing is kept, or that there is no space.
+        A UsageError says that no messages are kept, or that there is no space.
         """
         if not self.ring.duration:
             raise UsageError("no snapshot: snapshot_duration is 0; set it to the seconds to keep")
@@ -260,7 +259,7 @@ class RecordingSession:
         return folder, write
 
     def _last_latched(self) -> tuple[dict[str, Message], list[TopicChannel]]:
-        """The last message of each latched topic, and their channels."""
+        """Return the last message of each latched topic, and the channels of these topics."""
         messages = {name: message for name, (_, message) in self._latched.items()}
         return messages, [channel for channel, _ in self._latched.values()]
 
@@ -273,7 +272,7 @@ class RecordingSession:
         return PRESETS[self.settings.storage_preset]
 
     def tick(self) -> None:
-        """Put on disk what is due; call several times a second."""
+        """Write waiting messages to disk when due; call several times a second."""
         now = time.monotonic()
         if self.bag is None or now - self._committed < self.settings.chunk_duration:
             return
@@ -298,7 +297,7 @@ class RecordingSession:
             )
 
     def _give_up(self) -> None:
-        """Memory is full of messages that cannot be written."""
+        """Close the bag without the waiting messages, which exceed the memory limit."""
         assert self.bag is not None
         closed = self.bag.abandon()
         self.dropped += closed.lost

@@ -1,4 +1,4 @@
-"""The recorder's two threads: one empties the subscriptions, one counts and writes what came.
+"""The recorder's two threads: one takes messages from subscriptions, one counts and writes them.
 
 Taking messages never waits for a disk.
 """
@@ -25,10 +25,10 @@ _PERIOD, _INTAKE_PERIOD = 0.1, 0.01  # s
 
 
 class WriterThread(threading.Thread):
-    """Runs a RecordingSession; everything that touches the session happens in this thread.
+    """The only thread that uses a RecordingSession: counts messages and writes them.
 
-    `overrun` counts messages that arrived while `memory_limit` was full of messages not yet looked
-    at; `failure` is an error that should not happen.
+    `overrun` counts messages that were dropped because `memory_limit` was full of unprocessed
+    messages; `failure` is an unexpected error, in words.
     """
 
     def __init__(self, session: RecordingSession) -> None:
@@ -44,7 +44,7 @@ class WriterThread(threading.Thread):
     def submit(
         self, channel: TopicChannel, monitor: TopicMonitor, taken: list[Taken], log_time: int | None
     ) -> None:
-        """Hand over messages of one topic; `log_time` in ns if not their time of receipt."""
+        """Queue messages of one topic; `log_time`, ns, or None for their times of receipt."""
         size = sum(len(message) for message, _ in taken)
         if self._queued_bytes + size > self.session.settings.memory_limit:
             self.overrun += len(taken)
@@ -53,7 +53,7 @@ class WriterThread(threading.Thread):
         self._queue.put(_Batch(channel, monitor, taken, log_time, size))
 
     def call(self, function: Callable[[], Result], timeout: float = 10.0) -> Result:
-        """Run a function after everything that was submitted, and return what it returns."""
+        """Run a function in this thread after all queued messages, and return its result."""
         future: Future[Result] = Future()
 
         def run() -> None:
@@ -67,27 +67,28 @@ class WriterThread(threading.Thread):
         return future.result(timeout)
 
     def end(self) -> None:
-        """End the thread after everything that was submitted."""
+        """End the thread after all queued messages, and wait for it."""
         self._ended = True
         self._wake.set()
         self.join()
 
     def run(self) -> None:
-        """Work until `end`."""
+        """Write messages until `end`."""
         while not self._ended:
             self._wake.wait(_PERIOD)
             self._wake.clear()
-            self._guarded(self._work)
-            self._guarded(self.session.tick)
-        self._guarded(self._work)
+            self._guard(self._work)
+            self._guard(self.session.tick)
+        self._guard(self._work)
 
-    def _guarded(self, step: Callable[[], None]) -> None:
+    def _guard(self, step: Callable[[], None]) -> None:
         try:
             step()
         except Exception as error:  # the thread must live on: what comes next can be written
             self.failure = f"messages could not be written: {one_line(error)}"
 
     def _work(self) -> None:
+        """Process the queue: messages of each topic together, functions in between."""
         waiting: dict[str, list[_Batch]] = {}
         while True:
             try:
@@ -104,6 +105,7 @@ class WriterThread(threading.Thread):
         self._write(waiting)
 
     def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
+        """Count waiting messages by topic, and hand them to the session."""
         messages: list[Message] = []
         for topic, batches in waiting.items():
             taken = [message for batch in batches for message in batch.taken]
@@ -122,7 +124,7 @@ class WriterThread(threading.Thread):
 
 
 class _Batch(NamedTuple):
-    """Messages of one topic that wait to be counted and written; `size` is their bytes."""
+    """Messages of one topic that wait to be counted and written; `size` in bytes."""
 
     channel: TopicChannel
     monitor: TopicMonitor
@@ -132,12 +134,11 @@ class _Batch(NamedTuple):
 
 
 class Intake(threading.Thread):
-    """Takes what arrived on all topics a hundred times a second and hands it to the writer.
+    """Thread that takes messages of all topics a hundred times a second for the writer.
 
-    It waits on a steady clock: with simulated time, or without any clock, messages are taken
-    all the same. `largest` is the bytes of the largest message that is taken, `log_time` the time
-    to log messages with, ns, None for their time of receipt; `failure` says why messages could not
-    be taken.
+    It waits on a steady clock, so that simulated time cannot stop it. `largest` returns the size of
+    the largest message that is taken, bytes; `log_time` returns the log time, ns, or None for the
+    time of receipt. `failure` says why messages could not be taken.
     """
 
     def __init__(
@@ -159,7 +160,7 @@ class Intake(threading.Thread):
                 self.failure = f"cannot take messages: {one_line(error)}"
 
     def drain(self) -> None:
-        """Hand over everything that has arrived by now."""
+        """Hand all messages that have arrived to the writer."""
         with self._lock:
             for topic in self.topics:
                 taken = topic.take(self._largest())

@@ -1,4 +1,4 @@
-"""What happens on one topic: lost, late and malformed messages, gaps, stamps, joints, numbers."""
+"""Monitor of one topic: lost, late and malformed messages, gaps, backward stamps, joint content."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -25,11 +25,11 @@ _LOOKED_AT = 50
 
 
 class JointContent:
-    """Watches the content of one topic with joint messages.
+    """Checks the content of a topic with joint messages.
 
-    `joints` should be in the messages (empty: any will do), with numbers in the fields `needed`:
+    `joints` should be in the messages (empty: any), with numbers in the fields `needed`:
     ``position``, ``effort``. `malformed` counts messages that are not of the topic's type. Parts of
-    the robot may have messages of their own.
+    the robot may have separate messages.
     """
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:
@@ -41,13 +41,13 @@ class JointContent:
 
     @property
     def problems(self) -> list[str]:
-        """What the latest messages lack, in words."""
+        """Return what the latest messages lack, in words."""
         absent = [joint for joint, count in self._without.items() if count >= _LOOKED_AT]
         lacks = [f"it does not hold joint {', '.join(absent)}"] if self._names and absent else []
         return [*lacks, *self._missing]
 
     def look(self, messages: Sequence[bytes]) -> None:
-        """Look at a batch of serialised messages, in the order of their arrival."""
+        """Check a batch of serialised messages, in the order of their arrival."""
         latest = [(0, message) for message in messages[-_LOOKED_AT:]]
         reader = JointMessageReader("", self._type, self._joints, self._needed)
         try:
@@ -75,8 +75,7 @@ class JointContent:
 class Received:
     """A batch of messages of one topic as the middleware handed it over.
 
-    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), -1 where there
-    are none.
+    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), or -1.
     """
 
     messages: list[bytes]
@@ -86,11 +85,11 @@ class Received:
 
 
 class TopicMonitor:
-    """Counts of one topic since the last reset; `clock` is monotonic time, s, for its silence.
+    """Counts of one topic since the last reset; `clock` is monotonic time, s.
 
     `lost`: holes in the publisher's sequence numbers; not counted while several publishers share
-    the topic, for the middleware does not say which of them sent a message. `backward`: stamps (of
-    the header, the source or the receipt) that lie before the one before.
+    the topic, since the middleware does not say which of them sent a message. `backward`: messages
+    whose stamp (of the header, the source or the receipt) precedes that of the previous message.
     """
 
     def __init__(
@@ -118,27 +117,27 @@ class TopicMonitor:
             self.content.malformed = 0
 
     def new_publishers(self, count: int) -> None:
-        """Sequence numbers start anew."""
+        """Restart the sequence numbers, for `count` publishers."""
         self.one_publisher = count <= 1
         self._sequence = None
 
     @property
     def counts_lost(self) -> bool:
-        """Whether `lost` is known: something arrived, from one publisher that numbers it."""
+        """Return whether `lost` is known: messages came from one publisher that numbers them."""
         return self.received > 0 and self.one_publisher and self._sequence is not None
 
     @property
     def period(self) -> float | None:
-        """Usual time between two messages, s; None before a few have come."""
+        """Return the median time between messages, s; None before ten have come."""
         return float(np.median(self._periods)) * 1e-9 if len(self._periods) >= 10 else None
 
     @property
     def silence(self) -> float:
-        """Seconds since the last message (or since the topic was first watched)."""
+        """Return the time since the last message (at first since construction), s."""
         return self._clock() - self._arrived
 
     def add(self, batch: Received, settings: RecorderSettings) -> None:
-        """Count a batch; the settings say what is late, and what a gap."""
+        """Count a batch; the settings define late messages and gaps."""
         if not batch.messages:
             return
         self._arrived = self._clock()
@@ -164,17 +163,17 @@ class TopicMonitor:
             self.content.look(batch.messages)
 
     def _count_backward(self, batch: Received) -> None:
-        back = _falls(batch.sent, self._last_sent) | _falls(batch.received, self._last_received)
+        back = _drops(batch.sent, self._last_sent) | _drops(batch.received, self._last_received)
         self._last_sent, self._last_received = int(batch.sent[-1]), int(batch.received[-1])
         if self._has_header:
             stamps = header_stamps(batch.messages)
-            back |= _falls(stamps, self._last_stamp)
+            back |= _drops(stamps, self._last_stamp)
             self._last_stamp = int(stamps[-1])
         self.backward += int(np.count_nonzero(back))
 
 
 def batch_of(taken: Sequence[Taken]) -> Received:
-    """Arrange what `take_message` returned."""
+    """Arrange the messages of `take_message` with their times and numbers as arrays."""
     count = len(taken)
     received = (info["received_timestamp"] or 0 for _, info in taken)
     sent = (info["source_timestamp"] or 0 for _, info in taken)
@@ -188,12 +187,12 @@ def batch_of(taken: Sequence[Taken]) -> Received:
     )
 
 
-def _falls(times: IntArray, before: int | None) -> NDArray[np.bool_]:
+def _drops(times: IntArray, before: int | None) -> NDArray[np.bool_]:
     return np.asarray(np.diff(times, prepend=times[0] if before is None else before) < 0)
 
 
 def header_stamps(messages: Sequence[bytes]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Stamps (n,) of messages that begin with a header, ns."""
+    """Return the stamps (n,), ns, of messages that begin with a header."""
     if not messages:
         return np.zeros(0, dtype=np.int64)
     order = "<" if messages[0][1:2] == b"\x01" else ">"

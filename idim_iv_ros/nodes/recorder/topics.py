@@ -1,6 +1,6 @@
-"""The recorder's topics: the robot's signals and the extra ones, also those that appear.
+"""The topics of the recorder: the robot's signals and extra ones, also those that appear later.
 
-They are subscribed as their publishers offer them, and emptied without an executor.
+Subscriptions use the QoS of the publishers, and are read without an executor.
 """
 
 import re
@@ -38,7 +38,7 @@ _DESCRIPTIONS = 10  # descriptions of the robot that wait
 
 
 def joint_types(quantities: Sequence[str], *, named_field: bool) -> list[str] | None:
-    """Message types that can hold quantities of joints; None: any, where a field is named."""
+    """Return message types with joint quantities; None (any type) where a field is named."""
     if named_field:
         return None
     numbers = [FLOAT_ARRAY] if list(quantities) == ["effort"] else []
@@ -46,7 +46,7 @@ def joint_types(quantities: Sequence[str], *, named_field: bool) -> list[str] | 
 
 
 class _NeverExecuted(CallbackGroup):
-    """Keeps its subscriptions out of every executor: they are emptied by hand."""
+    """Callback group that keeps its subscriptions out of every executor."""
 
     def can_execute(self, entity: object) -> bool:
         return False
@@ -54,19 +54,18 @@ class _NeverExecuted(CallbackGroup):
     beginning_execution = can_execute
 
     def ending_execution(self, entity: object) -> None:
-        """Nothing was begun."""
+        """Do nothing: no callback is ever executed."""
 
 
 class WatchedTopic:
     """Subscription, channel and counts of one topic.
 
-    `name`: fully qualified. `types`: message types that can be used; None: any that is installed.
-    `joints`, `needed`: as in JointContent. `depth`: messages that the middleware keeps.
-    `best_effort`: whether nothing is sent again for this subscription, nor a message from before
-    it, whatever the publishers offer. `problem`, `note`: why the topic is not recorded, or what is
-    unusual; empty if nothing is. `had_publishers`: whether there ever was one. `too_large`:
-    messages left out for their size. `substitutes`: any of them does as well where nobody publishes
-    this one.
+    `name` is fully qualified. `types` are the usable message types; None: any installed type.
+    `joints`, `needed`: see JointContent. `depth`: messages that the middleware queues.
+    `best_effort`: subscribe best effort and volatile whatever the publishers offer. `problem`,
+    `note`: why the topic is not recorded, or what is unusual, or empty. `had_publishers`: whether
+    there ever was one. `too_large`: number of messages left out for their size. `substitutes`:
+    other topics that make up for this one if nobody publishes it.
     """
 
     def __init__(
@@ -100,7 +99,7 @@ class WatchedTopic:
 
     @property
     def absence(self) -> str:
-        """Why nothing came, where that is unusual; else empty."""
+        """Return why no message came, where that is unusual; else empty."""
         if self.problem:
             return f"{self.name}: {self.problem}"
         if self._types == [_STRING]:  # the description; a configuration may have it instead
@@ -110,7 +109,7 @@ class WatchedTopic:
         return f"nothing came on {self.name}" if self._types else ""
 
     def look(self) -> None:
-        """Look for publishers: subscribe to the first, and again where their QoS changed."""
+        """Look for publishers; subscribe at the first, and anew when their QoS changes."""
         publishers = self._node.get_publishers_info_by_topic(self.name)
         self.publishers = len(publishers)
         self.problem = ""
@@ -139,14 +138,14 @@ class WatchedTopic:
             self._subscribe(usable)
 
     def take(self, largest: int) -> list[Taken]:
-        """Everything that arrived; messages with more than `largest` bytes are left out."""
+        """Return the messages that arrived; count and drop those of more than `largest` bytes."""
         with self._lock:
             fresh: list[Taken] = []
             if self._subscription is not None:
                 self._drain(self._subscription, fresh)
             if self._left:
-                seen = set(map(_identity, self._left))
-                fresh = [entry for entry in fresh if _identity(entry) not in seen]
+                seen = set(map(_message_key, self._left))
+                fresh = [entry for entry in fresh if _message_key(entry) not in seen]
             taken, self._left = self._left + fresh, []
         if any(len(message) > largest for message, _ in taken):
             fitting = [entry for entry in taken if len(entry[0]) <= largest]
@@ -171,9 +170,9 @@ class WatchedTopic:
                 taken.append(message)
 
     def _subscribe(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Subscribe reliable, and transient local, only where all publishers are (rosbag2)."""
+        """Subscribe as reliable or transient local only if all publishers are, as rosbag2."""
         message_type = publishers[0].topic_type
-        offered = tuple(_offered(publisher) for publisher in publishers)
+        offered = tuple(_offered_qos(publisher) for publisher in publishers)
         before = self.channel and self.channel.message_type
         self.channel = TopicChannel(self.name, message_type, offered, definition(message_type))
         kinds = {qos.reliability for qos in offered}, {qos.durability for qos in offered}
@@ -203,10 +202,10 @@ class WatchedTopic:
         self._replace(python_type(message_type), profile)
 
     def _replace(self, kind: type, profile: QoSProfile) -> None:
-        """Go over to another subscription: what both got counts once."""
+        """Replace the subscription; messages that both received are counted once."""
         with self._lock:
             new = self._node.create_subscription(
-                kind, self.name, _never, profile, callback_group=self._group, raw=True
+                kind, self.name, _unused_callback, profile, callback_group=self._group, raw=True
             )
             old, self._subscription = self._subscription, new
             if old is not None:
@@ -216,15 +215,15 @@ class WatchedTopic:
             self._node.destroy_subscription(old)
 
 
-def _never(_: bytes) -> None:
-    """No executor calls this."""
+def _unused_callback(_: bytes) -> None:
+    """Do nothing: the callback that rclpy asks for, which no executor calls."""
 
 
-def _identity(message: Taken) -> tuple[int | None, int | None]:
+def _message_key(message: Taken) -> tuple[int | None, int | None]:
     return message[1]["source_timestamp"], message[1]["publication_sequence_number"]
 
 
-def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
+def _offered_qos(publisher: TopicEndpointInfo) -> OfferedQos:
     qos = publisher.qos_profile
     return OfferedQos(
         "reliable" if qos.reliability == ReliabilityPolicy.RELIABLE else "best_effort",
@@ -234,7 +233,7 @@ def _offered(publisher: TopicEndpointInfo) -> OfferedQos:
 
 
 class TopicSet:
-    """Topics that are watched; `say` takes one line, once for a topic that cannot be recorded."""
+    """All topics to record; `say` takes a sentence on a topic that cannot be recorded."""
 
     def __init__(
         self, node: Node, settings: RecorderSettings, say: Callable[[str], object]
@@ -247,7 +246,7 @@ class TopicSet:
 
     @property
     def topics(self) -> list[WatchedTopic]:
-        """Signals first; a new list each time, so that another thread may go through it."""
+        """Return a new list of the topics, signals first, that another thread may iterate over."""
         return [*self._signals, *self._extra]
 
     @property
@@ -256,7 +255,7 @@ class TopicSet:
         return {topic.name for topic in self.topics}
 
     def configure(self, settings: RecorderSettings) -> None:
-        """Watch the signals of another configuration."""
+        """Watch the signals of the configuration in `settings`."""
         new, old = signal_topics(self._node, settings), self._signals
         self._signals = new
         self.extend(settings)
@@ -264,7 +263,7 @@ class TopicSet:
             topic.close()
 
     def extend(self, settings: RecorderSettings) -> None:
-        """Watch other extra topics: those of the list now, those that match when they appear."""
+        """Watch the extra topics in `settings`: the list now, matches as they appear."""
         old, self._extra = self._extra, []
         text = settings.extra_topics_regex
         self._expression = re.compile(text) if text else None
@@ -280,7 +279,7 @@ class TopicSet:
 
     def look(self) -> None:
         """Look for publishers, and for topics that have appeared."""
-        self._extra = [*self._extra, *self._appeared()]
+        self._extra = [*self._extra, *self._new_topics()]
         for topic in self.topics:
             topic.look()
             if topic.problem and self._said.get(topic.name) != topic.problem:
@@ -292,8 +291,8 @@ class TopicSet:
         for topic in self.topics:
             topic.close()
 
-    def _appeared(self) -> list[WatchedTopic]:
-        """Topics that match the expression, have a publisher and are not watched yet."""
+    def _new_topics(self) -> list[WatchedTopic]:
+        """Return new topics that match the expression and have a publisher."""
         if self._expression is None or time.monotonic() - self._looked < _PERIOD:
             return []
         self._looked = time.monotonic()
@@ -316,10 +315,9 @@ class TopicSet:
 
 
 def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
-    """Return joint states, effort, reference, link states and robot description, remapped.
+    """Return the topics of joint states, effort, reference, link states and robot description.
 
-    Relative names are in the namespace of the node; the description of the robot is the global one
-    where its namespace has none.
+    Relative names are in the node's namespace, and remapped; the robot description may be global.
     """
     signals, joints = SignalsSection(), tuple[str, ...]()
     if settings.configuration:

@@ -1,4 +1,4 @@
-"""The node `robot_simulator`: a robot in real time whose true parameters are known."""
+"""The node `robot_simulator`: simulates a robot with given true parameters in real time."""
 
 import contextlib
 import json
@@ -45,12 +45,12 @@ _LEAD = 0.3  # s in which the change to another motion is simulated; longer if t
 
 
 class RobotSimulator(NodeProgram[SimulatorSettings]):
-    """Topics and services around a thread that publishes and one that plans."""
+    """The node `robot_simulator`: topics and services around threads that publish and plan."""
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("robot_simulator"), SimulatorSettings, arguments)
         node = self.node
-        self._simulation = _loaded(Path(self._settings.configuration))
+        self._simulation = _load_simulation(Path(self._settings.configuration))
         robot = self._simulation.robot
         limits = robot.robot.limits
         middle = 0.5 * (limits.lower + limits.upper)
@@ -73,19 +73,19 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
         self._rest = in_thread(self._prepare, "preparing")
 
     def close(self) -> None:
-        """Stop publishing."""
+        """Stop publishing, and end the node."""
         if self._playback is not None:
             self._playback.end()
         super().close()
 
     def _prepare(self) -> list[JointTopic]:
-        """Simulate the robot at rest; what is compiled for it, and for ~/move, is compiled now."""
+        """Return the robot at rest as messages; compile what that and ~/move need."""
         with contextlib.suppress(IdimError):  # without joint limits there are no random motions
             self._random_motion(duration=1.0, seed=1)
         return self._from_rest(None)
 
     def _begin(self) -> bool:
-        """Whether the robot publishes; it begins when its simulation is compiled."""
+        """Return whether the robot publishes; begin once its simulation is compiled."""
         if self._playback is not None:
             return True
         log, seconds = self.node.get_logger(), time.monotonic() - self._begun
@@ -119,7 +119,7 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             return
 
         def replace() -> None:
-            self._replace(playback, _trajectory(message, self._simulation.rate))
+            self._replace(playback, _requested_trajectory(message, self._simulation.rate))
 
         self._plan_in_thread(replace)
 
@@ -172,7 +172,7 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
         return topics
 
     def _replace(self, playback: Playback, trajectory: Trajectory) -> None:
-        """Drop the motion under way for another, as a trajectory controller does."""
+        """Replace the present motion by another, as a trajectory controller does."""
         begun, lead = time.monotonic(), _LEAD
         with self._planning:
             while (sample := playback.change(lead)) is not None:
@@ -201,8 +201,8 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             self.node.get_logger().error(problem)
 
 
-def _trajectory(message: JointTrajectory, rate: float) -> Trajectory:
-    """Return what a message asks for, at a rate in Hz."""
+def _requested_trajectory(message: JointTrajectory, rate: float) -> Trajectory:
+    """Return the trajectory of a message, sampled at `rate` Hz."""
     points, joints = message.points, message.joint_names
     counts = {len(point.positions) for point in points} - {len(joints)}
     if counts:
@@ -218,8 +218,8 @@ def _trajectory(message: JointTrajectory, rate: float) -> Trajectory:
     )
 
 
-def _loaded(path: Path) -> MotionSimulation:
-    """Return the simulation of the robot in a configuration."""
+def _load_simulation(path: Path) -> MotionSimulation:
+    """Return the simulation of the robot in a configuration file."""
     configuration = load_configuration(path)
     period = configuration.controller.period
     rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)

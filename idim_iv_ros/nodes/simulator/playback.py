@@ -1,4 +1,4 @@
-"""What the simulated robot is asked for, approach, motion, rest; and publishing it in real time."""
+"""Motions of the simulated robot (approach, motion, rest), and their publication in real time."""
 
 import struct
 import threading
@@ -36,11 +36,12 @@ def commanded(
     velocities: FloatArray | None,
     rate: float,
 ) -> Trajectory:
-    """Return the uniform trajectory through the points of a JointTrajectory.
+    """Return the trajectory through the points of a JointTrajectory, sampled at `rate` Hz.
 
     `times` (n_points,) in s from the start; `positions` and `velocities` (n_points, n_joints) in
-    rad, rad/s; without velocities the points are joined by straight lines. A UsageError says what
-    cannot be played.
+    rad, rad/s; without velocities the points are joined by straight lines.
+
+    Raises UsageError: the points are no valid trajectory.
     """
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
@@ -65,10 +66,10 @@ def commanded(
 
 @dataclass(frozen=True)
 class MotionSimulation:
-    """Runs a simulated robot through motions, from rest to rest; `rate` of the references in Hz.
+    """Simulates a robot along motions that begin and end at rest; `rate` of the references, Hz.
 
-    Motions are returned as messages with times from zero, and references (n_samples, n_joints),
-    whose last REST seconds are at rest. `seed` is that of the noise.
+    A motion is returned as messages with times from zero, s, and references (n_samples, n_joints),
+    rad (m), whose last REST seconds are at rest. `seed` is that of the noise.
     """
 
     configuration: Configuration
@@ -78,10 +79,10 @@ class MotionSimulation:
     def published(
         self, start: FloatArray, trajectory: Trajectory | None, seed: int
     ) -> tuple[list[JointTopic], FloatArray]:
-        """Run the robot from rest at `start` (n_joints,) through a trajectory (if any) to rest.
+        """Simulate a trajectory (if any) after an approach from rest at `start` (n_joints,).
 
-        Raises UsageError: the trajectory is for other joints or leaves their range. DataError: the
-        closed loop diverged.
+        Returns messages and references. Raises UsageError: the trajectory is for other joints or
+        leaves their range. DataError: the closed loop diverged.
         """
         parts = [np.tile(start, (2, 1))]
         if trajectory is not None:
@@ -90,15 +91,15 @@ class MotionSimulation:
             samples = round(max(0.5, self._seconds(way)) * self.rate) + 1
             # A polynomial of fifth order from rest to rest, slow against the speed limits.
             parts += [start + way * quintic(np.linspace(0.0, 1.0, samples)[:, None])[0], motion]
-        return self._simulated(np.concatenate(parts), seed)
+        return self._simulate(np.concatenate(parts), seed)
 
     def continued(
         self, history: FloatArray, elapsed: float, trajectory: Trajectory, seed: int
     ) -> tuple[list[JointTopic], FloatArray]:
-        """Run the robot out of a motion into another, as a trajectory controller does.
+        """Simulate the change from a motion under way to another trajectory.
 
-        `history` (n_samples, n_joints) are the references since it rested last, up to the change;
-        what was due in the time `elapsed` since the new motion's beginning, s, is left out.
+        `history` (n_samples, n_joints) are the references since the last rest, up to the change;
+        the first `elapsed` seconds of the trajectory are left out. Returns messages and references.
         """
         motion, rate = self._motion(trajectory), self.rate
         place, speed = history[-1], (history[-1] - history[-2]) * rate
@@ -113,10 +114,10 @@ class MotionSimulation:
         blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
         time = np.arange(1, samples + 1) / rate
         whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
-        return self._simulated(whole, seed)
+        return self._simulate(whole, seed)
 
-    def _simulated(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
-        """Run the robot through references from rest to rest; the rest before is left out."""
+    def _simulate(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
+        """Simulate references (n_samples, n_joints), a rest added after them."""
         rest = round(REST * self.rate)
         whole = np.concatenate(
             [np.tile(position[0], (rest, 1)), position, np.tile(position[-1], (rest, 1))]
@@ -127,16 +128,16 @@ class MotionSimulation:
         record = self.robot.record(motion, seed)
         topics = recorded_topics(self.configuration, self.robot, record)
         # The loop begins unloaded and settles in the first rest, which nobody sees.
-        return [_without(topic, REST) for topic in topics], whole[rest:]
+        return [_without_start(topic, REST) for topic in topics], whole[rest:]
 
     def _seconds(self, way: FloatArray) -> float:
-        """Duration of a fifth-order polynomial over a way (n_joints,), slow against the limits."""
+        """Return the duration, s, of a slow fifth-order polynomial over a distance (n_joints,)."""
         limit = self.robot.robot.limits.velocity
         speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
         return 1.875 * float(np.max(np.abs(way) / speed))
 
     def _motion(self, trajectory: Trajectory) -> Trajectory:
-        """Return a trajectory in the order of the robot's joints; refuse one beyond their range."""
+        """Return a trajectory in the robot's order of joints; a UsageError if beyond limits."""
         joints, limits = self.robot.robot.joints, self.robot.robot.limits
         motion = trajectory.in_order(joints)
         outside = (motion.position < limits.lower - 1e-9) | (motion.position > limits.upper + 1e-9)
@@ -146,7 +147,7 @@ class MotionSimulation:
         return motion
 
 
-def _without(topic: JointTopic, seconds: float) -> JointTopic:
+def _without_start(topic: JointTopic, seconds: float) -> JointTopic:
     """Return a topic without its first seconds, with times from zero."""
     rows = topic.time >= seconds - 1e-9
     values = {name: getattr(topic, name) for name in ("position", "velocity", "effort")}
@@ -155,11 +156,11 @@ def _without(topic: JointTopic, seconds: float) -> JointTopic:
 
 
 class Playback(threading.Thread):
-    """Publishes motions one after the other; the end of the last is repeated while none waits.
+    """Thread that publishes motions in real time, and between them the robot at rest.
 
-    `resting` is the robot before its first motion; in the last REST seconds of any motion it rests.
-    `publish` holds, for every topic, what takes a serialised message; `clock` is the time now, ns.
-    `failure` says why messages could not be published; empty if they could.
+    `resting` is the robot before its first motion; the last REST seconds of any motion are at rest.
+    `publish` has a function for each topic that takes a serialised message; `clock` returns the
+    time, ns. `failure` says why messages could not be published; empty if they could.
     """
 
     def __init__(
@@ -181,16 +182,16 @@ class Playback(threading.Thread):
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is under way or waits."""
+        """Return whether a motion is under way or queued."""
         return self._moving or self._next is not None
 
     def play(self, topics: Sequence[JointTopic]) -> None:
-        """Play a motion from rest, or once the present one has ended."""
+        """Queue a motion that begins at rest, after the present one."""
         with self._lock:
             self._next, self._switch = _Motion(topics), None
 
     def change(self, seconds: float) -> int | None:
-        """Return the sample of the present motion that is due after a time; None if it rests."""
+        """Return the sample that is due `seconds` from now; None if the robot then rests."""
         while self._next is not None and self.is_alive():
             time.sleep(0.001)  # until it is the present one
         with self._lock:
@@ -199,7 +200,7 @@ class Playback(threading.Thread):
             return sample if self._moving and not rests else None
 
     def replace(self, topics: Sequence[JointTopic], sample: int) -> bool:
-        """Go over to a motion that is the present one up to a sample; False if that is over."""
+        """Switch at `sample` to a motion that is equal up to there; False if that is past."""
         new = _Motion(topics)
         with self._lock:
             if not self._moving or self._sample >= sample:
@@ -226,7 +227,7 @@ class Playback(threading.Thread):
             begin = max(self._pass(self._motion, first, begin), time.monotonic() - _CATCH_UP)
 
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
-        """Publish from sample `first` on; return when the next pass begins, s."""
+        """Publish a motion from sample `first` on; return the time of the next pass, s."""
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
         resting = motion.at_rest(REST)
         for sample in range(first, motion.samples):
@@ -251,7 +252,7 @@ class Playback(threading.Thread):
 
 
 class _Motion:
-    """Serialised messages of all topics."""
+    """A motion as serialised messages of all topics, sample by sample."""
 
     def __init__(self, topics: Sequence[JointTopic]) -> None:
         self.samples = min(len(topic.time) for topic in topics)
@@ -264,11 +265,11 @@ class _Motion:
         ]
 
     def at_rest(self, seconds: float) -> int:
-        """First sample of the last `seconds`, half of which the robot needs to settle."""
+        """Return the first sample of the last half of the last `seconds` of the motion."""
         return max(0, self.samples - round(0.5 * seconds / self.period))
 
     def stamped(self, sample: int, first: int, base: int) -> Iterator[tuple[str, bytes]]:
-        """Topics and messages of one sample; `base` is the time of sample `first`, ns."""
+        """Yield topic and message of one sample; `base` is the time of sample `first`, ns."""
         for (topic, messages), stamps in zip(self._messages, self._stamps, strict=True):
             stamp = base + stamps[sample] - stamps[first]
             message = bytearray(messages[sample].tobytes())

@@ -1,4 +1,4 @@
-"""`idim-iv watch`: what predictor, recorder and identifier say, until Ctrl-C."""
+"""`idim-iv watch`: the state of predictor, recorder and identifier, until Ctrl-C."""
 
 import math
 import threading
@@ -37,7 +37,7 @@ _POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' 
 
 
 class LivePage:
-    """A server on the loopback interface, in threads of its own; port 0 is any that is free.
+    """HTTP server of the live page on the loopback interface; port 0 takes any free port.
 
     Raises UsageError: the port is taken or not allowed.
     """
@@ -52,7 +52,7 @@ class LivePage:
         threading.Thread(target=self._server.serve_forever, name="page", daemon=True).start()
 
     def publish(self, state: bytes) -> None:
-        """Show a state, JSON, on all pages that are open."""
+        """Send a state, JSON, to all open pages."""
         with self._server.lock:
             self._server.count += 1
             self._server.states.append((self._server.count, state))
@@ -64,7 +64,7 @@ class LivePage:
 
 
 class _Server(ThreadingHTTPServer):
-    """Keeps the newest states with their numbers, which count from 1."""
+    """HTTP server with the newest states, numbered from 1."""
 
     daemon_threads = True
 
@@ -75,13 +75,13 @@ class _Server(ThreadingHTTPServer):
         self.states: deque[tuple[int, bytes]] = deque(maxlen=_HISTORY)
 
     def later(self, number: int) -> bytes:
-        """States after a number as JSON; all where that is the number of an earlier server."""
+        """Return the states after `number` as JSON; all if `number` is of an earlier server."""
         with self.lock:
             later = [state for place, state in self.states if not place <= number <= self.count]
             return b'{"newest": %d, "states": [%s]}' % (self.count, b",".join(later))
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Nothing: a page that is closed while it is sent is no error."""
+        """Do nothing: a page that is closed while it loads is no error."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -89,7 +89,7 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "idim-iv", ""
 
     def do_GET(self) -> None:
-        """Answer with a file, or with the states after the one that the page has."""
+        """Answer with a file, or with the states after the number in the query."""
         port = self.server.server_port
         # Another name that leads here is a page of somebody else that reads this one.
         if self.headers.get("Host") not in (f"{ADDRESS}:{port}", f"localhost:{port}"):
@@ -120,7 +120,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nothing: the terminal belongs to the user."""
+        """Log nothing: the terminal shows the table."""
 
 
 GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
@@ -136,11 +136,11 @@ ABOUT = """watch: measured and predicted efforts of a running robot, with what t
 
 @dataclass(frozen=True)
 class JointView:
-    """One joint: what the predictor's diagnostics say of it, and its newest prediction.
+    """State of one joint: its status in the predictor's diagnostics, and its newest prediction.
 
-    Numbers that are not known are NaN. `share` is the RMS of the residual over the last second of
-    motion, over the noise floor of the identification; `level_share` the same over ten seconds, of
-    which `limit` is explained; `level` is ``good``, ``beyond`` the limit, or ``unknown``.
+    Unknown numbers are NaN; efforts in `unit`. `share` is the RMS of the residual over the last
+    second of motion, divided by the noise floor; `level_share` over ten seconds, with its `limit`
+    from scatter and parameter uncertainty; `level` is ``good``, ``beyond`` or ``unknown``.
     """
 
     name: str
@@ -158,7 +158,7 @@ class JointView:
     def diagnosed(
         cls, name: str, values: Mapping[str, str], warns: bool, sentence: str
     ) -> "JointView":
-        """Return a joint without a prediction, from the key-value pairs of its diagnostics."""
+        """Return the state of a joint from its diagnostics, without a prediction."""
         share, limit = (_parsed(values.get(key, "")) for key in (SHARE, LIMIT))
         level = BEYOND if warns else GOOD if math.isfinite(limit) else UNKNOWN
         unit = values.get("unit", "")
@@ -167,9 +167,9 @@ class JointView:
 
 @dataclass(frozen=True)
 class LiveView:
-    """All joints, and in words what the nodes do and whether parameters drift.
+    """State of all joints, and of the nodes in words.
 
-    `stamp` is that of the sample, `delay` from there to its prediction, s; `reason` says why
+    `stamp` is that of the sample, `delay` the time until its prediction, s; `reason` says why
     nothing is predicted.
     """
 
@@ -181,7 +181,7 @@ class LiveView:
     nodes: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> bytes:
-        """Return it as JSON; numbers that do not exist are null."""
+        """Return the state as JSON; NaN is null."""
         return TypeAdapter(LiveView).dump_json(self)
 
 
@@ -193,11 +193,10 @@ def _parsed(text: str) -> float:
 
 
 def live_table(view: LiveView) -> RenderableType:
-    """Return the table of all joints, what is beyond its limit, and a line for each node.
+    """Return a table of all joints, a line for each joint beyond its limit, and for each node.
 
-    Beside the efforts: the RMS of the residual over ten seconds and over one second of motion, over
-    the noise floor, and its limit: what scatter and uncertain parameters explain of the ten. It
-    fits a terminal of 80 columns.
+    Columns: efforts; RMS of the residual over noise floor during ten seconds of motion, its limit,
+    and during one second. It fits a terminal of 80 columns.
     """
     lines: list[RenderableType] = [Text(f"{view.robot or 'robot'}: efforts", style="bold")]
     if view.joints:
@@ -240,10 +239,10 @@ def _text(number: float, form: str) -> str:
 
 
 class Watcher:
-    """Subscriptions to what the nodes of a robot say, in the namespace of this node.
+    """Node that shows the state of the robot's other nodes, in its namespace.
 
-    `web` is the port of the page (None: a table on the terminal); `predictor` makes one that runs
-    in this process.
+    `web` is the port of the page (None: a table on the terminal); `predictor` makes a predictor to
+    run in this process.
     """
 
     def __init__(
@@ -262,10 +261,10 @@ class Watcher:
         self._joints: dict[str, JointView] = {}
         self._nodes: dict[str, str] = {}
         self._predictors = 0
-        node.create_subscription(Prediction, _TOPIC, self._predicted, 50)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 50)
-        node.create_subscription(RecorderStatus, "recorder/status", self._recorded, 10)
-        node.create_subscription(DriftReport, "identifier/drift", self._drifted, LATCHED)
+        node.create_subscription(Prediction, _TOPIC, self._take_prediction, 50)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 50)
+        node.create_subscription(RecorderStatus, "recorder/status", self._take_status, 10)
+        node.create_subscription(DriftReport, "identifier/drift", self._take_drift, LATCHED)
         steady_timer(node, _DRAWN, self._draw)
         self._console = Console()
         self._live: Live | None = None
@@ -276,7 +275,7 @@ class Watcher:
             self._live.start()
 
     def close(self) -> None:
-        """Give the terminal back, with one line."""
+        """Restore the terminal, and end server and nodes."""
         if self._live is not None:
             self._live.stop()
         if self._page is not None:
@@ -286,12 +285,12 @@ class Watcher:
         self.node.destroy_node()
         self._console.print("watch: ended")
 
-    def _predicted(self, message: Prediction) -> None:
+    def _take_prediction(self, message: Prediction) -> None:
         self._prediction, self._heard_at = message, time.monotonic()
         if self._page is not None:
             self._page.publish(self._view().to_json())
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
         namespace = self.node.get_namespace().rstrip("/")
         for status in message.status:
             source, _, what = status.name.partition(": ")
@@ -303,16 +302,17 @@ class Watcher:
             elif node == f"{namespace}/identifier" and what == "identification":
                 self._nodes["identifier"] = status.message
 
-    def _recorded(self, message: RecorderStatus) -> None:
+    def _take_status(self, message: RecorderStatus) -> None:
         words = _STATES[message.state] if message.state < len(_STATES) else "unknown"
         if message.bag and message.state:
             words = f"{words} {message.bag}, {message.duration:.0f} s"
         self._nodes["recorder"] = f"{words}: {message.fault}" if message.fault else words
 
-    def _drifted(self, message: DriftReport) -> None:
+    def _take_drift(self, message: DriftReport) -> None:
         self._nodes["drift of parameters"] = message.message
 
     def _view(self) -> LiveView:
+        """Return the present state of all joints and nodes, to show it."""
         message, nodes = self._prediction, dict(self._nodes)
         topic = self.node.resolve_topic_name(_TOPIC)
         if message is None:
@@ -362,5 +362,5 @@ def run(
     web: int | None = None,
     predictor: Callable[[Sequence[str]], Closable] | None = None,
 ) -> int:
-    """Run a `Watcher` until a signal and return the exit status; `arguments` begin with a name."""
+    """Run a `Watcher` until a signal, return the exit status; `arguments[0]` is the program."""
     return run_node("watch", lambda given: Watcher(given, web, predictor), ABOUT, arguments)

@@ -26,8 +26,8 @@ _TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their b
 class MessageBatch:
     """Serialised messages in one buffer.
 
-    `buffer` (n_bytes,) uint8. `offsets`, `sizes` (k,) int: where each message lies. `arrival` (k,)
-    int: log time, ns.
+    `buffer` (n_bytes,) uint8. `offsets`, `sizes` (k,) int: first byte and size of each message.
+    `arrival` (k,) int: log time, ns.
     """
 
     buffer: NDArray[np.uint8]
@@ -37,7 +37,7 @@ class MessageBatch:
 
     @classmethod
     def of(cls, messages: Sequence[tuple[int, bytes]]) -> "MessageBatch":
-        """Put messages with their log times one behind the other."""
+        """Return messages (log time in ns, bytes) as a batch."""
         sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
         return cls(
             buffer=np.frombuffer(b"".join(data for _, data in messages), dtype=np.uint8),
@@ -50,18 +50,18 @@ class MessageBatch:
         return len(self.offsets)
 
     def message(self, number: int) -> bytes:
-        """Bytes of one message."""
+        """Return the bytes of one message."""
         start = int(self.offsets[number])
         return self.buffer[start : start + int(self.sizes[number])].tobytes()
 
 
 class ByteSource(Protocol):
-    """A file somewhere else; any part of it can be fetched."""
+    """A file, perhaps on another machine, of which any part can be fetched."""
 
     size: int  # bytes
 
     def read(self, first: int, last: int) -> bytes:
-        """Bytes `first` … `last`, the end excluded.
+        """Return the bytes `first` to `last`, the end excluded.
 
         Raises OSError: they cannot be fetched.
         """
@@ -76,13 +76,13 @@ class LocalFile:
         self.size = os.fstat(descriptor).st_size
 
     def read(self, first: int, last: int) -> bytes:
-        """Bytes `first` … `last`, the end excluded."""
+        """Return the bytes `first` to `last`, the end excluded."""
         return os.pread(self._descriptor, last - first, first)
 
 
 @contextmanager
 def copied(source: ByteSource) -> Iterator[IO[bytes]]:
-    """Return a temporary file with the whole content; it has no name that could be left behind."""
+    """Yield a copy as a temporary file without a name, which no crash can leave behind."""
     with tempfile.TemporaryFile(prefix="idim_iv_") as file:
         for first in range(0, source.size, READ_AHEAD):
             file.write(source.read(first, min(first + READ_AHEAD, source.size)))
@@ -91,7 +91,7 @@ def copied(source: ByteSource) -> Iterator[IO[bytes]]:
 
 
 def in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str, MessageBatch]]:
-    """Put messages (topic, log time in ns, content) of each topic together, some at a time."""
+    """Group messages (topic, log time in ns, bytes) by topic, up to 20,000 at a time."""
     remaining = iter(messages)
     while True:
         by_topic: dict[str, list[tuple[int, bytes]]] = {}
@@ -111,12 +111,11 @@ def in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str
 class BagFile(ABC):
     """One file of a bag.
 
-    `path`: of the file, or its name for messages where it is not on this machine. `topics`: type of
-    each topic that was met so far. `definitions`: definition of each type that was met so far,
-    where the file holds it. `truncated`: whether the file ended before its end, known once it was
-    read. `damaged`: stretches that could not be read, and messages that are none; they are left
-    out. `missing`: messages of each wanted topic that are known to be lost. `counted`: whether
-    `missing` is all that is lost; otherwise there is more, and nothing says how much.
+    `path`: path of the file; for a remote file its name, for messages. `topics`: type of each topic
+    so far. `definitions`: definition of each type so far, where the file holds it. `truncated`:
+    whether the end of the file is missing, known once it was read. `damaged`: number of unreadable
+    stretches and messages, which are left out. `missing`: known number of lost messages of each
+    wanted topic. `counted`: whether `missing` is complete.
     """
 
     path: Path
@@ -129,11 +128,11 @@ class BagFile(ABC):
 
     @abstractmethod
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, each batch in the order of arrival.
+        """Yield topic and raw messages of the wanted topics, each batch in the order of arrival.
 
         Raises DataError: not a file of this format.
         """
 
     def summarised_topics(self) -> dict[str, str]:
-        """Type of each topic by a summary in the file; empty where the file has none."""
+        """Return the type of each topic from the file's summary; empty without one."""
         return {}

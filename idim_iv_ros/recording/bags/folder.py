@@ -30,14 +30,13 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk, or somewhere else; taken wherever the path of a bag is.
+    """One recording on disk or in a remote store; can be given wherever a path of a bag can.
 
-    `path`: as the user named it; of a bag somewhere else its name, for messages. `sources`: files
-    of a bag somewhere else by their names, in the order in which they were recorded. `topics`: type
-    of each topic; complete once the bag was read. `definitions`: definition of each type, as far as
-    the bag holds it. `damages`: what is wrong with which file. `seen`, `missing`: messages of each
-    wanted topic that were found, and that are known to be lost. `counted`: whether `missing` is all
-    that is lost.
+    `path`: path by the user; for a remote bag its name, for messages. `sources`: files of a remote
+    bag by name, in the order of recording. `topics`: type of each topic; complete once the bag was
+    read. `definitions`: definition of each type, as far as the bag holds it. `damages`: what is
+    wrong with which file. `seen`, `missing`: number of messages of each wanted topic that were
+    read, and that are known to be lost. `counted`: whether `missing` is complete.
     """
 
     path: Path
@@ -53,11 +52,11 @@ class Bag:
         return str(self.path)
 
     def unread(self) -> "Bag":
-        """Return the same bag, to be read from its beginning."""
+        """Return a copy of this bag that was not read yet."""
         return Bag(self.path, self.sources)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, file by file.
+        """Yield topic and raw messages of the wanted topics, file by file.
 
         Raises UsageError: no such file or folder. DataError: not a bag.
         """
@@ -65,12 +64,12 @@ class Bag:
             for path, file in self._files(stack):
                 for topic, batch in file.batches(wanted):
                     note_type(self.topics, topic, file.topics[topic])
-                    self._define(file)
+                    self._add_definitions(file)
                     self.seen[topic] += len(batch)
                     yield topic, batch
                 for topic, kind in file.topics.items():
                     note_type(self.topics, topic, kind)
-                self._define(file)
+                self._add_definitions(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
                 name = "the file" if path == self.path else path.name
@@ -80,12 +79,12 @@ class Bag:
                     places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
                     self.damages.append(f"{name} is damaged in {places}")
         if not self.counted:
-            self._compare(wanted)
+            self._count_missing(wanted)
 
     def topic_types(self) -> dict[str, str]:
-        """Return the type of each topic, without the messages where that can be had.
+        """Return the type of each topic, from the summaries of MCAP files where they have one.
 
-        From the summary of an MCAP file; one without is read as far as it goes.
+        A file without a summary is read to its end.
 
         Raises UsageError: no such file or folder. DataError: not a bag.
         """
@@ -102,7 +101,7 @@ class Bag:
         for path in list(self.sources) or bag_files(self.path):
             yield path, self._file(path, stack)
 
-    def _define(self, file: BagFile) -> None:
+    def _add_definitions(self, file: BagFile) -> None:
         if len(file.definitions) != len(self.definitions):
             self.definitions = {**self.definitions, **file.definitions}
 
@@ -111,11 +110,11 @@ class Bag:
         if source is not None and path.suffix.lower() == ".mcap":
             return McapFile(path, source=source)
         local = path if source is None else _copy(path, source, stack)
-        whole = _decompressed(local, stack) if local.suffix.lower() == ".zstd" else local
+        whole = _decompress(local, stack) if local.suffix.lower() == ".zstd" else local
         return McapFile(whole) if whole.suffix.lower() == ".mcap" else SqliteFile(whole)
 
-    def _compare(self, wanted: set[str]) -> None:
-        """Count what is missing against metadata.yaml, where it says how much there was."""
+    def _count_missing(self, wanted: set[str]) -> None:
+        """Count missing messages against metadata.yaml, if that has counts."""
         counts = _counts(self.path)
         if any(counts.get(topic, 0) < self.seen[topic] for topic in self.seen):
             return
@@ -126,7 +125,7 @@ class Bag:
 
 
 def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
-    """Return one or many paths as bags; those that are bags already stay as they are.
+    """Return one or many paths or bags as bags.
 
     Raises UsageError: there is none.
     """
@@ -136,9 +135,9 @@ def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
 
 
 def bag_files(path: Path) -> list[Path]:
-    """Files of a bag in the order in which they were recorded.
+    """Return the files of a bag in the order of recording.
 
-    Raises UsageError: no such file or folder, or one that cannot be read. DataError: not a bag.
+    Raises UsageError: no such file or folder, or it cannot be read. DataError: not a bag.
     """
     if not is_there(path):
         raise UsageError(f"{path}: no such file or folder")
@@ -156,20 +155,20 @@ def bag_files(path: Path) -> list[Path]:
                 "come in through idim-iv import"
             )
         return [path]
-    there = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
-    files = _listed(path) or there
+    present = sorted(file for file in path.iterdir() if is_bag_file(file.name) and file.is_file())
+    files = _listed_files(path) or present
     if not files:
         raise DataError(f"{path}: no .mcap or .db3 file in this folder")
     return files
 
 
 def is_bag_file(name: str) -> bool:
-    """Whether a file of this name may be a bag, or a part of one."""
+    """Return whether a file of this name may be a bag, or a part of one."""
     return name.lower().endswith(SUFFIXES)
 
 
-def _listed(folder: Path) -> list[Path]:
-    """Files that metadata.yaml lists and that exist, in its order."""
+def _listed_files(folder: Path) -> list[Path]:
+    """Return the existing files that metadata.yaml lists, in its order."""
     information = _information(folder)
     if str(information.get("compression_mode", "")).lower() == "message":
         raise DataError(
@@ -184,7 +183,7 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _counts(folder: Path) -> dict[str, int]:
-    """Messages of each topic of a bag, as far as its metadata.yaml says."""
+    """Return the number of messages of each topic, as far as metadata.yaml has it."""
     counts: dict[str, int] = {}
     topics = _information(folder).get("topics_with_message_count")
     for topic in topics if isinstance(topics, list) else []:
@@ -198,7 +197,7 @@ def _counts(folder: Path) -> dict[str, int]:
 
 
 def _information(folder: Path) -> dict[str, Any]:
-    """Content of metadata.yaml; empty where there is none that can be read."""
+    """Return the content of metadata.yaml; empty if it is missing or unreadable."""
     metadata = folder / "metadata.yaml"
     try:
         if not metadata.is_file() or metadata.stat().st_size > _LONGEST_METADATA:
@@ -218,7 +217,7 @@ def _temporary(stack: ExitStack) -> Path:
 
 
 def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
-    """Copy a file that cannot be read in parts: a database, or one that is compressed whole."""
+    """Copy a remote file that cannot be read in parts (a database, or compressed as a whole)."""
     out = _temporary(stack) / path.name
     with copied(source) as content, out.open("wb") as target:
         content.seek(0)
@@ -226,7 +225,7 @@ def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
     return out
 
 
-def _decompressed(path: Path, stack: ExitStack) -> Path:
+def _decompress(path: Path, stack: ExitStack) -> Path:
     out = _temporary(stack) / path.with_suffix("").name
     try:
         with path.open("rb") as source, out.open("wb") as target:
@@ -237,7 +236,7 @@ def _decompressed(path: Path, stack: ExitStack) -> Path:
 
 
 def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
-    """Say how many messages of some topics were saved; empty for a whole bag."""
+    """Return a sentence on messages saved and lost of some topics; empty for an intact bag."""
     if not bag.damages:
         return ""
     parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
@@ -245,13 +244,13 @@ def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
 
 
 def with_loss(error: DataError, bag: Bag, topics: Iterable[str]) -> DataError:
-    """Return an error with what the bag has lost: as far as anybody can know, that is why."""
+    """Return an error with the bag's losses added, which are a likely reason."""
     loss = loss_sentence(bag, topics)
     return DataError(f"{error} ({loss})" if loss else str(error))
 
 
 def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
-    """Return the same as a note; it limits the recording if a message of the topics is lost."""
+    """Return the losses as a note; it has `limits` if a message of the topics is lost."""
     listed = list(topics)
     sentence = loss_sentence(bag, listed)
     if not sentence:

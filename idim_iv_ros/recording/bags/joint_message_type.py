@@ -1,8 +1,8 @@
-"""Which numbers of a message are the positions, velocities and efforts of which joints.
+"""Decoding of joint messages: which numbers are positions, velocities and efforts of which joints.
 
-Of ros2_control's own types that is known; of any other type the field is named by whoever reads.
-Bags by `ros2 bag record` hold the definition of every type since Iron (MCAP always). Without it a
-type is read as one of the versions that its package had.
+That is known of the types of ros2_control; for any other type the user names the field. Bags by
+`ros2 bag record` hold the definition of every type since Iron (MCAP always). Without it, a message
+is read by one of the published versions of its type.
 """
 
 from collections.abc import Sequence
@@ -32,23 +32,23 @@ _LONGEST = 200_000  # characters of a definition; the largest of ROS have 30,000
 
 @dataclass(frozen=True)
 class SchemaText:
-    """Definition of a type as a bag holds it: ``ros2msg`` or ``ros2idl``."""
+    """Definition of a message type as a bag holds it; `encoding` is ``ros2msg`` or ``ros2idl``."""
 
     encoding: str
     text: str
 
 
 def note_type(topics: dict[str, str], topic: str, kind: str) -> None:
-    """Enter the type of a topic; of a topic with several all are named."""
+    """Enter the type of a topic; several types of one topic are joined by ``and``."""
     before = topics.get(topic) or kind
     topics[topic] = AND.join(dict.fromkeys((*before.split(AND), *filter(None, kind.split(AND)))))
 
 
 @lru_cache(maxsize=64)
 def versions(name: str, schema: SchemaText | None) -> tuple[Typestore, ...]:
-    """Return the types with the version that a bag defines, else with each known one, newest first.
+    """Return type stores with `name` as the bag defines it, else as published, newest first.
 
-    May be empty.
+    Empty if the type has no known definition.
     """
     if name in PLAIN:
         return (get_typestore(Stores.ROS2_JAZZY),)
@@ -58,7 +58,7 @@ def versions(name: str, schema: SchemaText | None) -> tuple[Typestore, ...]:
 
 
 def _with_definition(name: str, schema: SchemaText) -> Typestore | None:
-    """Return the standard types and those of a definition; None where it is none of `name`."""
+    """Return the standard types with those of a definition; None if it does not define `name`."""
     if len(schema.text) > _LONGEST:
         return None
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -83,7 +83,7 @@ _POINT, _MANY = (
 
 
 def _controller_state(points: str, last: str = "") -> str:
-    """Definition with these points, once of joints and, under ``multi_dof_``, once of frames."""
+    """Return a definition of a controller state with these points, of joints and of frames."""
     lines = ["std_msgs/Header header", "string[] joint_names"]
     lines += [f"{_POINT} {point}" for point in points.split()]
     lines += ["string[] multi_dof_joint_names"]
@@ -120,18 +120,17 @@ _VERSIONS = {
 
 
 QUANTITIES = ("position", "velocity", "effort")
-# The same point under the names of newer and older versions of control_msgs.
+# Names of one point in newer and older versions of control_msgs.
 _SAME = {"reference": "desired", "desired": "reference", "feedback": "actual", "actual": "feedback"}
 _ASKED, _MEASURED, _OUTPUT = ("reference", "desired"), ("feedback", "actual"), ("output",)
 POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
 
 
 class JointValues(NamedTuple):
-    """What one message holds of joints.
+    """Joint quantities in one message.
 
-    `stamp`: of its header, ns; zero where the type has none. `names`: of the joints; empty for an
-    array without names. `numbers` (n,): of each quantity that is there, in the order of the names.
-    `origins`: field of the message that each was read from.
+    `stamp`: header stamp, ns; zero without header. `names`: joints; empty for an array without
+    names. `numbers` (n,): by quantity, ordered as the names. `origins`: their fields.
     """
 
     stamp: int
@@ -146,11 +145,10 @@ _Quantities = tuple[Sequence[str], dict[str, tuple[str, Any]]]
 
 @dataclass(frozen=True)
 class JointMessageType:
-    """How messages of one topic are read.
+    """How messages of one topic are decoded.
 
-    `name`: message type. `schema`: its definition as the bag holds it. `field`: which field of the
-    message is meant; None: what suits. `reference`: whether it is what the controller was asked
-    for, rather than what was measured.
+    `name`: message type. `schema`: its definition in the bag. `field`: the field to read; None for
+    the usual one. `reference`: whether to read references, not measurements.
     """
 
     name: str
@@ -160,13 +158,13 @@ class JointMessageType:
 
     @property
     def numbered(self) -> bool:
-        """Whether its numbers have no names: they are in the order of the joints."""
+        """Return whether its numbers have no names, and follow the order of the joints."""
         return self.name == FLOAT_ARRAY or self.name not in (JOINT_STATE, *ROS2_CONTROL)
 
     def require_readable(self, bag: object, topic: str) -> None:
-        """Refuse a type that holds no joint quantities, or whose field is not there.
+        """Check that the type holds joint quantities, and the named field.
 
-        Raises DataError: one line that says what can be written instead.
+        Raises DataError or UsageError: one line that says what can be written instead.
         """
         if AND in self.name:
             raise DataError(
@@ -237,7 +235,7 @@ class JointMessageType:
         if self.name == DYNAMIC_STATE:
             return self._interfaces(content, quantities)
         if self.name == MANY_STATES:
-            return self._many_states(content)
+            return self._states_of_dofs(content)
         return _named_field(content, "data" if self.field is None else self.field, quantities)
 
     def _controller_state(self, content: Any) -> _Quantities:
@@ -251,7 +249,7 @@ class JointMessageType:
             ("velocity", "velocities", points),
             ("effort", "effort", efforts),
         ):
-            # Of a version with both names only one is filled.
+            # Versions with both names fill one of them.
             for point in allowed:
                 numbers = getattr(getattr(content, point, None), member, ())
                 if len(numbers):
@@ -260,9 +258,10 @@ class JointMessageType:
         return content.joint_names, fields
 
     def _interfaces(self, content: Any, quantities: Sequence[str]) -> _Quantities:
+        """Return joint names and numbers of a DynamicJointState, by interface."""
         wanted = {name: name for name in QUANTITIES}
         if self.field is not None:
-            wanted[_first_of(quantities)] = self.field
+            wanted[_field_quantity(quantities)] = self.field
         joints = [
             dict(zip(joint.interface_names, joint.values, strict=False))
             for joint in content.interface_values
@@ -273,8 +272,8 @@ class JointMessageType:
             if any(name in joint for joint in joints)
         }
 
-    def _many_states(self, content: Any) -> _Quantities:
-        """Joint names, and numbers of all `dof_states`: their references, or their states."""
+    def _states_of_dofs(self, content: Any) -> _Quantities:
+        """Return joint names and numbers of `dof_states`: references or measurements."""
         of_reference = self.field == "reference" or (self.field is None and self.reference)
         members = {"position": "reference"} if of_reference else {
             "position": "feedback", "velocity": "feedback_dot", "effort": "output"
@@ -291,7 +290,7 @@ def _joint_state(content: Any) -> _Quantities:
 
 
 def _named_field(content: Any, path: str, quantities: Sequence[str]) -> _Quantities:
-    """Numbers of a field, or of a JointState in it."""
+    """Return joint names and numbers of a field, or of a JointState in it."""
     value = content
     for name in path.split("."):
         value = getattr(value, name)
@@ -302,11 +301,11 @@ def _named_field(content: Any, path: str, quantities: Sequence[str]) -> _Quantit
     names = getattr(content, "joint_names", getattr(content, "name", ()))
     names = [names] if isinstance(names, str) else names
     named = len(numbers) == len(names)
-    return names if named else (), {_first_of(quantities): (path, numbers)}
+    return names if named else (), {_field_quantity(quantities): (path, numbers)}
 
 
 def _has_numbers(store: Typestore, kind: str, path: str) -> bool:
-    """Whether a path from a type leads to numbers, or to a JointState."""
+    """Return whether a path of fields leads from a type to numbers, or to a JointState."""
     described: Any = (Nodetype.NAME, kind)
     for name in path.split("."):
         node, detail = described
@@ -322,11 +321,11 @@ def _has_numbers(store: Typestore, kind: str, path: str) -> bool:
     return bool(node == Nodetype.BASE and detail[0] != "string")
 
 
-def _first_of(quantities: Sequence[str]) -> str:
-    """What a named field holds: positions, where they are asked for at all."""
+def _field_quantity(quantities: Sequence[str]) -> str:
+    """Return the quantity that a named field holds: position if requested, else effort."""
     return "position" if "position" in quantities else "effort"
 
 
 def may_hold_joints(name: str) -> bool:
-    """Whether a type holds joint quantities that are found without naming a field."""
+    """Return whether joint quantities can be read from a type without naming a field."""
     return name in PLAIN or name in ROS2_CONTROL

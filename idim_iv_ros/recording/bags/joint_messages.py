@@ -1,4 +1,4 @@
-"""From raw messages to stamped numbers of the joints that are asked for."""
+"""From raw messages to stamped numbers of the requested joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -29,15 +29,14 @@ _STAMP = slice(4, 12)  # in the bytes of a JointState
 
 @dataclass(frozen=True)
 class JointMessages:
-    """All messages of one topic, in the order in which they were found.
+    """All messages of one topic, in the order of the file.
 
     `stamps`, `arrival` (n,) int: header stamp (zero without header) and log time, ns. `values`: (n,
-    n_joints) of each field, NaN where a message does not hold the joint. `layout` (n,) int: which
-    layout (joint order, missing fields) each has. `named` (n_layouts, n_joints) bool: joints that a
-    message of each layout names. `damaged`: messages that could not be read. `passed`: messages
-    that name other joints only, say those of a gripper: they were passed over. `names`: all joint
-    names that were met. `origins`: field of the message that each quantity was read from, where its
-    type has several.
+    n_joints) of each quantity, NaN where a message lacks the joint. `layout` (n,) int: number of
+    the layout (joint order, fields) of each message. `named` (n_layouts, n_joints) bool: joints
+    that a layout names. `damaged`: number of unreadable messages. `passed`: number of skipped
+    messages that name other joints only, say of a gripper. `names`: all joint names in the
+    messages. `origins`: field of the message by quantity, where its type has several.
     """
 
     topic: str
@@ -55,9 +54,9 @@ class JointMessages:
         return len(self.stamps)
 
     def notes(self, *, some_joints: bool = False) -> list[Note]:
-        """What a user should know: messages left out, changing layouts, missing values.
+        """Return notes for the user: messages left out, changing layouts, missing values.
 
-        With `some_joints` a joint that is never there misses nothing.
+        With `some_joints`, joints without any value do not count as missing.
         """
         notes = []
         if self.passed:
@@ -70,15 +69,15 @@ class JointMessages:
             what = "different layouts of the message (joint order or missing fields)"
             notes.append(Note(self.topic, what, layouts))
         for name, values in self.values.items():
-            there = np.isfinite(values)
-            there = there[:, there.any(axis=0)] if some_joints else there
-            missing = int(np.count_nonzero(~there))
-            if missing and missing < there.size:
+            finite = np.isfinite(values)
+            finite = finite[:, finite.any(axis=0)] if some_joints else finite
+            missing = int(np.count_nonzero(~finite))
+            if missing and missing < finite.size:
                 notes.append(Note(self.topic, f"{name}: values missing or NaN", missing))
         return notes
 
     def taken(self, places: IntArray) -> "JointMessages":
-        """Messages at `places` (k,), in this order."""
+        """Return the messages at `places` (k,), in this order."""
         return replace(
             self,
             stamps=self.stamps[places],
@@ -89,20 +88,20 @@ class JointMessages:
 
 
 class _Block(NamedTuple):
-    """Messages of one layout: places in their batch and stamps (k,), numbers (k, n) by quantity."""
+    """Messages of one layout: places in a batch and stamps, ns (k,), numbers (k, n) by quantity."""
 
     places: IntArray | list[int]
     stamps: IntArray | list[int]
     numbers: dict[str, FloatArray]
 
 
-def _of_one_layout(
+def _equal_layout(
     batch: MessageBatch, message: bytes, values: JointValues, unread: BoolArray
 ) -> _Block | None:
-    """JointStates of a batch that differ from one in their numbers and stamps only.
+    """Decode at once all JointStates of a batch with the same layout as one `message`.
 
-    A driver publishes the same joints in the same order nearly always. None where the numbers are
-    no views of the message, which is of the other byte order then.
+    Drivers nearly always publish the same joints in the same order. Such messages differ in stamp
+    and numbers only. None for numbers with another byte order.
     """
     whole, size = np.frombuffer(message, dtype=np.uint8), len(message)
     fixed = np.ones(size, dtype=bool)
@@ -134,9 +133,9 @@ def _of_one_layout(
 class _Layout:
     """Joints and fields that messages have in common.
 
-    `number`: in the order in which layouts were met. `names`: of the joints in a message.
-    `columns`, `places` (k,) int: of the joints that are asked for and named: where they go, and
-    where they are in a message. `origins`: as in `JointMessages`.
+    `number`: from 0 in the order of first occurrence. `names`: joints in a message. `columns`,
+    `places` (k,) int: of the requested joints in a message, their columns in the result and their
+    places in the message. `origins`: see `JointMessages`.
     """
 
     number: int
@@ -148,10 +147,10 @@ class _Layout:
 
 @dataclass
 class JointMessageReader:
-    """Collects batches of one topic; fields that are not asked for are not kept.
+    """Decodes batches of one topic and collects the requested fields.
 
-    `topic`: or a topic with a field, as it is named to a user. `fields`: ``position``, ``velocity``
-    or ``effort``; for an array of numbers ``effort`` is its data.
+    `topic`: name by the user, perhaps with a field. `fields`: ``position``, ``velocity`` or
+    ``effort``; for an array of numbers ``effort`` is its data.
     """
 
     topic: str
@@ -166,7 +165,7 @@ class JointMessageReader:
     _parts: list[tuple[tuple[IntArray, ...], dict[str, FloatArray]]] = field(default_factory=list)
 
     def add(self, batch: MessageBatch) -> None:
-        """Read a batch; all JointStates of the layout of one are read with it."""
+        """Decode a batch; JointStates of equal layout are decoded together."""
         stamps = np.zeros(len(batch), dtype=np.int64)
         which = np.full(len(batch), _UNREAD)
         columns: dict[str, FloatArray] = {}
@@ -184,17 +183,17 @@ class JointMessageReader:
                 [number], [values.stamp], {n: v[None] for n, v in values.numbers.items()}
             )
             if joint_state:
-                block = _of_one_layout(batch, message, values, which == _UNREAD) or block
+                block = _equal_layout(batch, message, values, which == _UNREAD) or block
             if self.joints and layout.names and not len(layout.columns):
                 which[block.places] = _PASSED
                 continue
             which[block.places], stamps[block.places] = layout.number, block.stamps
             for name in set(self.fields) & set(block.numbers):
-                there = layout.places < block.numbers[name].shape[1]
+                filled = layout.places < block.numbers[name].shape[1]
                 if name not in columns:
                     columns[name] = np.full((len(batch), len(self.joints)), np.nan)
-                target = np.ix_(block.places, layout.columns[there])
-                columns[name][target] = block.numbers[name][:, layout.places[there]]
+                target = np.ix_(block.places, layout.columns[filled])
+                columns[name][target] = block.numbers[name][:, layout.places[filled]]
         read = which >= 0
         self.passed += int(np.count_nonzero(which == _PASSED))
         kept = {name: values[read] for name, values in columns.items()}
@@ -204,7 +203,7 @@ class JointMessageReader:
             self._merge(self._merged)
 
     def _layout(self, values: JointValues) -> _Layout:
-        """Layout of a message: that of an earlier one with the same joints and fields, or its own.
+        """Return the layout of a message, a new one if no earlier message has it.
 
         Raises DataError: the numbers have no names, and are not as many as the joints.
         """
@@ -233,7 +232,7 @@ class JointMessageReader:
         return layout
 
     def _merge(self, first: int) -> None:
-        """Make one of the parts from `first` on: freed one by one they shred the memory."""
+        """Concatenate the parts from `first` on: many small arrays fragment the memory."""
         parts, width = self._parts[first:], len(self.joints)
         merged = {}
         for name in self.fields:
@@ -249,7 +248,7 @@ class JointMessageReader:
         self._merged, self._waiting = len(self._parts), 0
 
     def before(self, arrival: int) -> "JointMessageReader":
-        """Give up the messages that arrived before a time, ns, to a reader of their own."""
+        """Move the messages that arrived before a time, ns, to a new reader."""
         parts, self._parts = self._parts, []
         earlier = replace(self, _parts=[])
         for heads, values in parts:
@@ -261,7 +260,7 @@ class JointMessageReader:
         return earlier
 
     def finish(self) -> JointMessages:
-        """All messages that were read; the parts are given up."""
+        """Return all messages that were read; the reader is empty afterwards."""
         self._merge(0)
         (stamps, arrival, layout), read = self._parts.pop()
         width = len(self.joints)
@@ -292,9 +291,9 @@ class JointMessageReader:
 def checked_messages(
     path: Path, reader: JointMessageReader, *, optional: bool = False
 ) -> tuple[JointMessages, list[Note]]:
-    """Messages without impossible values, and what was left out.
+    """Return the messages without impossible values, and notes on what was left out.
 
-    `optional`: of some joints only, one at least.
+    With `optional`, some of the joints may be missing.
 
     Raises DataError: a joint or a field is not there.
     """
@@ -329,13 +328,13 @@ def checked_messages(
             if not np.isfinite(values[name][:, column]).any():
                 raise DataError(
                     f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
-                    f"{_where_else(reader, name)}"
+                    f"{_advice(reader, name)}"
                 )
     return replace(messages, values=values), notes
 
 
-def _where_else(reader: JointMessageReader, name: str) -> str:
-    """What to write where a controller does not publish a quantity."""
+def _advice(reader: JointMessageReader, name: str) -> str:
+    """Return advice where a controller does not publish a quantity, to append to an error."""
     topic = topic_of(reader.topic)
     if reader.kind.name not in ROS2_CONTROL:
         return ""
@@ -362,13 +361,13 @@ def without_impossible(
     first: int = 1,
     missing: bool = False,
 ) -> tuple[FloatArray, str]:
-    """Values with NaN for what is impossible, and a sentence on it; as they are if nothing is.
+    """Replace impossible values by NaN; return the values and a sentence on them, or an empty one.
 
-    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: of the
-    columns. `where`, `advice`: beginning and end of the error. `row`, `first`: what a row is
-    called, and the number of the first one. `missing`: whether a value that is missing (NaN) is
-    wrong, too.
-    Raises DataError: there are too many to believe the rest.
+    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: names of
+    the columns. `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row,
+    and number of the first one. `missing`: whether NaN is impossible, too.
+
+    Raises DataError: too many values are impossible.
     """
     most = LARGEST[name]
     # The least and the greatest are found without a copy; NaN makes both of them NaN.

@@ -1,8 +1,8 @@
-"""MCAP files chunk by chunk, no object for each message.
+"""MCAP files read chunk by chunk, without an object for each message.
 
-Of a file whose summary lists every message only the chunks that hold wanted topics are read, far
-away (`ByteSource`) or not; a damaged one costs nothing but itself. The records of any other are
-walked from its start, up to a torn end or a record whose head is damaged. The format: https://mcap.dev/spec.
+Where the summary lists every message, only the chunks with wanted topics are read, local or remote
+(`ByteSource`), and a damaged chunk loses its content only. Any other file is read record by record
+up to a torn end or a damaged record head. The format: https://mcap.dev/spec.
 """
 
 import mmap
@@ -59,7 +59,7 @@ _FORGOTTEN = 1 << 26  # bytes of a file that stay in memory behind the place of 
 
 
 class Record(NamedTuple):
-    """One record: what it is, and where its content lies; `end` may pass the end of the file."""
+    """One record: its opcode, and where its content lies; `end` may lie behind the file's end."""
 
     opcode: int
     start: int
@@ -67,9 +67,9 @@ class Record(NamedTuple):
 
 
 def records(content: mmap.mmap | bytes, place: int) -> Iterator[Record]:
-    """Records from `place` on, up to one whose head contradicts itself, given as ``DAMAGED``.
+    """Yield records from `place` on; one with an impossible head is the last, as ``DAMAGED``.
 
-    The last one passes the end of a file that was cut.
+    The last record of a truncated file ends behind the file.
     """
     while place + HEAD <= len(content):
         record = _record(content, place)
@@ -80,7 +80,7 @@ def records(content: mmap.mmap | bytes, place: int) -> Iterator[Record]:
 
 
 def _record(content: mmap.mmap | bytes, place: int) -> Record:
-    """Record at `place`."""
+    """Return the record at `place`, as ``DAMAGED`` if its head is impossible."""
     opcode, size = struct.unpack_from("<BQ", content, place)
     record = Record(opcode, place + HEAD, place + HEAD + size)
     if opcode == CHUNK:
@@ -97,7 +97,7 @@ def _record(content: mmap.mmap | bytes, place: int) -> Record:
 
 
 def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
-    """Whether the length of a chunk is that of its parts."""
+    """Return whether the length of a chunk agrees with the lengths of its parts."""
     if record.start + 40 > len(content):
         return False
     (name,) = struct.unpack_from("<I", content, record.start + 28)
@@ -112,9 +112,8 @@ class McapDescription:
     """Schemas and channels of a file, from its data or from its summary.
 
     `schemas`: name of each schema. `definitions`: definition of each type. `channels`: topic of
-    each channel of CDR messages. `topics`: type of each topic. `counts`: messages of each channel
-    in the whole file; None where no summary says it. `chunks`: where chunks lie, and which channels
-    they hold.
+    each channel of CDR messages. `topics`: type of each topic. `counts`: number of messages of each
+    channel in the file; None without a summary. `chunks`: places of the chunks, and their channels.
     """
 
     schemas: dict[int, str] = field(default_factory=dict)
@@ -125,7 +124,7 @@ class McapDescription:
     chunks: list[ChunkIndex] = field(default_factory=list)
 
     def add(self, opcode: int, content: bytes) -> None:
-        """Take the content of a record of a schema, of a channel, or of the summary.
+        """Add the content of a record: a schema, a channel, statistics or a chunk index.
 
         Raises one of `DAMAGED_CONTENT` if it is damaged.
         """
@@ -147,9 +146,9 @@ class McapDescription:
             self.chunks.append(ChunkIndex.read(stream))
 
     def lists_every_message(self, size: int) -> bool:
-        """Whether chunks that are listed hold all messages of a file of `size` bytes.
+        """Return whether the listed chunks hold all messages of a file of `size` bytes.
 
-        Messages outside chunks are in no index; neither are those of a writer that leaves it out.
+        Messages outside chunks are in no index, and some writers leave the index out.
         """
         last = size - len(MAGIC) - FOOTER_SIZE - HEAD
         return (
@@ -164,9 +163,9 @@ class McapDescription:
         )
 
     def stretches(self, wanted: set[str]) -> Iterator[list[tuple[int, int]]]:
-        """Places of the chunks that hold the wanted topics, those to be read at once together.
+        """Yield the places (first, last byte) of chunks with wanted topics, grouped by reads.
 
-        They follow one another without a gap, and are `READ_AHEAD` together if they are several.
+        The chunks of a group are adjacent, and have up to `READ_AHEAD` bytes if they are several.
         """
         channels = {channel for channel, topic in self.channels.items() if topic in wanted}
         together: list[tuple[int, int]] = []
@@ -184,7 +183,7 @@ class McapDescription:
 
 
 def read_summary(source: ByteSource) -> McapDescription | None:
-    """Description at the end of a file, None where there is none or its checksum is wrong."""
+    """Return the description at the end of a file; None if missing or its checksum is wrong."""
     offset = max(0, source.size - _TAIL)
     tail = source.read(offset, source.size)
     footer = len(tail) - len(MAGIC) - FOOTER_SIZE
@@ -212,15 +211,15 @@ def read_summary(source: ByteSource) -> McapDescription | None:
 
 @dataclass
 class McapFile(BagFile):
-    """One MCAP file; `source` is where the bytes are if not on this machine."""
+    """One MCAP file; `source` gives the bytes of a file that is not on this machine."""
 
     source: ByteSource | None = None
     _description: McapDescription = field(default_factory=McapDescription)
     _seen: Counter[int] = field(default_factory=Counter)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, chunk by chunk; otherwise as `BagFile`."""
-        with self._opened() as source:
+        """Yield topic and raw messages of the wanted topics, chunk by chunk; see `BagFile`."""
+        with self._open() as source:
             summary = read_summary(source)
             self._description = summary or McapDescription()
             self.topics = self._description.topics
@@ -233,26 +232,26 @@ class McapFile(BagFile):
                         yield from self._walk(content[first - start : last - start], wanted, 0)
                 self.truncated = False
             else:
-                yield from self._whole(source, wanted)
+                yield from self._read_all(source, wanted)
         if summary is not None and summary.counts is not None:
-            self._compare(summary.counts, wanted)
+            self._count_missing(summary.counts, wanted)
 
     def summarised_topics(self) -> dict[str, str]:
-        """Type of each topic by the summary; empty where the file has none."""
-        with self._opened() as source:
+        """Return the type of each topic from the summary; empty without one."""
+        with self._open() as source:
             summary = read_summary(source)
         return {} if summary is None else dict(summary.topics)
 
     @contextmanager
-    def _opened(self) -> Iterator[ByteSource]:
+    def _open(self) -> Iterator[ByteSource]:
         if self.source is not None:
             yield self.source
             return
         with self.path.open("rb") as file:
             yield LocalFile(file.fileno())
 
-    def _whole(self, source: ByteSource, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of all records from the start; what is far away is copied to a file."""
+    def _read_all(self, source: ByteSource, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Yield the messages of all records from the start; a remote file is copied first."""
         if source.size == 0:
             raise DataError(f"{self.path}: the file is empty")
         with (
@@ -266,6 +265,7 @@ class McapFile(BagFile):
     def _walk(
         self, content: mmap.mmap | bytes, wanted: set[str], place: int
     ) -> Iterator[tuple[str, MessageBatch]]:
+        """Yield the messages of all records from `place` on, and count damages."""
         loose: tuple[int, int] | None = None  # messages outside chunks: where they begin and end
         chunk = b""
         index: dict[int, IntArray] = {}  # of the messages of each channel, behind their chunk
@@ -284,7 +284,7 @@ class McapFile(BagFile):
                 break
             largest = _LARGEST_DESCRIPTION if opcode in (SCHEMA, CHANNEL) else _LARGEST_CHUNK
             if opcode == DAMAGED or (opcode in _READ and end - start > largest):
-                self._lose()
+                self._count_damage()
             elif opcode == CHUNK:
                 if loose is not None:
                     yield from self._chunk(content[slice(*loose)], wanted)
@@ -308,7 +308,7 @@ class McapFile(BagFile):
             yield from self._chunk(content[slice(*loose)], wanted)
         self.counted &= not self.truncated
 
-    def _lose(self) -> None:
+    def _count_damage(self) -> None:
         self.damaged += 1
         self.counted = False
 
@@ -318,10 +318,10 @@ class McapFile(BagFile):
         try:
             self._description.add(opcode, record)
         except DAMAGED_CONTENT:
-            self._lose()
+            self._count_damage()
 
     def _decompress(self, record: bytes, *, torn: bool) -> bytes:
-        """Content of a chunk, of a torn one its start; nothing (and counted) of a damaged one."""
+        """Return the content of a chunk; its beginning if torn, nothing if damaged (counted)."""
         try:
             size, checksum, name = struct.unpack_from("<QII", record, 16)
             compression, payload = record[32 : 32 + name], record[40 + name :]
@@ -338,14 +338,14 @@ class McapFile(BagFile):
             if checksum not in (0, zlib.crc32(content)):
                 raise ValueError("wrong checksum")
         except (struct.error, ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError):
-            self._lose()
+            self._count_damage()
             return b""
         return content
 
     def _chunk(
         self, chunk: bytes, wanted: set[str], index: Mapping[int, IntArray] | None = None
     ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of a chunk, at the places of an index that accounts for every byte of it."""
+        """Yield the messages of a chunk, by its index if that accounts for every byte."""
         buffer = np.frombuffer(chunk, dtype=np.uint8)
         places = index or {}
         listed = sum(bytes_at(buffer, channel, at) for channel, at in places.items())
@@ -357,7 +357,7 @@ class McapFile(BagFile):
     def _batch(
         self, buffer: NDArray[np.uint8], channel: int, places: IntArray, wanted: set[str]
     ) -> Iterator[tuple[str, MessageBatch]]:
-        """Messages of one channel whose records begin at `places` (k,)."""
+        """Yield the messages of one channel whose records begin at `places` (k,)."""
         topic = self._description.channels.get(channel)
         self._seen[channel] += len(places)
         if topic in wanted and len(places):
@@ -366,7 +366,7 @@ class McapFile(BagFile):
             yield topic, MessageBatch(buffer, places + HEAD + MESSAGE_HEAD, sizes, arrival)
 
     def _scan(self, chunk: bytes) -> dict[int, IntArray]:
-        """Walk the records of a chunk, and say where the messages of each channel begin."""
+        """Return the places (k,) of messages by channel, found by walking a chunk's records."""
         places: defaultdict[int, list[int]] = defaultdict(list)
         place, last, head = 0, len(chunk) - _HEAD_AND_CHANNEL.size, _HEAD_AND_CHANNEL.unpack_from
         while place <= last:
@@ -381,8 +381,8 @@ class McapFile(BagFile):
             place = end
         return {channel: np.array(starts) for channel, starts in places.items()}
 
-    def _compare(self, counts: dict[int, int], wanted: set[str]) -> None:
-        """Count what is missing against the summary."""
+    def _count_missing(self, counts: dict[int, int], wanted: set[str]) -> None:
+        """Count missing messages against the summary's counts."""
         self.missing.clear()
         self.counted = True
         for channel, topic in self._description.channels.items():
@@ -393,7 +393,7 @@ class McapFile(BagFile):
 
 
 def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
-    """What can be decompressed of a chunk whose end is missing."""
+    """Return the part that can be decompressed of a chunk whose end is missing."""
     if compression == b"zstd":
         return zstandard.ZstdDecompressor().decompressobj().decompress(payload)[:size]
     if compression == b"lz4":
@@ -402,7 +402,7 @@ def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
 
 
 def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:
-    """Bytes of the messages of a channel at some places (k,); none if one is something else."""
+    """Return the size of a channel's messages at `places` (k,) of a buffer; 0 if one is none."""
     if len(places) == 0 or places.min() < 0 or places.max() > len(buffer) - HEAD - MESSAGE_HEAD:
         return 0
     owner = buffer[places + HEAD] + 256 * buffer[places + HEAD + 1].astype(np.int64)
@@ -413,6 +413,6 @@ def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:
 
 
 def integers(buffer: NDArray[np.uint8], offsets: IntArray) -> IntArray:
-    """Little-endian 64-bit integers at unaligned places."""
+    """Return little-endian 64-bit integers at unaligned `offsets` (k,) of a buffer."""
     raw = buffer[offsets[:, None] + np.arange(8)]
     return np.asarray(raw.view("<i8")[:, 0], dtype=np.int64)

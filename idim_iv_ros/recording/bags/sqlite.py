@@ -25,10 +25,10 @@ _COLUMNS = {
 
 
 class SqliteFile(BagFile):
-    """One .db3 file; of a damaged page nobody knows the topics, so that nothing is `missing`."""
+    """One .db3 file; losses on damaged pages are uncounted, since their topic is unknown."""
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Raw messages of the wanted topics, block by block; otherwise as `BagFile`."""
+        """Yield topic and raw messages of the wanted topics, block by block; see `BagFile`."""
         mode = "immutable=1"
         with suppress(OSError):  # a name too long for a file
             # A write-ahead log holds what a killed recorder had not merged yet.
@@ -45,7 +45,7 @@ class SqliteFile(BagFile):
             raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
 
     def _open(self, connection: sqlite3.Connection) -> dict[int, str]:
-        """Topics by their number, of a database that has what rosbag2 writes."""
+        """Return the topics by their number, of a database with the tables of rosbag2."""
         connection.text_factory = bytes
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_ROW)
         connection.execute("PRAGMA query_only = 1")
@@ -65,6 +65,7 @@ class SqliteFile(BagFile):
         return numbers
 
     def _define(self, connection: sqlite3.Connection) -> None:
+        """Read the definitions of message types, if the database has them."""
         columns = ("topic_type", "encoding", "encoded_message_definition")
         try:
             self._require_table(connection, "message_definitions", set(columns))
@@ -77,7 +78,7 @@ class SqliteFile(BagFile):
                 self.definitions[name] = SchemaText(encoding, text)
 
     def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
-        """Refuse a view, a virtual table and computed columns: they may never come to an end."""
+        """Refuse views, virtual tables and computed columns, whose queries may never end."""
         query = "SELECT type, sql FROM sqlite_master WHERE name = ?"
         described = connection.execute(query, (table,)).fetchone()
         if described is None:
@@ -97,6 +98,7 @@ class SqliteFile(BagFile):
     def _messages(
         self, connection: sqlite3.Connection, topics: dict[int, str]
     ) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, log time, ns, and bytes of all readable rows; skip damaged pages."""
         query = (
             "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED "
             f"WHERE rowid > ? AND topic_id IN ({', '.join('?' * len(topics))}) ORDER BY rowid"

@@ -1,6 +1,6 @@
-"""A rosbag2 folder while it is recorded: files that follow each other, metadata as it goes.
+"""A rosbag2 folder while it is recorded: successive files, and metadata kept up to date.
 
-Each file is whole after every commit, whatever happens to the process afterwards.
+Each file is complete after every commit, whatever happens to the process afterwards.
 """
 
 import json
@@ -22,10 +22,10 @@ Message = tuple[int, str, bytes, int, int]
 
 @dataclass(frozen=True)
 class FileSummary:
-    """One file of a bag.
+    """Summary of one file of a bag.
 
     `name`: relative to the folder. `start`, `duration`: log time of the first message, and from
-    there to the last, ns. `counts`: messages of each topic. `size`: bytes.
+    there to the last, ns. `counts`: number of messages of each topic. `size`: bytes.
     """
 
     name: str
@@ -36,20 +36,21 @@ class FileSummary:
 
     @property
     def messages(self) -> int:
-        """Messages in the file."""
+        """Return the number of messages in the file."""
         return sum(self.counts.values())
 
 
 class GrowingMcap:
     """One MCAP file while it is recorded.
 
-    Every commit writes the messages since the last one as compressed chunks, and behind them the
-    summary and footer that a reader needs; the next commit overwrites these. A process that is
-    killed leaves a file that any MCAP reader opens, without the messages after the last commit.
-    A commit that fails leaves the file as it was, and keeps its messages for the next one.
+    Every commit writes the new messages as compressed chunks, and behind them the summary and
+    footer that a reader needs, which the next commit overwrites. A killed process leaves a file
+    that any MCAP reader opens, without the messages after the last commit. A commit that fails
+    leaves the file as it was, and keeps its messages for the next one.
 
-    `path`: must not exist. `storage`: compression and size of the chunks. `counts`: messages of
-    each topic that were added. `summary`: what is on disk.
+    `path`: must not exist. `storage`: compression and size of the chunks. `counts`: number of
+    messages added to each topic. `summary`: content on disk.
+
     Raises OSError: the file cannot be made.
     """
 
@@ -79,21 +80,21 @@ class GrowingMcap:
 
     @property
     def waiting_bytes(self) -> int:
-        """Bytes that were added and are not on disk."""
+        """Return the bytes that were added and are not on disk."""
         return len(self._waiting) + self._open_chunk
 
     @property
     def waiting(self) -> int:
-        """Messages that were added and are not on disk."""
+        """Return the number of messages that were added and are not on disk."""
         return sum(self.counts.values()) - self.summary.messages
 
     def describe(self, topic: TopicChannel) -> None:
-        """Make a topic known; its messages may follow."""
+        """Add a topic; its messages may follow."""
         self._channels[topic.name] = topic.register(self._writer)
         self.counts[topic.name] = 0
 
     def add(self, messages: Iterable[Message]) -> None:
-        """Take messages of described topics."""
+        """Add messages of described topics."""
         add_message, channels, counts = self._writer.add_message, self._channels, self.counts
         size = 0
         for log_time, topic, data, publish_time, sequence in messages:
@@ -107,11 +108,11 @@ class GrowingMcap:
         self._open_chunk += size
 
     def commit(self, announce: Callable[[FileSummary], None] | None = None) -> None:
-        """Put everything that was added on disk.
+        """Write all added messages to disk.
 
-        `announce` takes what the file will hold, just before it does; it may raise OSError, too.
-        Raises OSError: it could not be written; the file is as before, and nothing that was added
-        is lost.
+        `announce` takes the new summary just before it is written; it may raise OSError, too.
+
+        Raises OSError: it could not be written; the file is as before, and no message is lost.
         """
         self._writer.flush()
         self._waiting += self._stream.take()
@@ -127,10 +128,10 @@ class GrowingMcap:
         if announce is not None:
             announce(summary)
         try:
-            self._put(content)
+            self._overwrite_summary(content)
         except OSError:
             with suppress(OSError):
-                self._put(self._trailer)
+                self._overwrite_summary(self._trailer)
             raise
         self._end += len(self._waiting)
         self._trailer = trailer
@@ -138,10 +139,10 @@ class GrowingMcap:
         self.summary = summary
 
     def close(self) -> None:
-        """Give the file up; what was committed stays."""
+        """Close the file; messages that were not committed are lost."""
         os.close(self._file)
 
-    def _put(self, content: bytes) -> None:
+    def _overwrite_summary(self, content: bytes) -> None:
         """Write behind the last chunk, over the old summary."""
         view, place = memoryview(content), self._end
         while view:
@@ -152,7 +153,7 @@ class GrowingMcap:
 
 
 class _Stream(BytesIO):
-    """What the writer writes into: bytes until they are taken, at their place in the file."""
+    """Memory stream for the MCAP writer that counts bytes as at their place in the file."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -163,7 +164,7 @@ class _Stream(BytesIO):
         return self.begin + super().tell()
 
     def take(self) -> bytes:
-        """Give up what was written; what comes next follows it in the file."""
+        """Return and drop the bytes written so far; the next ones follow them in the file."""
         content = self.getvalue()
         self.seek(0)
         self.truncate()
@@ -173,7 +174,7 @@ class _Stream(BytesIO):
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """When a new file begins; zero means never. Looked at once a commit."""
+    """Size and duration after which a new file begins; zero means never. Checked at commits."""
 
     size: int = 0  # bytes of a file
     duration: float = 0.0  # s for which a file was written
@@ -181,7 +182,7 @@ class SplitLimits:
 
 @dataclass(frozen=True)
 class ClosedBag:
-    """A bag that is complete on disk; `lost` messages of it never got there."""
+    """A bag that is complete on disk, but for `lost` messages that were never written."""
 
     folder: Path
     files: tuple[FileSummary, ...]
@@ -189,20 +190,21 @@ class ClosedBag:
 
     @property
     def duration(self) -> int:
-        """From the first to the last message, ns."""
+        """Return the time from the first to the last message, ns."""
         return time_span(self.files)[1]
 
 
 class GrowingBag:
     """One bag while it is recorded.
 
-    What a commit adds is counted in metadata.yaml just before it is in the file: at no instant does
-    the file hold more than a reader expects, and what a crash between the two loses can be counted.
+    A commit updates metadata.yaml just before the file, so that the file never holds more than the
+    metadata says, and what a crash between the two loses can be counted.
 
-    `folder`: made here; must not exist. `clock`: log time now, ns: what messages that are repeated
-    at the start of a file are stamped with. Zero while it is not known; they are repeated as soon
-    as it is. `latched`: last message of latched topics that arrived before the bag was opened.
-    `topics`: known from the start. `storage`: compression and size of the chunks.
+    `folder`: made here; must not exist. `clock`: returns log time, ns, to stamp repeated messages
+    at the start of a file with; zero while it is unknown (they wait for it). `latched`: last
+    message of latched topics that arrived before the bag was opened. `topics`: known from the
+    start. `storage`: compression and size of the chunks.
+
     Raises OSError: the folder or its first file cannot be made.
     """
 
@@ -234,22 +236,22 @@ class GrowingBag:
 
     @property
     def size(self) -> int:
-        """Bytes on disk."""
+        """Return the bytes on disk."""
         return sum(file.size for file in self.closed) + self.file.summary.size
 
     def count(self, topic: str) -> int:
-        """Messages of a topic that were added."""
+        """Return the number of messages that were added to a topic."""
         closed = sum(file.counts.get(topic, 0) for file in self.closed)
         return closed + self.file.counts.get(topic, 0)
 
     def describe(self, topic: TopicChannel) -> None:
-        """Make a topic known; its messages may follow."""
+        """Add a topic; its messages may follow."""
         self.topics[topic.name] = topic
         if topic.name not in self.file.counts:
             self.file.describe(topic)
 
     def add(self, messages: Sequence[Message]) -> None:
-        """Take messages of described topics."""
+        """Add messages of described topics."""
         self._repeat()
         self.file.add(messages)
         latched = {name for name, topic in self.topics.items() if topic.latched}
@@ -259,15 +261,14 @@ class GrowingBag:
                     self._latched[message[1]] = message
 
     def repeat(self, latched: Mapping[str, Message]) -> None:
-        """Take latched messages of described topics that came before log time was known."""
+        """Add latched messages of described topics that came before log time was known."""
         self._latched |= latched
         self._due |= latched
 
     def commit(self) -> None:
-        """Put everything on disk, and begin a new file if the present one is full.
+        """Write all added messages to disk, and begin a new file if the present one is full.
 
-        Raises OSError: something could not be written; nothing that was added is lost, commit
-        again.
+        Raises OSError: something could not be written; no message is lost, commit again.
         """
         self._commit_file()
         size, duration = self.limits.size, self.limits.duration
@@ -276,9 +277,9 @@ class GrowingBag:
             self.split()
 
     def split(self) -> None:
-        """Close the present file and begin the next; latched messages are repeated in it.
+        """Close the present file and begin the next, with latched messages repeated.
 
-        Raises OSError: the next file cannot be made or the present one not be written; it goes on.
+        Raises OSError: a file cannot be made or written; the present one goes on.
         """
         self._commit_file()
         full = self.file
@@ -288,7 +289,7 @@ class GrowingBag:
         self._write_metadata(self.file.summary)
 
     def close(self) -> ClosedBag:
-        """Write what is left and close.
+        """Write the remaining messages and close.
 
         Raises OSError: it cannot be written; the bag stays open, so that it can be tried again.
         """
@@ -297,7 +298,7 @@ class GrowingBag:
         return ClosedBag(self.folder, (*self.closed, self.file.summary))
 
     def abandon(self) -> ClosedBag:
-        """Close without what could not be written; the files are whole all the same."""
+        """Close without the messages that could not be written; the files stay readable."""
         self.file.close()
         return ClosedBag(self.folder, (*self.closed, self.file.summary), self.file.waiting)
 
@@ -331,7 +332,7 @@ class GrowingBag:
 def write_metadata(
     folder: Path, files: Sequence[FileSummary], topics: Sequence[TopicChannel]
 ) -> None:
-    """Write metadata.yaml, version 9 (ROS 2 Jazzy): a reader sees the old one or the new one.
+    """Write metadata.yaml, version 9 (ROS 2 Jazzy), replacing the old one at once.
 
     Raises OSError: it cannot be written; the old one stays.
     """
@@ -381,7 +382,7 @@ def _times(start: int, duration: int) -> dict[str, object]:
 
 
 def time_span(files: Sequence[FileSummary]) -> tuple[int, int]:
-    """First log time of all files, and from there to the last, ns; zero without messages."""
+    """Return first log time of all files, and from there to the last, ns; zero without messages."""
     starts = [file.start for file in files if file.start is not None]
     ends = [file.start + file.duration for file in files if file.start is not None]
     return (min(starts), max(ends) - min(starts)) if starts else (0, 0)

@@ -32,7 +32,7 @@ _CHUNK_DURATION = 1_000_000_000  # ns of log time
 
 @dataclass(frozen=True)
 class Storage:
-    """Compression of chunks, and the bytes from which on a chunk ends."""
+    """Compression of chunks, and the size in bytes at which a chunk ends."""
 
     compression: CompressionType = CompressionType.ZSTD
     chunk_size: int = 1 << 20
@@ -53,8 +53,8 @@ class OfferedQos:
     """Quality of service of one publisher, as rosbag2 writes it.
 
     `reliability`: ``reliable`` or ``best_effort``. `durability`: ``volatile`` or
-    ``transient_local``. `depth`: of the publisher's history; discovery does not say it, and a
-    replay does not need it.
+    ``transient_local``. `depth`: length of the publisher's history; discovery does not say it, and
+    a replay does not need it.
     """
 
     reliability: str = "reliable"
@@ -63,7 +63,7 @@ class OfferedQos:
 
     @property
     def document(self) -> dict[str, object]:
-        """One item of the list ``offered_qos_profiles``."""
+        """Return the QoS as an item of the list ``offered_qos_profiles``."""
         return {
             "history": "keep_last",
             "depth": self.depth,
@@ -79,7 +79,7 @@ class OfferedQos:
 
 @dataclass(frozen=True)
 class Definition:
-    """Text of a message type with all that it consists of, and its hash (REP 2011)."""
+    """Text of a message type and of the types in it, and its hash (REP 2011)."""
 
     text: str
     hash: str
@@ -89,7 +89,8 @@ class Definition:
 class TopicChannel:
     """One topic of a bag.
 
-    `offered` has one item for each publisher; `defined` is of a type that is none of ROS 2's own.
+    `offered` has one item for each publisher; `defined` is the definition of a type that is not in
+    the standard packages of ROS 2.
     """
 
     name: str
@@ -99,14 +100,14 @@ class TopicChannel:
 
     @property
     def latched(self) -> bool:
-        """Whether late subscribers get the last message: every publisher is transient local."""
+        """Return whether late subscribers get the last message (all transient local)."""
         return bool(self.offered) and all(
             qos.durability == "transient_local" for qos in self.offered
         )
 
     @property
     def definition(self) -> Definition:
-        """Of its type, which may be one of ROS 2's own."""
+        """Return the definition of the message type."""
         return self.defined or _definition(self.message_type)
 
     def register(self, writer: Writer) -> int:
@@ -129,11 +130,11 @@ def _definition(message_type: str) -> Definition:
 
 
 class ShortChunkWriter(Writer):
-    """Writes chunks of at most one second of log time, and of little more than a given size.
+    """MCAP writer with chunks of at most one second of log time, and about a given size.
 
-    `stream`: has `write`, `tell` and `flush`. `library`: what wrote the file, in its header.
-    `summary_offsets`: whether they are written; they pile up where `finish` is called again and
-    again. `storage`: compression and size of the chunks.
+    `stream`: has `write`, `tell` and `flush`. `library`: name of the program, in the header.
+    `summary_offsets`: whether to write them; they pile up if `finish` is called repeatedly.
+    `storage`: compression and size of the chunks.
     """
 
     def __init__(
@@ -178,10 +179,10 @@ class JointTopic:
     Attributes
     ----------
     name : str
-        Without a leading slash it is in a bag as of a node without a namespace.
+        Name of the topic; a leading slash is added if it has none.
     joints : sequence of str
     time : (n,) s
-    position, velocity, effort : (n, n_joints) or None
+    position (rad or m), velocity, effort : (n, n_joints) or None
     """
 
     name: str
@@ -262,7 +263,7 @@ _STAMP = 4  # bytes before the stamp
 
 
 def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
-    """Serialised messages (n, size): one template, its numbers filled in for all at once."""
+    """Return serialised messages (n, size) at stamps (n,), ns, from one template."""
     fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
     given = {name: values for name, values in fields.items() if values is not None}
     template = _template(topic.joints, given)

@@ -1,4 +1,4 @@
-"""Causes of the gap and of a change: what, how large, why it is believed, what else it may be."""
+"""Sections on the causes of a gap or of a change: size, evidence, and indistinguishable causes."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ _MOST_NUMBERS = 4  # of a hint
 
 
 def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
-    """A cause with its gaps before and after; those of stages are a section of their own."""
+    """Return the variables of a cause's card: the cause with its gaps before and after."""
     gaps = [_torque_gap(result, cause)]
     if cause.simulation_gap is not None:
         unit = small_unit(result, cause.joint)
@@ -31,7 +31,7 @@ def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
 
 
 def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
-    """Effect and place, its numbers, in how many folds it was chosen, and why it is a hint."""
+    """Return effect with its joint, its numbers, folds that chose it, and why it is only a hint."""
     title = effect_at(hint.effect, hint.joint, hint.other_joint)
     numbers = ", ".join(
         f"{parameter_words(hint.effect, name)} {with_interval(by.value, by.std, by.unit)}"
@@ -42,10 +42,10 @@ def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
 
 
 def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
-    """The gap that it takes, with sizes only where they are those of the stages.
+    """Return the torque gap that a cause removes; of a parametric cause without sizes.
 
-    A parameter error is judged on all samples; the sizes of its steps would stand beside other
-    ones, on held-out data, of the same models.
+    A parameter error is judged on all samples, while the sizes of the stages are on held-out data:
+    both for the same models would contradict each other.
     """
     if cause.kind == "parametric":
         return _gap("Torque gap", cause.torque_gap, None, "", "on all samples")
@@ -53,7 +53,7 @@ def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
 
 
 def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> dict[str, Any]:
-    """A gap before and after, with its meter."""
+    """Return a gap before and after as variables of the template, with a bar of its shrinkage."""
     sizes = ""
     if factor is not None:
         before, after = (with_unit(factor * level, unit) for level in (gap.before, gap.after))
@@ -68,7 +68,7 @@ def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> d
 
 
 def _percent_inside(share: float | None) -> float:
-    """Return a share in percent, within the meter."""
+    """Return a share in percent, limited to 0 to 100."""
     return (
         0.0
         if share is None or not is_number(share)
@@ -104,17 +104,17 @@ CAUSES = Section("Causes", "causes", "causes.html.j2", _context)
 
 
 def contrast_rows(result: GapResult, contrast: ContrastResult) -> list[tuple[str, ...]]:
-    """Joint, what each model leaves of the second set, share of the difference, not explained."""
+    """Return rows: joint, rms that each model leaves of the second set, share, unexplained."""
     rows = []
     for joint in contrast.joints:
         unit, share = torque_unit(result, joint.joint), percent(100.0 * joint.share_of_torque)
-        left = (with_unit(value, unit) for value in (joint.before, joint.after, joint.own))
-        rows.append((joint.joint, *left, share, with_unit(joint.unexplained, unit)))
+        errors = (with_unit(value, unit) for value in (joint.before, joint.after, joint.own))
+        rows.append((joint.joint, *errors, share, with_unit(joint.unexplained, unit)))
     return rows
 
 
 def contrast_badge(contrast: ContrastResult) -> tuple[str, str, str]:
-    """Return class, sign and words of the answer."""
+    """Return CSS class, sign and words of the comparison's answer."""
     if not contrast.differs:
         return "good", "✓", "no difference"
     if contrast.causes:

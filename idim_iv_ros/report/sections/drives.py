@@ -1,4 +1,4 @@
-"""The drive of each joint: friction over speed, and what encoders behind its gear say of it."""
+"""Sections on the drive of each joint: friction over speed, and twist of the gear over load."""
 
 from typing import Any
 
@@ -53,6 +53,7 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
 
 
 def _row(result: GapResult, transmission: Transmission) -> dict[str, str]:
+    """Return the table row of a transmission: its numbers, or bounds of them."""
     small = small_unit(result, transmission.joint)
     bound = ""
     if transmission.stiffness is None and transmission.stiffness_at_least is not None:
@@ -87,7 +88,7 @@ def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "
 def twist_figure(
     result: GapResult, series: TransmissionSeries, transmission: Transmission, index: int = 0
 ) -> Figure:
-    """Return the twist over the load, by direction of motion, with the measured law."""
+    """Return a figure of the gear's twist over the load, by direction, with the fitted law."""
     torque, small = torque_unit(result, series.joint), small_unit(result, series.joint)
     hover = f"%{{y:.3g}} {small} at %{{x:.3g}} {torque}"
     data: list[dict[str, Any]] = []
@@ -165,7 +166,7 @@ def _range(values: FloatArray) -> list[float]:
 def _curves(
     series: GapSeries, friction: FloatArray, colour: str, hover: str
 ) -> list[dict[str, Any]]:
-    """Mean of a model's friction in bins of the speed, one line a direction."""
+    """Return a model's friction averaged in bins of the speed, one line a direction."""
     traces = []
     for sign in (1.0, -1.0):
         rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(friction))

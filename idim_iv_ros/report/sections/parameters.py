@@ -1,4 +1,4 @@
-"""The parameters: estimate, least squares and nominal model, and the nearest physical set."""
+"""Sections on the parameters: estimate, least squares, nominal model, nearest physical set."""
 
 import re
 from typing import Any
@@ -40,7 +40,7 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
 
 
 def _typeset(expression: str) -> str:
-    """Keep each term on one line: its sign, its factor and its parameter."""
+    """Return an expression that can break between terms only."""
     text = expression.replace(" - ", " − ").replace("− ", "−\N{NO-BREAK SPACE}")
     text = text.replace("+ ", "+\N{NO-BREAK SPACE}")
     return re.sub(r"(?<=[0-9.]) (?=[A-Za-z])", "\N{NO-BREAK SPACE}", text)

@@ -1,4 +1,4 @@
-"""How to obtain the same numbers again, what was filtered and dropped, limits, notes and words."""
+"""Sections on provenance: how to reproduce the numbers, what was filtered, limits, glossary."""
 
 import io
 from collections import Counter
@@ -37,7 +37,7 @@ def _context(report: Report[Any]) -> dict[str, Any]:
 
 
 def configuration_text(configuration: dict[str, object]) -> str:
-    """Return a configuration as it is written in the robot's file."""
+    """Return a configuration as YAML, as in the robot's file."""
     writer: Any = YAML(typ="safe", pure=True)
     writer.default_flow_style = None
     writer.sort_base_mapping_type_on_output = False

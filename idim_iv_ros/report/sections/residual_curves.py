@@ -1,4 +1,4 @@
-"""What the residual of a diagnosis follows: speed, position, load and distance since a reversal."""
+"""Residual of a diagnosis over speed, position, load and distance since a reversal."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -43,7 +43,7 @@ _SHORTEST = 1e-5  # rad or m; shorter distances since a reversal are drawn there
 class Row:
     """One row of panels: the residual of one model.
 
-    `scale`: rows with the same scale have the same range of the ordinate.
+    Rows with the same `scale` have the same range of the ordinate.
     """
 
     title: str
@@ -53,7 +53,7 @@ class Row:
 
 @dataclass(frozen=True)
 class _Panel:
-    """One column: abscissa as drawn (stretched), and its axis."""
+    """One column of panels: abscissa as drawn (stretched), and its axis."""
 
     x: FloatArray
     axis: dict[str, Any]
@@ -134,7 +134,7 @@ def _figure(result: GapResult, series: GapSeries, index: int) -> Figure:
 
 
 def _suffix(place: int) -> str:
-    """What plotly calls the axis at that place after the letter."""
+    """Return the suffix of plotly's name for the axis with that number from 0."""
     return "" if place == 0 else str(place + 1)
 
 
@@ -153,7 +153,7 @@ def _root(values: FloatArray) -> FloatArray:
 
 
 def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
-    """Axis that is stretched near zero, where friction changes fastest."""
+    """Return an axis stretched near zero, where friction changes fastest."""
     largest = float(np.percentile(np.abs(speed), 99.5)) if len(speed) else 1.0
     ticks = _round_speeds(largest)
     values = [-tick for tick in reversed(ticks)] + [0.0, *ticks]
@@ -166,7 +166,7 @@ def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
 
 
 def _round_speeds(largest: float) -> list[float]:
-    """Round numbers up to the largest, far enough apart on the stretched axis."""
+    """Return round speeds up to the largest, far enough apart on the stretched axis."""
     if largest <= 0.0:
         return []
     chosen: list[float] = []
@@ -195,7 +195,7 @@ def _distance_axis(since: FloatArray, unit: str) -> dict[str, Any]:
 def _panel(
     series: GapSeries, panel: _Panel, row: Row, unit: str
 ) -> tuple[list[dict[str, Any]], float]:
-    """Traces of both directions, and how far they go from zero."""
+    """Return the traces of both directions in one panel, and their largest absolute value."""
     traces: list[dict[str, Any]] = []
     largest = 0.0
     directions = (("forwards", FORWARD, 1.0), ("backwards", BACKWARD, -1.0))
@@ -221,7 +221,7 @@ def _largest(curve: SmoothCurve) -> float:
 
 
 def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:
-    """One closed outline for each stretch where the interval is finite."""
+    """Return one filled outline for each stretch where the interval is finite."""
     finite = np.isfinite(curve.low) & np.isfinite(curve.high)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(int)))
     return [

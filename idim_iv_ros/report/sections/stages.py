@@ -1,4 +1,4 @@
-"""How far the gap shrinks, model by model, and in which regime of the motion it lies."""
+"""Sections on how the gap shrinks model by model, and in which regimes of motion it lies."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ Bar = dict[str, str | float]
 
 
 def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
-    """All models at one joint; `floor` is the line of the noise floor, `origin` its source."""
+    """Return bars of all models at one joint, with the line and the origin of the noise floor."""
     gap = next((gap for gap in result.joint_gaps if gap.joint == joint), None)
     floor = None if gap is None else gap.noise_floor
     largest = _largest(result.stages, joint, floor)
@@ -42,7 +42,7 @@ def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> floa
 
 
 def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> dict[str, Any]:
-    """A model at one joint: bars, and gap, interval and tracking error as text."""
+    """Return one model at one joint: bars as shares of `largest`, and its numbers as text."""
     value = stage.torque_rms.get(joint)
     interval = stage.torque_ci95.get(joint)
     if interval is not None and not (is_number(interval[0]) and is_number(interval[1])):
@@ -66,13 +66,13 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> di
 
 
 def bar(css: str, low: float, high: float) -> Bar:
-    """Part of a bar from one share of its length to another."""
+    """Return the part of a bar from `low` to `high`, shares of its full length."""
     start, length = round(100.0 * low, 2), round(100.0 * (high - low), 2)
     return {"css": css, "start": start, "length": length}
 
 
 def _remarks(stages: tuple[Stage, ...]) -> list[str]:
-    """Notes of the stages, each once, with the models that it is about."""
+    """Return the distinct notes of the stages, each with its models."""
     about: dict[str, list[str]] = {}
     for stage in stages:
         if stage.note:
@@ -112,7 +112,7 @@ def _regimes(report: Report[GapResult]) -> dict[str, Any] | None:
 
 
 def _regime_row(result: GapResult, regime: Regime) -> tuple[str, ...]:
-    """Joint, axis, range with its unit, shares of gap and samples, lift with its interval."""
+    """Return joint, axis, range with unit, shares of gap and samples, lift with its interval."""
     bounds = regime_range(regime, result.session)
     if not (regime.axis == "time" and len(result.session) > 1):
         bounds = f"{bounds} {regime.unit}".strip()

@@ -1,4 +1,4 @@
-"""Torque over time with what each model leaves, and the tracking error in closed loop."""
+"""Sections on torque over time with each model's residual, and on closed-loop tracking."""
 
 from typing import Any, NamedTuple
 
@@ -37,7 +37,7 @@ _HEIGHT = 320
 
 
 class _Joint(NamedTuple):
-    """What is drawn of one joint; of each model its name, its torque, N m (N), and its colour."""
+    """Curves of one joint; a model has name, torque (n,), N m (N), and colour."""
 
     joint: str
     time: FloatArray
@@ -49,7 +49,7 @@ class _Joint(NamedTuple):
 
 def _context(report: Report[Any]) -> dict[str, Any] | None:
     result = report.result
-    rows = _of_diagnosis(result) if isinstance(result, GapResult) else _of_identification(result)
+    rows = _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
     if not rows:
         return None
     opened = worth_seeing(result)
@@ -77,7 +77,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     }
 
 
-def _of_identification(result: IdentificationResult) -> list[_Joint]:
+def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
     rows = []
     for series, residual in zip(result.series, result.residuals, strict=True):
         size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
@@ -90,7 +90,7 @@ def _of_identification(result: IdentificationResult) -> list[_Joint]:
     return rows
 
 
-def _of_diagnosis(result: GapResult) -> list[_Joint]:
+def _model_curves(result: GapResult) -> list[_Joint]:
     rows = []
     for series in drawable(result):
         models = [] if series.given is None else [("nominal model", series.given, GREY)]
@@ -129,13 +129,13 @@ def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str
         drawn,
         (f"{torque_word(unit)}, {unit}", f"{left}, {unit}"),
         0.42,
-        behind=[*_shaded(thinned, "y", [*above, measured]), *_shaded(thinned, "y2", list(below))],
+        behind=[*_shade(thinned, "y", [*above, measured]), *_shade(thinned, "y2", list(below))],
         **session.marks(),
     )
 
 
-def _shaded(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[str, Any]]:
-    """Return all gaps as one filled trace, as tall as the curves."""
+def _shade(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[str, Any]]:
+    """Return all gaps of the recording as one filled trace, as tall as the curves."""
     values = np.concatenate(drawn)
     values = values[np.isfinite(values)]
     if len(thinned.gaps) == 0 or len(values) == 0:
@@ -167,26 +167,26 @@ def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
         for index, series in enumerate(firsts.values())
     ]
     return {
-        "missing": any(one.before is None or one.after is None for one in firsts.values()),
+        "missing": any(series.before is None or series.after is None for series in firsts.values()),
         "legend": [
             Mark("line", INK, "robot"),
-            Mark("line", GREY, f"simulated, before{_stage(result, 0)}"),
-            Mark("line", BLUE, f"simulated, after{_stage(result, -1)}"),
+            Mark("line", GREY, f"simulated, before{_stage_name(result, 0)}"),
+            Mark("line", BLUE, f"simulated, after{_stage_name(result, -1)}"),
         ],
         "plots": plots,
     }
 
 
-def _stage(result: GapResult, place: int) -> str:
-    """Return in brackets which of the simulated models it is."""
+def _stage_name(result: GapResult, place: int) -> str:
+    """Return in brackets the name of a simulated model by its place (0 first, -1 last)."""
     simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
     return f" ({stage_words(simulated[place])})" if simulated else ""
 
 
 def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure:
-    """Return the errors above, and what of them is not the robot's below."""
-    both = (("before", series.before, GREY), ("after", series.after, BLUE))
-    simulated = [(name, values, colour) for name, values, colour in both if values is not None]
+    """Return a figure: tracking errors above, simulated less recorded ones below."""
+    motions = (("before", series.before, GREY), ("after", series.after, BLUE))
+    simulated = [(name, values, colour) for name, values, colour in motions if values is not None]
     # Both errors have the same reference: their difference is that of the positions.
     gaps = [series.measured - values for _, values, _ in simulated]
     chosen = peaks([series.measured, *gaps], _BUCKETS)

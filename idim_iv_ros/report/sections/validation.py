@@ -1,4 +1,4 @@
-"""Is what is left noise, and are the instruments valid? The tests, their figures and words."""
+"""Sections on validation: is the residual noise, and are the instruments valid?"""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ Answer = tuple[str, str]
 def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     row_rate = report.result.processing.row_rate
     return {
-        "answers": (_white, _whitened, _gaussian),
+        "answers": (_white, _whitened_answer, _gaussian_answer),
         "legend": [
             Mark("line", ORANGE, "residual as it is"),
             Mark("line", BLUE, "whitened by the autoregressive filter"),
@@ -50,35 +50,35 @@ def _white(residual: JointResidual) -> Answer:
     if residual.white is None:
         return "not tested", test.reason or ""
     if not residual.white:
-        return "no", _p(test)
-    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p(test)
+        return "no", _p_text(test)
+    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p_text(test)
 
 
-def _whitened(residual: JointResidual) -> Answer:
+def _whitened_answer(residual: JointResidual) -> Answer:
     test = residual.whiteness_after
     if residual.ar_order == 0:
         return "nothing to filter", ""
     if test.accepted is None:
         return "not tested", test.reason or ""
     if test.accepted:
-        return "yes", _p(test)
-    left = number(residual.largest_correlation_after, 2)
-    return "not fully", f"{_p(test)}, largest correlation {left}"
+        return "yes", _p_text(test)
+    largest = number(residual.largest_correlation_after, 2)
+    return "not fully", f"{_p_text(test)}, largest correlation {largest}"
 
 
-def _gaussian(residual: JointResidual) -> Answer:
+def _gaussian_answer(residual: JointResidual) -> Answer:
     test = residual.normality
     if test.accepted is None:
         return "not tested", test.reason or ""
     skewness, kurtosis = residual.skewness, residual.excess_kurtosis
     shape = f"skewness {number(skewness, 2)}, excess kurtosis {number(kurtosis, 2)}"
     if test.accepted:
-        return "yes", f"{_p(test)}; {shape}"
+        return "yes", f"{_p_text(test)}; {shape}"
     near = abs(skewness) < 0.5 and abs(kurtosis) < 1.0
-    return ("nearly" if near else "no"), f"{_p(test)}; {shape}"
+    return ("nearly" if near else "no"), f"{_p_text(test)}; {shape}"
 
 
-def _p(test: HypothesisTest) -> str:
+def _p_text(test: HypothesisTest) -> str:
     return f"p{_SPACE}{p_equals(test.p_value).replace(' ', _SPACE)}"
 
 
@@ -91,7 +91,7 @@ def _state(residual: JointResidual) -> str:
 
 
 def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
-    """Autocorrelation before and after whitening, with the bounds of white noise."""
+    """Return a figure of the autocorrelation before and after whitening, with its bounds."""
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:
         data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))
@@ -114,7 +114,7 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
 def _stems(
     correlation: FloatArray, colour: str, name: str, offset: float, rate: float
 ) -> dict[str, Any]:
-    """Return vertical lines with a dot, one trace."""
+    """Return a trace of vertical lines with dots, one for each lag; `rate` in Hz."""
     lags = np.arange(len(correlation))
     height = np.nan_to_num(np.asarray(correlation, dtype=float))
     apart = np.full(len(lags), np.nan)
@@ -144,14 +144,14 @@ RESIDUALS = Section(
 
 
 def _statistic(test: HypothesisTest) -> str:
-    """Return statistic with its distribution under the null hypothesis."""
+    """Return the statistic of a test with its distribution under the null hypothesis."""
     df = count(test.df or 0)
     law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
     return f"{law} = {number(test.statistic, 3)}"
 
 
 def _badge(accepted: bool | None, neutral: bool) -> tuple[str, str, str]:
-    """Badge of a test; `neutral` where neither outcome is bad news."""
+    """Return the badge of a test; neutral where neither outcome is bad news."""
     if accepted is None:
         return "open", "–", "not tested"
     words = "accepted" if accepted else "rejected"

@@ -1,4 +1,4 @@
-"""The first screen: what was found, what to do next, the robot, and the numbers behind it."""
+"""The first screen of a report: findings, next steps, drawing of the robot, key numbers."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ from idim_iv_ros.report.numerals import count, exact, is_number, number, percent
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
 
-# From little to much; distinguished on white and on black, and by lightness.
+# From small to large shares; distinct on white and on black, and by lightness.
 _COLOURS = ((0.0, (154, 181, 204)), (0.45, (240, 170, 95)), (1.0, (190, 52, 20)))
 # Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
 _AXIS, _AXIS_ALONE = 0.07, 0.2
@@ -33,7 +33,7 @@ Tile = tuple[str, str, str]
 
 
 def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
-    """Return the drawing of the robot, its joints coloured; None where it cannot be drawn."""
+    """Return a drawing of the robot with coloured joints; None where it cannot be drawn."""
     skeleton = report.nominal.skeleton
     if skeleton is None:
         return None
@@ -55,17 +55,17 @@ def robot_drawing(
     values: Sequence[float | None],
     title: str,
 ) -> dict[str, Any]:
-    """Return what the macro ``robot`` draws: joints with a value in percent for each joint.
+    """Return the variables of the macro ``robot``; `values` (n_joints,), %, colour the joints.
 
-    The robot has a corner at 0, 0; labels stand in a column to the right of it. Lines are
-    (x1, y1, x2, y2), pixels, y downwards.
+    The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
+    x2, y2), pixels, y downwards.
     """
     points = np.array([point for line in skeleton.segments for point in line])
     size = float(np.ptp(points, axis=0).max())
     half = (_AXIS * size or _AXIS_ALONE) * skeleton.axes
     ends = zip(skeleton.origins - half, skeleton.origins + half, strict=True)
     segments, axes = (
-        np.array([[_projected(start), _projected(end)] for start, end in lines])
+        np.array([[_project(start), _project(end)] for start, end in lines])
         for lines in (skeleton.segments, ends)
     )
     corners = np.concatenate([segments, axes]).reshape(-1, 2)
@@ -102,8 +102,8 @@ def robot_drawing(
     }
 
 
-def _projected(point: FloatArray) -> FloatArray:
-    """Orthographic projection (2,): right and up."""
+def _project(point: FloatArray) -> FloatArray:
+    """Return the orthographic projection (2,) of a point: right and up."""
     turned = np.cos(_AZIMUTH) * point[1] - np.sin(_AZIMUTH) * point[0]
     toward = np.cos(_AZIMUTH) * point[0] + np.sin(_AZIMUTH) * point[1]
     return np.array([turned, np.cos(_ELEVATION) * point[2] - np.sin(_ELEVATION) * toward])
@@ -117,6 +117,7 @@ def _colour(share: float) -> str:
 
 
 def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
+    """Return variables of the template with the drawing of the robot."""
     return {"robot": _shaded_robot(report), "missing": report.nominal.missing, **context}
 
 
