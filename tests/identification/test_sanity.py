@@ -90,17 +90,19 @@ def with_urdf(folder: Path, pattern: str, text: str, kind: str = "revolute") -> 
     return changed(ARM.configuration, "robot", urdf=folder / "other.urdf")
 
 
+def true(quantity: str) -> FloatArray:
+    """What the encoders of the recording do not show, at its samples."""
+    return getattr(recording().truth, quantity)[:: recording().control_ratio]
+
+
 def of_friction(compensated: float = 0.9) -> FloatArray:
-    return compensated * np.tanh(recording().truth.velocity[:, JOINT] / 0.02)
+    return compensated * np.tanh(true("velocity")[:, JOINT] / 0.02)
 
 
 def of_gravity() -> FloatArray:
     """A compensation by the true masses, without a trace of accelerations."""
-    nothing = np.zeros_like(recording().truth.position)
-    bodies = ARM.truth.without_friction
-    return inverse_dynamics(ARM.robot, bodies, recording().truth.position, nothing, nothing)[
-        :, JOINT
-    ]
+    position, still = true("position"), np.zeros_like(true("position"))
+    return inverse_dynamics(ARM.robot, ARM.truth.without_friction, position, still, still)[:, JOINT]
 
 
 @pytest.mark.parametrize(
@@ -215,10 +217,7 @@ def test_band_that_is_named_gives_enough_rows(tmp_path: Path) -> None:
         pytest.param(lambda effort: effort, "N m", 0, id="torque"),
         pytest.param(lambda effort: 0.1 * effort, "A", 0, id="current"),
         pytest.param(
-            lambda effort: effort + 200.0 * recording().truth.velocity,
-            "N m",
-            0,
-            id="damping of 200",
+            lambda effort: effort + 200.0 * true("velocity"), "N m", 0, id="damping of 200"
         ),
         pytest.param(
             lambda effort: effort + 1e5 * (np.arange(len(effort)) == 2500)[:, None],
