@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.cause import ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import (
     OperatingRange,
     Place,
@@ -38,9 +38,6 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(left * p[1], left * p[2], 0.0, 0.0)
 
 
-_LAW = TorqueLaw(_torque)
-
-
 class FrictionDrift(StructuralEffect[DriftShape]):
     """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t of the session or recording."""
 
@@ -49,6 +46,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     part = "friction"
     family = "time"
     linear = ("coulomb", "viscous")
+    dry = True
     signed = True  # friction may fall or rise
     confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
@@ -65,7 +63,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
             bound="0 or 1",
         ),
     )  # fmt: skip
-    laws = (_LAW,)
+    laws = (TorqueLaw(_torque),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DriftShape]:
         """From a twentieth of the session to three of it, which is a straight line.
@@ -90,8 +88,3 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     def meaning(self, shape: DriftShape) -> str:
         """Whether the drift runs through the session or begins anew, in words."""
         return "anew in each recording" if shape.restarts else "through the session"
-
-    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Friction that fades, its Coulomb part dry."""
-        values = given.values("time_constant", "coulomb", "viscous", "restarts")
-        return [TorqueTerm(_LAW, values, friction=True, dry=True)]

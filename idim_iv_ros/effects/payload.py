@@ -7,7 +7,6 @@ import numpy as np
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     CLEARLY,
-    Change,
     Estimated,
     ParameterSpace,
     ParametricEffect,
@@ -30,6 +29,7 @@ class Payload(ParametricEffect):
     confounders = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
     segments = ("repeat",)
+    sets = (POINT, INERTIAL)  # a point mass, and any rigid body
     specs = (
         ParameterSpec("mass", "kg", "mass", standard="M"),
         *(
@@ -49,13 +49,6 @@ class Payload(ParametricEffect):
         robot = space.model.robot
         parents = [int(parent) for parent in robot.pinocchio.parents]
         return [int(joint) for tree, joint in enumerate(robot.order) if tree + 1 not in parents[1:]]
-
-    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """A point mass, and any rigid body."""
-        assert joint is not None
-        point = [change for kind in POINT for change in space.change(kind, joint, _NAMES[kind])]
-        body = [change for kind in INERTIAL for change in space.change(kind, joint, _NAMES[kind])]
-        return [directions for directions in (point, body) if directions]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]

@@ -136,11 +136,7 @@ class WaveEffect(StructuralEffect[Any]):
         longer = [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
         return [pair for pair in longer if _apart(pair[0], resolution)]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Any) -> Torques:
-        """Sine and cosine of all waves of a shape."""
-        return self.torques(motion, place, [shape])[0]
-
     def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Any]) -> list[Torques]:
-        """`columns` of several shapes, with all waves computed at once."""
+        """Sine and cosine of all waves of every shape, computed at once."""
         made = wave_columns(motion.position[:, place.joint], shapes)
         return [{place.joint: columns} for columns in made]

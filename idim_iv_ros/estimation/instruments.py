@@ -145,7 +145,7 @@ class SimulatedLoop:
     def natural_frequency(self, values: FloatArray) -> float:
         """Highest natural frequency of the loops, √(kp / J) of each joint, Hz."""
         inertia = self._joint_inertia(values)
-        stiffness = np.max([law.torque_gains[0] for law in self.laws], axis=0)
+        stiffness = np.max([law.kp for law in self.laws], axis=0)
         usable = inertia > 0.0
         if not usable.any():
             return 0.0

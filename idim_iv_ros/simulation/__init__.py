@@ -1,8 +1,8 @@
 """Closed-loop simulation of a robot with any dynamic parameters, and its control law."""
 
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import (
-    ControlLaw,
     ControllerFit,
     control_law,
     control_period,

@@ -8,16 +8,13 @@ import numpy as np
 
 from idim_iv_ros.effects.contribution import (
     STATES,
-    CommandDelay,
     Contribution,
     CouplingTerm,
     DriveCurve,
     EncoderError,
-    LawChange,
     Load,
     ShaftPart,
     TorqueTerm,
-    reference_direction,
 )
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.model.parameters import DynamicParameters
@@ -242,39 +239,6 @@ def _coupled(grown: Plant, added: JointContributions, place: IntArray) -> Plant:
         second=np.append(grown.second, place[list(second)]),
         direction=np.append(grown.direction, [term.direction for term in terms]),
     )
-
-
-class LawParts(NamedTuple):
-    """Torque gains (n_joints,), feedforward (n_samples, n_joints), delay and lag (n_joints,) s."""
-
-    kp: FloatArray
-    kd: FloatArray
-    ki: FloatArray
-    feedforward: FloatArray
-    delay: FloatArray
-    lag: FloatArray
-
-
-def changed_law(
-    law: LawParts, added: JointContributions, velocity_reference: FloatArray, rate: float
-) -> LawParts:
-    """Put the robot's law in the place of that of the configuration, and delay its command."""
-    changed = LawParts(*(part.copy() for part in law))
-    for j, delay in added.of(CommandDelay):
-        changed.delay[j] += delay.seconds
-    for j, change in added.of(LawChange):
-        for name in ("kp", "kd", "ki"):
-            gain = getattr(change, name)
-            if not np.isnan(gain):
-                getattr(changed, name)[j] = gain
-        speed = velocity_reference[:, j]
-        changed.feedforward[:, j] += change.feedforward_velocity * speed
-        changed.feedforward[:, j] += change.feedforward_friction * reference_direction(speed)
-        if len(speed) > 1:
-            acceleration = np.gradient(speed, 1.0 / rate)
-            changed.feedforward[:, j] += change.feedforward_acceleration * acceleration
-        changed.lag[j] = change.lag
-    return changed
 
 
 def encoder_error(added: JointContributions, position: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,14 +1,14 @@
 """Control laws of the recorded robot: as configured, or fitted to its logged signals."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ControllerSection
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.types import FloatArray
 
@@ -19,57 +19,6 @@ CLEAR_IMPROVEMENT = 0.2
 # The worst ratio of the law's unit-scaled columns' singular values that a term may cause.
 COLLINEAR = 1e-3
 LONGEST_DELAY = 3  # samples from the errors to the torque that are tried
-
-
-@dataclass(frozen=True)
-class ControlLaw:
-    """Sampled control law with zero-order hold, all values on the joint side.
-
-    ``pd``: τ = kp e + kd (dq_ref − dq) + ki ∫e + feedforward, e = q_ref − q; without
-    `velocity_reference` the kd term acts on −dq. ``cascade``: τ = drive_gain · kv (kp e − dq) +
-    feedforward.
-    """
-
-    type: Literal["pd", "cascade"]
-    # kp, kd, ki, kv, drive_gain: (n_joints,): those that a law does not have are zero (drive_gain:
-    # one)
-    kp: FloatArray
-    kd: FloatArray
-    ki: FloatArray
-    kv: FloatArray
-    drive_gain: FloatArray
-    velocity_reference: bool  # Whether dq_ref enters a pd law
-    # (n_joints,) N m (N); infinite where there is none. The integral stands still in saturation.
-    torque_limit: FloatArray
-    period: float | None  # Of the control, s; None: one sample of the references
-    delay: float  # From the command to the torque on the joint, s
-    # (n_samples, n_joints) or None: torque added to the command, sampled like the references
-    feedforward: FloatArray | None = None
-    # Of the first-order filter through which the law sees backward differences of the position over
-    # its period, v ← v + factor (Δq / period − v); 1 is no filter. None: the exact speed.
-    speed_factor: float | None = None
-
-    @property
-    def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gains (n_joints,) from position error, velocity error and its integral to torque."""
-        if self.type == "pd":
-            return self.kp, self.kd, self.ki
-        velocity_gain = self.drive_gain * self.kv
-        return velocity_gain * self.kp, velocity_gain, np.zeros_like(self.kp)
-
-    @property
-    def uses_velocity_reference(self) -> bool:
-        """Whether the reference velocity enters the command."""
-        return self.type == "pd" and self.velocity_reference
-
-    def scaled(self, factor: FloatArray) -> "ControlLaw":
-        """Multiply the torque gains by (n_joints,) factors (gain update of IDIM-IV).
-
-        A loop whose inertia was guessed `factor` times the actual one keeps its bandwidth.
-        """
-        if self.type == "cascade":
-            return replace(self, drive_gain=self.drive_gain * factor)
-        return replace(self, kp=self.kp * factor, kd=self.kd * factor, ki=self.ki * factor)
 
 
 def factor_of_lateness(lateness: float, period: float) -> float | None:
@@ -112,14 +61,16 @@ def control_law(
     def values(given: Sequence[float] | None, default: float) -> FloatArray:
         return np.full(n_joints, default) if given is None else np.asarray(given, dtype=float)
 
+    kp, kd = values(section.kp, 0.0), values(section.kd, 0.0)
+    cascade = section.type == "cascade"
+    if cascade:
+        kd = values(section.drive_gain, 1.0) * values(section.kv, 0.0)
+        kp = kd * kp
     return ControlLaw(
-        type=section.type,
-        kp=values(section.kp, 0.0),
-        kd=values(section.kd, 0.0),
+        kp=kp,
+        kd=kd,
         ki=values(section.ki, 0.0),
-        kv=values(section.kv, 0.0),
-        drive_gain=values(section.drive_gain, 1.0),
-        velocity_reference=section.velocity_reference,
+        velocity_reference=section.velocity_reference and not cascade,
         torque_limit=values(section.torque_limit, np.inf),
         period=section.period,
         delay=section.delay,
@@ -183,15 +134,11 @@ class ControllerFit:
             + self.gain("reference_acceleration") * acceleration
             + self.gain("reference_direction") * np.sign(velocity)
         )
-        joints = len(kp)
-        limit = np.full(joints, np.inf) if torque_limit is None else np.asarray(torque_limit)
+        limit = np.full(len(kp), np.inf) if torque_limit is None else np.asarray(torque_limit)
         return ControlLaw(
-            type="pd",
             kp=kp,
             kd=kd,
             ki=self.gain("ki"),
-            kv=np.zeros(joints),
-            drive_gain=np.ones(joints),
             velocity_reference=True,
             torque_limit=np.asarray(limit, dtype=float),
             period=None,
