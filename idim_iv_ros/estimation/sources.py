@@ -1,16 +1,14 @@
 """Which instruments a recording allows: the control law, its fit, or what replaces them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import ClassVar
+from functools import partial
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.idim_iv import Start
-from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SimulatedLoop
-from idim_iv_ros.estimation.observation import instrument_rows
+from idim_iv_ros.estimation.instruments import FixedMotion, InstrumentSource, SimulatedLoop
 from idim_iv_ros.model import InverseModel, RobotModel
 from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import (
@@ -32,42 +30,6 @@ def reference(motion: Motion) -> FloatArray:
     if motion.signals.position_reference is None:
         raise ValueError(f"{motion.signals.name} has no reference")
     return motion.signals.position_reference
-
-
-@dataclass(frozen=True)
-class FixedMotion:
-    """Instruments from positions that do not depend on the parameters.
-
-    `make` returns positions (n_samples, n_joints) for every motion and says what they are; it is
-    called when they are needed, which a loop that simulates spares.
-    """
-
-    model: InverseModel
-    motions: tuple[Motion, ...]
-    make: Callable[[Sequence[Motion]], tuple[list[FloatArray], str]]
-    untestable: str
-
-    iterative: ClassVar[bool] = False
-
-    @cached_property
-    def _made(self) -> tuple[list[FloatArray], str]:
-        return self.make(self.motions)
-
-    @property
-    def name(self) -> str:
-        """Which positions the instruments are made of, in words for the report."""
-        return self._made[1]
-
-    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
-        """None: nothing is simulated at the parameters."""
-
-    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Instruments from the differentiated positions, the same at any parameters."""
-        states = tuple(
-            partial(motion.derivatives_of, position)
-            for position, motion in zip(self._made[0], self.motions, strict=True)
-        )
-        return Instruments(instrument_rows(self.model, self.motions, states), states)
 
 
 def _filtered_references(
