@@ -28,10 +28,10 @@ class Drive(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Torques (n_samples,) that the rigid bodies ask of a joint along a motion."""
+    """What the rigid bodies ask of joints along a motion, (n_samples, n_joints) each but `mass`."""
 
-    inertia: FloatArray  # kg m², the joint's entry on the diagonal of the mass matrix
-    torque: FloatArray  # N m, gravity, Coriolis and the accelerations of the other joints
+    mass: FloatArray  # (n_samples, n_joints, n_joints) kg m²
+    torque: FloatArray  # N m, without the accelerations of these joints
     slope: FloatArray  # N m/rad, of that torque with the joint's position
     position: FloatArray  # rad, where torque and slope hold
 
