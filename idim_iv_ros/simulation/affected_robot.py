@@ -1,10 +1,11 @@
 """A robot with effects as the plant, arrays and control loop that compiled code works on."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idim_iv_ros.effects.contribution import (
     STATES,
@@ -22,7 +23,7 @@ from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL, Effects, Rows
 from idim_iv_ros.simulation.effects import JointEffect
 from idim_iv_ros.simulation.plant import Plant, plant
-from idim_iv_ros.simulation.shaft import Shaft, fastest_shaft, joined_shafts, split_drives
+from idim_iv_ros.simulation.shaft import fastest_shaft, joined_shafts, split_drives
 from idim_iv_ros.types import FloatArray, IntArray
 
 # A step is at most this over the pulsation of the fastest shaft, rad.
@@ -70,7 +71,7 @@ class AffectedRobot(NamedTuple):
 
     plant: Plant
     effects: Effects
-    shafts: tuple[Shaft, ...]
+    shafts: dict[int, ShaftPart]
     longest_step: float
 
 
@@ -91,7 +92,7 @@ def affected_robot(
     Raises UsageError: a shaft where the drive inertia is not known (see `shaft.split_drives`).
     """
     shafts = joined_shafts(added.of(ShaftPart))
-    parameters = split_drives(robot, parameters, [shaft.joint for shaft in shafts])
+    parameters = split_drives(robot, parameters, shafts)
     shafts, pulsation = fastest_shaft(robot, parameters, shafts, position)
     base, place = plant(robot, parameters), np.argsort(robot.order)
     friction = parameters.coulomb, parameters.viscous
@@ -105,7 +106,7 @@ def affected_plant(
     friction: tuple[FloatArray, FloatArray],
     added: JointContributions,
     place: IntArray,
-    shafts: Sequence[Shaft],
+    shafts: Mapping[int, ShaftPart],
     start_time: float,
 ) -> tuple[Plant, Effects]:
     """Return the plant whose friction is that of the instant, and the effects that change it.
@@ -115,49 +116,47 @@ def affected_plant(
     the joints in the plant.
     """
     coulomb, viscous = friction
-    n, extra = len(base.offset), len(shafts)
+    n, couplings = len(base.offset), len(added.couplings)
     dry, dissipative = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    level, damping = base.level.copy(), base.damping.copy()
+    grown = _grown(base, added, place, len(shafts))
+    level = grown.level.copy()
     for joint, term in added.of(TorqueTerm):
         if term.friction:
             i = place[joint]
             dissipative[i] = True
             level[i] = coulomb[joint]
-            damping[i, i] = viscous[joint]
+            grown.damping[i, i] = viscous[joint]
             dry[i] |= term.dry
-    model = _grown(base, level.copy(), damping, extra)
+    without_couplings = np.arange(len(level)) < len(level) - couplings
+    model_level = np.where(without_couplings, level, 0.0)
     for joint, term in added.of(TorqueTerm):
         level[place[joint]] -= term.replaced
     # Where bristles are all of the friction nothing sticks: they hold by themselves.
     dry |= level[:n] > STICKS * base.level[:n]
     level[:n] = np.where(dry, level[:n], 0.0)
-    grown = _coupled(_grown(base, level, damping, extra), added, place)
     # The plant's own level and damping are those of the instant.
-    current = grown.level.copy()
+    current = level.copy()
     current[:n] = np.where(dry, np.maximum(current[:n], LEAST_LEVEL), 0.0)
     changing = grown._replace(level=current, damping=grown.damping.copy())
-    couplings = len(added.couplings)
-    unchanged = grown.level.copy()
-    unchanged[len(unchanged) - couplings :] = 0.0
     link = np.arange(n)
-    for k, shaft in enumerate(shafts):
-        link[place[shaft.joint]] = n + k
+    link[place[list(shafts)]] = n + np.arange(len(shafts))
+    shaft = np.array([(part.gap, part.stiffness, part.damping) for part in shafts.values()])
+    gap, stiffness, damping = shaft.reshape(-1, 3).T.copy()
     return changing, Effects(
-        rows=effect_rows(added, place, first_coupling=len(unchanged) - couplings),
-        level=unchanged,
+        rows=effect_rows(added, place, first_coupling=len(level) - couplings),
+        level=np.where(without_couplings, level, 0.0),
         damping=grown.damping,
-        model_level=np.pad(model.level, (0, couplings)),
-        model_damping=model.damping,
-        dry=np.concatenate([dry, grown.level[n:] > 0.0]),
+        model_level=model_level,
+        dry=np.concatenate([dry, level[n:] > 0.0]),
         dissipative=dissipative,
         start_time=float(start_time),
         link=link,
-        shaft_joint=np.array([place[shaft.joint] for shaft in shafts], dtype=np.int64),
-        shaft_gap=np.array([shaft.gap for shaft in shafts], dtype=float),
-        shaft_stiffness=np.array([shaft.stiffness for shaft in shafts], dtype=float),
-        shaft_damping=np.array([shaft.damping for shaft in shafts], dtype=float),
-        force=np.zeros(n + extra),
-        stiffness=np.zeros((n + extra, n + extra)),
+        shaft_joint=place[list(shafts)],
+        shaft_gap=gap,
+        shaft_stiffness=stiffness,
+        shaft_damping=damping,
+        force=np.zeros(len(grown.offset)),
+        stiffness=np.zeros_like(grown.damping),
         link_q=np.zeros(n),
         link_speed=np.zeros(n),
         rest=np.zeros(n),
@@ -207,37 +206,29 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     )
 
 
-def _grown(base: Plant, level: FloatArray, damping: FloatArray, extra: int) -> Plant:
-    """Room for the links behind shafts: a contact without friction for each coordinate."""
+def _grown(base: Plant, added: JointContributions, place: IntArray, links: int) -> Plant:
+    """Room for links behind shafts and for couplings: a contact for each of them.
+
+    Those of links are without friction.
+    """
     n = len(base.offset)
+    pairs = np.array([[a, b] for a, b, _ in added.couplings], dtype=np.int64).reshape(-1, 2)
+    terms = [term for _, _, term in added.couplings]
 
-    def square(matrix: FloatArray) -> FloatArray:
-        return np.pad(matrix, ((0, extra), (0, extra)))
-
-    def with_links(values: FloatArray, links: FloatArray) -> FloatArray:
-        return np.concatenate([values[:n], links, values[n:]])
+    def contacts(values: NDArray[Any], of_links: Any, of_couplings: Any) -> NDArray[Any]:
+        parts = (values[:n], of_links, values[n:], of_couplings)
+        return np.concatenate([np.asarray(part, dtype=values.dtype) for part in parts])
 
     return base._replace(
-        drive_inertia=square(base.drive_inertia),
-        damping=square(damping),
-        offset=np.pad(base.offset, (0, extra)),
-        level=with_links(level, np.zeros(extra)),
-        first=np.concatenate([base.first[:n], np.arange(n, n + extra), base.first[n:]]),
-        second=np.concatenate([base.second[:n], np.full(extra, -1), base.second[n:]]),
-        direction=with_links(base.direction, np.ones(extra)),
-    )
-
-
-def _coupled(grown: Plant, added: JointContributions, place: IntArray) -> Plant:
-    """Add a contact for each coupling of two joints."""
-    if not added.couplings:
-        return grown
-    first, second, terms = zip(*added.couplings, strict=True)
-    return grown._replace(
-        level=np.append(grown.level, [LEAST_LEVEL if term.dry else 0.0 for term in terms]),
-        first=np.append(grown.first, place[list(first)]),
-        second=np.append(grown.second, place[list(second)]),
-        direction=np.append(grown.direction, [term.direction for term in terms]),
+        drive_inertia=np.pad(base.drive_inertia, (0, links)),
+        damping=np.pad(base.damping, (0, links)),
+        offset=np.pad(base.offset, (0, links)),
+        level=contacts(
+            base.level, np.zeros(links), [LEAST_LEVEL if term.dry else 0.0 for term in terms]
+        ),
+        first=contacts(base.first, np.arange(n, n + links), place[pairs[:, 0]]),
+        second=contacts(base.second, np.full(links, -1), place[pairs[:, 1]]),
+        direction=contacts(base.direction, np.ones(links), [term.direction for term in terms]),
     )
 
 

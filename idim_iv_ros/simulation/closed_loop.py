@@ -6,7 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idim_iv_ros.effects.contribution import CommandDelay, LawChange, reference_direction
+from idim_iv_ros.effects.contribution import (
+    CommandDelay,
+    LawChange,
+    ShaftPart,
+    reference_direction,
+)
 from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
@@ -29,7 +34,7 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
 from idim_iv_ros.simulation.effect_kernel import Effects
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
-from idim_iv_ros.simulation.shaft import Shaft, link_positions
+from idim_iv_ros.simulation.shaft import link_positions
 from idim_iv_ros.types import FloatArray
 
 # Longest plant step when the caller gives none, s.
@@ -114,7 +119,7 @@ def simulate_closed_loop(
     present = contributions_of(joint_effects(effects or (), robot.joints), parameters.coulomb)
     q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
     arrays: Effects | None = None
-    shafts: tuple[Shaft, ...] = ()
+    shafts: dict[int, ShaftPart] = {}
     if present.items:
         q, dq = true_state(present, q, dq)
         affected = affected_robot(robot, parameters, present, start_time=start_time, position=q)
@@ -122,7 +127,7 @@ def simulate_closed_loop(
         step = min(step, affected.longest_step)
     else:
         dynamics = plant(robot, parameters)
-    behind = [shaft.joint for shaft in shafts]
+    behind = list(shafts)
     loop = sampled_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )

@@ -47,9 +47,7 @@ def control_period(section: ControllerSection, rates: Iterable[float]) -> float:
     return section.period if section.period is not None else 1.0 / max(rates)
 
 
-def control_law(
-    section: ControllerSection, n_joints: int, *, feedforward: FloatArray | None = None
-) -> ControlLaw:
+def control_law(section: ControllerSection, n_joints: int) -> ControlLaw:
     """Build the law that a configuration describes.
 
     Raises UsageError: the configuration says that the law is unknown; it must be fitted
@@ -74,7 +72,6 @@ def control_law(
         torque_limit=values(section.torque_limit, np.inf),
         period=section.period,
         delay=section.delay,
-        feedforward=feedforward,
     )
 
 

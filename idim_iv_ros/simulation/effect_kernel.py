@@ -55,10 +55,7 @@ class Effects(NamedTuple):
     # (n_contacts,): dry friction without effects, less what they take the place of
     level: FloatArray
     damping: FloatArray  # (N, N): viscous friction without effects
-    # model_level, model_damping: (n_contacts,), (N, N): dry and viscous friction of the model,
-    # before effects take the place of a part
-    model_level: FloatArray
-    model_damping: FloatArray
+    model_level: FloatArray  # (n_contacts,): dry friction of the model, all of it
     dry: NDArray[np.bool_]  # (n_contacts,): joints and couplings with dry friction at any time
     dissipative: NDArray[np.bool_]  # (n,): joints whose friction is kept from driving
     start_time: float  # s since the start of the session
@@ -233,7 +230,7 @@ def _drive_torque(
     """
     total: float = plant.offset[joint] + effects.inertial[joint] + sign * effects.model_level[joint]
     for j in range(speed.shape[0]):
-        total += effects.model_damping[joint, j] * speed[j]
+        total += effects.damping[joint, j] * speed[j]
     for c in range(speed.shape[0], mode.shape[0]):
         level = effects.model_level[c]
         friction = mode[c] * level if mode[c] != 0 else min(max(holding[c], -level), level)

@@ -172,7 +172,7 @@ class Effects:
             second=np.full(n, -1),
             direction=np.ones(n),
         )
-        return affected_plant(base, friction, added, joints, (), start_time)
+        return affected_plant(base, friction, added, joints, {}, start_time)
 
     def reset(self) -> None:
         """Reset internal states and delays; done automatically where the data's time goes back."""
