@@ -256,8 +256,8 @@ def _convergence(
         return "least squares needs no iteration"
     if not estimate.steps:
         return "the instruments do not depend on the parameters: one step"
-    last = estimate.steps[-1]
-    moved = f"{names[last.parameter]} moved last, by {100.0 * last.change:.2g} %"
+    change, parameter = estimate.steps[-1]
+    moved = f"{names[parameter]} moved last, by {100.0 * change:.2g} %"
     tolerance = 100.0 * configuration.identification.tolerance
     if estimate.converged:
         return f"{moved} (tolerance {tolerance:g} %)"

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,15 +66,6 @@ def contributions_of(effects: Sequence[JointEffect], coulomb: FloatArray) -> Joi
     )
 
 
-class AffectedRobot(NamedTuple):
-    """Plant of N coordinates with its effects, and the longest step that resolves its shafts, s."""
-
-    plant: Plant
-    effects: Effects
-    shafts: dict[int, ShaftPart]
-    longest_step: float
-
-
 def affected_robot(
     robot: RobotModel,
     parameters: DynamicParameters,
@@ -82,8 +73,11 @@ def affected_robot(
     *,
     start_time: float,
     position: FloatArray,
-) -> AffectedRobot:
+) -> tuple[Plant, Effects, dict[int, ShaftPart], float]:
     """Shape a robot, its parameters and what effects add to it for simulation.
+
+    Returns the plant of N coordinates with its effects, its shafts, and the longest step that
+    resolves these, s.
 
     Friction of a joint with friction effects may be negative in `parameters`: only the sum with
     the effects is kept from driving. `position` (n_joints,) is where backlash is given its
@@ -98,7 +92,7 @@ def affected_robot(
     friction = parameters.coulomb, parameters.viscous
     changing, effects = affected_plant(base, friction, added, place, shafts, start_time)
     longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
-    return AffectedRobot(changing, effects, shafts, float(longest))
+    return changing, effects, shafts, float(longest)
 
 
 def affected_plant(

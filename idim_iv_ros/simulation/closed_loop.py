@@ -122,9 +122,10 @@ def simulate_closed_loop(
     shafts: dict[int, ShaftPart] = {}
     if present.items:
         q, dq = true_state(present, q, dq)
-        affected = affected_robot(robot, parameters, present, start_time=start_time, position=q)
-        dynamics, arrays, shafts = affected.plant, affected.effects, affected.shafts
-        step = min(step, affected.longest_step)
+        dynamics, arrays, shafts, longest = affected_robot(
+            robot, parameters, present, start_time=start_time, position=q
+        )
+        step = min(step, longest)
     else:
         dynamics = plant(robot, parameters)
     behind = list(shafts)

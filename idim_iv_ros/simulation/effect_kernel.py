@@ -127,26 +127,6 @@ def states_turn(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> boo
 
 
 @kernel
-def torque_at(
-    rows: Rows,
-    row: int,
-    time: float,
-    elapsed: float,
-    position: float,
-    slip: float,
-    direction: float,
-    load: float,
-    velocity: float,
-    step: float,
-) -> Torque:
-    """Torque of one term; `slip` is the speed with its sign, the rest as in `Instant`."""
-    speed = max(direction * slip, 0.0)
-    at = Instant(time, elapsed, position, speed, direction, load, velocity, step)
-    torque: Torque = _torque(rows.kind[row], rows.value[row], at, rows.state[row])
-    return torque
-
-
-@kernel
 def effect_torques(
     plant: Plant,
     effects: Effects,
@@ -191,7 +171,8 @@ def effect_torques(
             elif rows.load[t] == Load.MOTOR:
                 load += _drive_torque(plant, effects, c, sign, speed, mode, holding)
         now = effects.start_time + time
-        torque = torque_at(rows, t, now, time, position, w, sign, load, velocity, step)
+        at = Instant(now, time, position, max(sign * w, 0.0), sign, load, velocity, step)
+        torque: Torque = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
         plant.level[c] += torque.level
         if c < n:
             plant.damping[c, c] += torque.damping
