@@ -143,6 +143,8 @@ class StructuralEffect(Cause, Generic[S]):
     # Middle (geometric) of the largest torques that are typical of arms, or (a plain number) of the
     # numbers that are fitted; see `plausible`.
     typical: ClassVar[ShareOf | float | None] = None
+    # How many terms may be added (numbers of a shape that are a tuple).
+    most_terms: ClassVar[int] = 3
     # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
     beyond_knee: ClassVar[bool] = False
     # Whether it shows only where a joint moves fast enough for friction to bend with the speed.
@@ -282,8 +284,15 @@ class StructuralEffect(Cause, Generic[S]):
         ]
 
     def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:
-        """Shapes with a further term, paired with the shape of that term; none by default."""
-        return []
+        """Shapes with a further term, up to `most_terms`, paired with the shape of that term."""
+        terms = next((name for name, v in vars(shape).items() if isinstance(v, tuple)), "")
+        if not terms or len(getattr(shape, terms)) >= self.most_terms:
+            return []
+        return [
+            (replace(shape, **{terms: getattr(shape, terms) + getattr(term, terms)}), term)
+            for term in self.grid(place, covered)
+            if type(term) is type(shape)
+        ]
 
 
 def _varied(given: object, factor: float) -> list[Any]:

@@ -37,8 +37,8 @@ def _filtered_references(
 ) -> tuple[list[FloatArray], str]:
     """References through a fitted closed-loop filter, and how closely they follow the motion."""
     filters = [filter_reference(m.signals.rate, m.position, reference(m)) for m in motions]
-    errors = np.max([fitted.error for fitted in filters], axis=0)
-    spreads = np.max([fitted.spread for fitted in filters], axis=0)
+    positions, missed, moved = zip(*filters, strict=True)
+    errors, spreads = np.max(missed, axis=0), np.max(moved, axis=0)
     joints = ", ".join(
         f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
         + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
@@ -46,7 +46,7 @@ def _filtered_references(
             robot.joints, robot.joint_types, errors, spreads, strict=True
         )
     )
-    return [fitted.position for fitted in filters], (
+    return list(positions), (
         "reference through a fitted closed-loop filter, which misses the recorded motion where "
         f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
     )

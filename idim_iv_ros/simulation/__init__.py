@@ -11,14 +11,13 @@ from idim_iv_ros.simulation.controller import (
 )
 from idim_iv_ros.simulation.effects import SimulatedEffect
 from idim_iv_ros.simulation.recorded_robot import SimulatedRecording, record_simulated_robot
-from idim_iv_ros.simulation.reference_filter import ReferenceFilter, filter_reference
+from idim_iv_ros.simulation.reference_filter import filter_reference
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, joint_inertia, mass_matrix
 
 __all__ = [
     "ClosedLoopResult",
     "ControlLaw",
     "ControllerFit",
-    "ReferenceFilter",
     "SimulatedEffect",
     "SimulatedRecording",
     "control_law",

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.compilation import dispatcher, kernel
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load, Torque
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
+from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -153,10 +154,7 @@ def effect_torques(
     rows, n = effects.rows, effects.link.shape[0]
     for t in range(rows.state.shape[0]):
         c = rows.joint[t]
-        if c >= n:
-            w = speed[plant.first[c]] + plant.direction[c] * speed[plant.second[c]]
-        else:
-            w = speed[c]
+        w = slip(plant.first, plant.second, plant.direction, c, speed)
         if effects.dry[c] and (mode[c] != 0 or c >= n):
             sign = float(mode[c])
         elif effects.dry[c]:

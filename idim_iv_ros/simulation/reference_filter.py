@@ -1,7 +1,5 @@
 """Instruments without a control law: the reference through a fitted closed-loop filter."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -16,20 +14,9 @@ FITTED_SHARE = 0.7
 FITTED_ROWS = 4000
 
 
-@dataclass(frozen=True)
-class ReferenceFilter:
-    """Positions that the closed loop would take without noise, fitted to the measured ones."""
-
-    position: FloatArray  # (n_samples, n_joints) rad or m
-    # (n_joints,): RMS of measured less filtered position on the last 30 % of the record, which the
-    # filter had not seen, rad or m
-    error: FloatArray
-    spread: FloatArray  # (n_joints,): standard deviation of the measured position there, rad or m
-
-
 def filter_reference(
     rate: float, position: FloatArray, position_reference: FloatArray
-) -> ReferenceFilter:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit, joint by joint, the filter from the references to the position.
 
     The tracking error is expanded in discrete Laguerre filters of the joint's own reference, of
@@ -40,6 +27,10 @@ def filter_reference(
 
     - `rate`: Hz
     - `position`, `position_reference`: (n_samples, n_joints) rad or m
+
+    Returns the positions (n_samples, n_joints) that the closed loop would take without noise, and
+    of each joint, on the last 30 % of the record, which the filter had not seen, the RMS of
+    measured less filtered position and the standard deviation of the measured one, rad or m.
     """
     error = position_reference - position
     samples, joints = error.shape
@@ -69,7 +60,7 @@ def filter_reference(
     simulated = position_reference - explained
     missed = np.sqrt(energy / max(len(some) - split, 1))
     spread = np.std(position[::every][split:], axis=0)
-    return ReferenceFilter(simulated, missed, spread)
+    return simulated, missed, spread
 
 
 def _discrete(pole: float, rate: float) -> float:

@@ -24,6 +24,8 @@ from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_motion import move_links, place_links
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.simulation import dry_friction
+from idim_iv_ros.simulation.dry_friction import push, slip
 from idim_iv_ros.simulation.plant import Plant, Workspace, plant, workspace
 from idim_iv_ros.types import FloatArray
 
@@ -172,12 +174,9 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                     total += plant.drive_inertia[i, j] * ddq[k, j] + plant.damping[i, j] * dq[k, j]
                 torque[k, i] += total
             for c in range(plant.level.shape[0]):
-                a, b = plant.first[c], plant.second[c]
-                speed = dq[k, a] + dq[k, b] if b >= 0 else dq[k, a]
+                speed = slip(plant.first, plant.second, plant.direction, c, dq[k])
                 friction = plant.level[c] * np.sign(speed)
-                torque[k, a] += friction
-                if b >= 0:
-                    torque[k, b] += friction
+                push(plant.first, plant.second, plant.direction, c, friction, torque[k])
 
     @entry
     def masses(plant: Plant, q: FloatArray, work: Workspace, mass: FloatArray) -> None:
@@ -192,7 +191,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
     return torques, masses
 
 
-_torques, _masses = _entries(source_digest(link_motion))
+_torques, _masses = _entries(source_digest(link_motion, dry_friction))
 
 
 def inverse_dynamics(
