@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, EffectParameter, Parameters
-from idim_iv_ros.model import InverseModel, StandardParameter
+from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.types import FloatArray
@@ -79,26 +79,19 @@ class ParameterSpace:
         """Length of a direction: d = b + 2 + n_joints."""
         return len(self.given) + 2 + self.joints
 
-    def standard(self, kind: str, joint: int) -> tuple[StandardParameter, FloatArray] | None:
-        """A standard parameter and its direction (d,); None where the model lacks it."""
-        layout = self.model.regressor.layout
-        for column, parameter in enumerate(layout.parameters):
-            if parameter.kind == kind and parameter.joint == joint:
-                direction = np.zeros(self.size)
-                direction[: len(self.given)] = self.model.base.grouping[:, column]
-                return (parameter, direction) if direction.any() else None
-        return None
-
     def change(self, kind: str, joint: int, name: str) -> list[Change]:
         """Return the change of a standard parameter, empty where the torque does not show it.
 
         What no body, drive or friction has below zero may be taken away whole; of a link, where the
         nominal model gives it.
         """
-        standard = self.standard(kind, joint)
-        if standard is None:
+        parameters = enumerate(self.model.regressor.layout.parameters)
+        places = [k for k, of in parameters if (of.kind, of.joint) == (kind, joint)]
+        direction = np.zeros(self.size)
+        direction[: len(self.given)] = self.model.base.grouping[:, places].sum(axis=1)
+        if not direction.any():
             return []
-        parameter, direction = standard
+        parameter = self.model.regressor.layout.parameters[places[0]]
         value = self.model.robot.given.value_of(parameter)
         given = 0.0 if value is None else float(value)
         bounded = kind in NON_NEGATIVE and (kind not in INERTIAL or given > 0.0)

@@ -98,6 +98,16 @@ class JointRows:
             instrument_matrix=None if z is None else z[:, inside],
         )
 
+    def part(self, rows: slice) -> "JointRows":
+        """Return some of these rows, without their places in time."""
+        return replace(self._of(self._table(rows)), segments=(), position=None)
+
+    def joined(self, others: Sequence["JointRows"]) -> "JointRows":
+        """Return these rows and others of the joint, one below the other."""
+        parts = [self, *others]
+        table = np.vstack([part._table(slice(None)) for part in parts])
+        return replace(self._of(table), represented=sum(map(len, parts)))
+
     @cached_property
     def reduced(self) -> "JointRows":
         """The R factor of [Z X y]: it replaces these rows where their order does not matter."""

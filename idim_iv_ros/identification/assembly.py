@@ -41,9 +41,9 @@ from idim_iv_ros.identification.validate import Validation
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.signals import fit_autoregression, torque_noise
-from idim_iv_ros.statistics import judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.statistics.residuals import mean_square_freedom
+from idim_iv_ros.statistics.verdict import judge_all, judge_joint
 from idim_iv_ros.types import IntArray
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")

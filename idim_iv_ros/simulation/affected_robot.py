@@ -134,8 +134,7 @@ def affected_plant(
     changing = grown._replace(level=current, damping=grown.damping.copy())
     link = np.arange(n)
     link[place[list(shafts)]] = n + np.arange(len(shafts))
-    shaft = np.array([(part.gap, part.stiffness, part.damping) for part in shafts.values()])
-    gap, stiffness, damping = shaft.reshape(-1, 3).T.copy()
+    numbers = [(shaft.gap, shaft.stiffness, shaft.damping) for shaft in shafts.values()]
     return changing, Effects(
         rows=effect_rows(added, place, first_coupling=len(level) - couplings),
         level=np.where(without_couplings, level, 0.0),
@@ -146,9 +145,7 @@ def affected_plant(
         start_time=float(start_time),
         link=link,
         shaft_joint=place[list(shafts)],
-        shaft_gap=gap,
-        shaft_stiffness=stiffness,
-        shaft_damping=damping,
+        shaft=np.array(numbers, dtype=float).reshape(-1, 3),
         force=np.zeros(len(grown.offset)),
         stiffness=np.zeros_like(grown.damping),
         link_q=np.zeros(n),

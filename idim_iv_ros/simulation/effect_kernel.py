@@ -61,11 +61,8 @@ class Effects(NamedTuple):
     dissipative: NDArray[np.bool_]  # (n,): joints whose friction is kept from driving
     start_time: float  # s since the start of the session
     link: IntArray  # (n,): coordinate of each link
-    # shaft_joint, shaft_gap, shaft_stiffness, shaft_damping: (N - n,)
-    shaft_joint: IntArray
-    shaft_gap: FloatArray
-    shaft_stiffness: FloatArray
-    shaft_damping: FloatArray
+    shaft_joint: IntArray  # (N - n,)
+    shaft: FloatArray  # (N - n, 3): gap, stiffness and damping of each
     # force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured:
     # Written by compiled code. load, static, inertial (n,): torque of the links, the same without
     # accelerations, and of the drives' inertia.
@@ -225,11 +222,7 @@ def _twist(plant: Plant, effects: Effects, k: int, q: FloatArray, dq: FloatArray
     """Torque of one shaft on its motor and its link; flanks only push."""
     motor, link = effects.shaft_joint[k], effects.link.shape[0] + k
     twist, rate = q[motor] - q[link], dq[motor] - dq[link]
-    half, stiffness, damping = (
-        0.5 * effects.shaft_gap[k],
-        effects.shaft_stiffness[k],
-        effects.shaft_damping[k],
-    )
+    half, stiffness, damping = 0.5 * effects.shaft[k, 0], effects.shaft[k, 1], effects.shaft[k, 2]
     if half > 0.0:
         side = 1.0 if twist > 0.0 else -1.0
         twist -= side * half
