@@ -221,17 +221,17 @@ class ConicProblem:
         quadratic, linear = self._objective(unknowns, shown)
         rows, cones = self._constraints(clarabel)
         right = np.array([value for _, value in rows])
-        matrix = sparse.lil_matrix((len(rows), self._variables))
-        for place, (factors, _) in enumerate(rows):
-            for variable, factor in factors.items():
-                matrix[place, variable] = factor
+        entries = [(k, *one) for k, (factors, _) in enumerate(rows) for one in factors.items()]
+        places, variables, factors = zip(*entries, strict=True)
+        shape = (len(rows), self._variables)
+        matrix = sparse.csc_matrix((factors, (places, variables)), shape=shape)
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
         # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
         settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        solver = clarabel.DefaultSolver(quadratic, linear, matrix.tocsc(), right, cones, settings)
+        solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
         solution = solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             raise DataError(
