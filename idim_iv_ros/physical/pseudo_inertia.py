@@ -61,7 +61,6 @@ def _basis() -> FloatArray:
 
 
 BASIS = _basis()
-_TO_PARAMETERS = np.linalg.pinv(BASIS.reshape(16, 10))
 
 
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:
@@ -71,7 +70,17 @@ def pseudo_inertia(parameters: FloatArray) -> FloatArray:
 
 def inertial_parameters(matrix: FloatArray) -> FloatArray:
     """Parameters XX … M (10,) of a body with the pseudo-inertia J (4, 4)."""
-    return np.asarray(_TO_PARAMETERS @ matrix.ravel())
+    second, trace = matrix[:3, :3], float(np.trace(matrix[:3, :3]))
+    parameters = np.zeros(10)
+    for place, name in enumerate(INERTIAL):
+        if name == "M":
+            parameters[place] = matrix[3, 3]
+        elif name.startswith("M"):
+            parameters[place] = matrix["XYZ".index(name[1]), 3]
+        else:
+            row, column = ("XYZ".index(letter) for letter in name)
+            parameters[place] = (trace if row == column else 0.0) - second[row, column]
+    return parameters
 
 
 @dataclass(frozen=True)
