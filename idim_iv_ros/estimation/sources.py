@@ -152,7 +152,9 @@ def _laws(
         law = control_law(section, len(joints))
         law = replace(law, period=control_period(section, (m.signals.rate for m in motions)))
         return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
-    fits = tuple(_fit(motion, section.torque_limit) for motion in motions)
+    fits = tuple(
+        fit_controller(motion.signals, torque_limit=section.torque_limit) for motion in motions
+    )
     sentences = [
         f"{name}{f' in {motion.signals.name}' if len(motions) > 1 else ''}: {fit.describe(joint)}"
         for fit, motion in zip(fits, motions, strict=True)
@@ -167,27 +169,10 @@ def _laws(
         return None, fits, sentences
     try:
         laws = tuple(
-            fit.law(
-                reference(motion),
-                motion.signals.velocity_reference,
-                torque_limit=section.torque_limit,
-            )
+            fit.law(motion.signals, section.torque_limit)
             for fit, motion in zip(fits, motions, strict=True)
         )
     except ValueError as error:
         sentences.append(f"the loop is not simulated with the fitted control law: {error}")
         return None, fits, sentences
     return laws, fits, sentences
-
-
-def _fit(motion: Motion, torque_limit: Sequence[float] | None) -> ControllerFit:
-    signals = motion.signals
-    return fit_controller(
-        signals.rate,
-        signals.position,
-        signals.velocity,
-        signals.torque,
-        reference(motion),
-        signals.velocity_reference,
-        torque_limit=torque_limit,
-    )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.signals import JointSignals
 from idim_iv_ros.types import FloatArray
 
 # Always in the law; the others enter only where they lower the residual's energy by this share.
@@ -109,14 +110,8 @@ class ControllerFit:
         delay = f", delay {self.delay} samples" if self.delay else ""
         return f"fitted law {', '.join(parts)}{delay}; R² = {self.r_squared[joint]:.3f}"
 
-    def law(
-        self,
-        position_reference: FloatArray,
-        velocity_reference: FloatArray | None = None,
-        *,
-        torque_limit: Sequence[float] | None = None,
-    ) -> ControlLaw:
-        """Law that follows a reference (n_samples, n_joints), sampled at `rate`.
+    def law(self, signals: JointSignals, torque_limit: Sequence[float] | None = None) -> ControlLaw:
+        """Law that follows the references of signals, sampled at `rate`.
 
         Raises ValueError: a position or velocity gain is not positive: nothing that can be
         simulated.
@@ -124,7 +119,7 @@ class ControllerFit:
         kp, kd = self.gain("kp"), self.gain("kd")
         if np.any(kp <= 0.0) or np.any(kd < 0.0):
             raise ValueError("the fitted law has a negative gain")
-        velocity, acceleration = _derivatives(position_reference, velocity_reference, self.rate)
+        velocity, acceleration = _reference_derivatives(signals)
         feedforward = (
             self.gain("bias")
             + self.gain("reference_velocity") * velocity
@@ -145,35 +140,32 @@ class ControllerFit:
 
 
 def fit_controller(
-    rate: float,
-    position: FloatArray,
-    velocity: FloatArray | None,
-    torque: FloatArray,
-    position_reference: FloatArray,
-    velocity_reference: FloatArray | None = None,
+    signals: JointSignals,
     *,
     cutoff: float | None = None,
     torque_limit: Sequence[float] | None = None,
 ) -> ControllerFit:
     """Regress the logged torque on what a control law can be made of.
 
-    - `rate`: Hz
-    - `position`, `velocity`, `torque`, `position_reference`, `velocity_reference`: (n_samples,
-      n_joints) on the joint side; velocities that are missing are central differences
+    - `signals`: with a reference; velocities that are missing are central differences
     - `cutoff`: zero-phase low-pass (Butterworth, order 4) of all signals, Hz. Default: a tenth of
       the rate. Noise of the measured errors biases the gains towards zero.
     - `torque_limit`: (n_joints,) Samples at the limit do not follow the law and are left out
     """
+    rate, position, torque = signals.rate, signals.position, signals.torque
+    assert signals.position_reference is not None
     cutoff = rate / 10.0 if cutoff is None else cutoff
     sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")
 
     def smooth(signal: FloatArray) -> FloatArray:
         return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=0))
 
-    dq = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
-    reference_dq, reference_ddq = _derivatives(position_reference, velocity_reference, rate)
-    error = position_reference - position
-    signals = {
+    dq = signals.velocity
+    if dq is None:
+        dq = np.gradient(position, 1.0 / rate, axis=0)
+    reference_dq, reference_ddq = _reference_derivatives(signals)
+    error = signals.position_reference - position
+    columns = {
         "kp": smooth(error),
         "kd": smooth(reference_dq - dq),
         "bias": np.ones_like(position),
@@ -183,7 +175,7 @@ def fit_controller(
         "reference_direction": smooth(np.sign(reference_dq)),
     }
     terms = (*LAW, *CANDIDATES)
-    stack = np.stack([signals[term] for term in terms], axis=2)
+    stack = np.stack([columns[term] for term in terms], axis=2)
     target = smooth(torque)
     edge = min(int(np.ceil(2.0 * rate / cutoff)), len(position) // 10) + LONGEST_DELAY
     inside = np.zeros(len(position), dtype=bool)
@@ -199,11 +191,13 @@ def fit_controller(
     return ControllerFit(terms, gains, std, included, r_squared, delay, rate, cutoff)
 
 
-def _derivatives(
-    position: FloatArray, velocity: FloatArray | None, rate: float
-) -> tuple[FloatArray, FloatArray]:
-    velocity = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
-    return velocity, np.asarray(np.gradient(velocity, 1.0 / rate, axis=0))
+def _reference_derivatives(signals: JointSignals) -> tuple[FloatArray, FloatArray]:
+    """Speed and acceleration (n_samples, n_joints) of the references."""
+    assert signals.position_reference is not None
+    step, velocity = 1.0 / signals.rate, signals.velocity_reference
+    if velocity is None:
+        velocity = np.gradient(signals.position_reference, step, axis=0)
+    return velocity, np.asarray(np.gradient(velocity, step, axis=0))
 
 
 def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_]) -> int:
