@@ -58,9 +58,9 @@ package: $(VENV)/ready-tools
 	$(BIN)/python -m build --no-isolation .
 	$(BIN)/pytest -m "slow or not slow" tests/packaging
 
-# Monte Carlo studies and long recordings: about half an hour.
+# Monte Carlo studies and long recordings: about half an hour. One may take longer than a test that hangs.
 slow: $(VENV)/ready-tools
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow -o faulthandler_timeout=3600
 
 # The recorder at high rates and a colcon build: about four minutes on an otherwise idle machine.
 load: $(VENV)/ready-tools
@@ -74,7 +74,7 @@ bench: $(VENV)/ready-bench
 	$(BIN)/python -m benchmarks.long_recording
 	$(BIN)/python -m benchmarks.recorder_rate
 	$(BIN)/python -m benchmarks.recorder_variants
-	$(BIN)/pytest -m bench
+	$(BIN)/pytest -m bench -o faulthandler_timeout=3600
 
 $(VENV)/bin/python:
 	@echo "== making the Python environment $(VENV) with $$($(PYTHON) --version)"

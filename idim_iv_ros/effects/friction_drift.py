@@ -2,8 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+from scipy.signal import lfilter
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
@@ -19,27 +21,49 @@ from idim_iv_ros.effects.effect import (
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
+_LEAST_OF_RECORDING = 0.25
+_MIDDLE = 0.5  # warmth of the nominal friction, with which the search by the motion begins
+
 
 @dataclass(frozen=True)
 class DriftShape(Shape):
     """How friction fades: time constant, s, and whether the clock restarts with each recording.
 
-    It does where a robot rests in between; else it runs through the session.
+    It does where a robot rests in between; else it runs through the session. `speed`: mean of the
+    joint's that keeps it warm, rad/s (m/s); 0 where it warms with time, however it moves.
+    `nominal`: warmth at which friction is that of the model, 0 cold to 1 warm.
     """
 
     time_constant: float
     restarts: bool
+    speed: float = 0.0
+    nominal: float = 1.0
 
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
-    """Values: time constant, coulomb, viscous, restarts."""
-    left = math.exp(-(at.elapsed if p[3] == 1.0 else at.time) / p[0])
+    """Values: time constant, coulomb, viscous, restarts, speed, nominal warmth.
+
+    State: warmth beyond that by the clock.
+    """
+    left = math.exp(-(at.elapsed if p[3] == 1.0 else at.time) / p[0]) - state[0] + p[5] - 1.0
     return Torque(left * p[1], left * p[2], 0.0, 0.0)
 
 
+@kernel
+def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> None:
+    if p[4] > 0.0:
+        state[0] += -math.expm1(-step / p[0]) * (abs(dq) / p[4] - 1.0 - state[0])
+
+
 class FrictionDrift(StructuralEffect[DriftShape]):
-    """exp(−t / time_constant) · (coulomb sign(dq) + viscous dq), t of the session or recording."""
+    """(nominal − w) (coulomb sign(dq) + viscous dq), time_constant · dw/dt = ∣dq∣ / speed − w.
+
+    Friction warms the joint as it moves: w is its warmth. What is dissipated goes with ∣dq∣ where
+    dry friction prevails. At a steady speed, and where `speed` is 0, w = 1 − exp(−t /
+    time_constant), t of the session or of the recording; a recording starts as warm as that.
+    Nominal numbers are those of some warmth: that of a robot that has run for long, or another.
+    """
 
     name = "friction_drift"
     order = 60
@@ -54,28 +78,39 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     typical = ShareOf("dry friction", 0.4)  # 30 to 60 %
     specs = (
         ParameterSpec("time_constant", "s", default=None, bound="positive"),
-        ParameterSpec("coulomb", "N m", "Coulomb friction at the start beyond that at the end"),
-        ParameterSpec(
-            "viscous", "N m s/rad", "viscous friction at the start beyond that at the end"
-        ),
+        ParameterSpec("coulomb", "N m", "Coulomb friction cold beyond that warm"),
+        ParameterSpec("viscous", "N m s/rad", "viscous friction cold beyond that warm"),
         ParameterSpec(
             "restarts", "", "clock that starts anew with each recording (1) or not (0)",
             bound="0 or 1",
         ),
+        ParameterSpec(
+            "speed", "rad/s", "mean speed that keeps the joint warm; 0: time alone warms it",
+            bound="not negative",
+        ),
+        ParameterSpec(
+            "nominal", "", "warmth at which friction is the model's: 0 cold, 1 warm", 1.0
+        ),
     )  # fmt: skip
-    laws = (TorqueLaw(_torque),)
+    fixed = ("speed",)
+    ends: ClassVar = {"nominal": (0.05, 1.5)}
+    laws = (TorqueLaw(_torque, _advance),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DriftShape]:
         """From a twentieth of the session to three of it, which is a straight line.
 
-        Of several recordings also from a tenth of the longest to three of it, anew in each.
+        Of several recordings also from a tenth of the longest to three of it, anew in each. By
+        time alone, and by the motion: not quicker ones, which follow the speed itself.
         """
         session = logarithmic(0.05 * covered.duration, 3.0 * covered.duration, 8)
         recording = logarithmic(0.1 * covered.longest, 3.0 * covered.longest, 7)
         several = covered.longest < covered.duration
+        clocks = [(time, False) for time in session]
+        clocks += [(time, True) for time in recording if several]
+        speed, quickest = float(covered.usual[place.joint]), _LEAST_OF_RECORDING * covered.longest
         return [
-            *(DriftShape(float(time), False) for time in session),
-            *(DriftShape(float(time), True) for time in recording if several),
+            *(DriftShape(float(time), anew) for time, anew in clocks),
+            *(DriftShape(float(t), anew, speed, _MIDDLE) for t, anew in clocks if t >= quickest),
         ]
 
     def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
@@ -83,8 +118,13 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         v = motion.velocity[:, place.joint]
         time = motion.elapsed if shape.restarts else motion.time
         fading = np.exp(-time / shape.time_constant)
+        if shape.speed > 0.0:
+            kept = math.exp(-1.0 / (motion.rate * shape.time_constant))
+            fading -= lfilter([0.0, 1.0 - kept], [1.0, -kept], np.abs(v) / shape.speed - 1.0)
+        fading += shape.nominal - 1.0
         return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
 
     def meaning(self, shape: DriftShape) -> str:
-        """Whether the drift runs through the session or begins anew, in words."""
-        return "anew in each recording" if shape.restarts else "through the session"
+        """What warms the joint, and whether that runs through the session, in words."""
+        by = "by its motion, " if shape.speed > 0.0 else ""
+        return by + ("anew in each recording" if shape.restarts else "through the session")

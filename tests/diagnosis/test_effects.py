@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numba import njit
+from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm2
 from idim_iv_ros import effects
@@ -48,6 +49,7 @@ def operating_range_of(motion: SmoothMotion) -> OperatingRange:
         high=motion.position.max(axis=0),
         slowest=np.full(2, 0.02),
         fastest=np.abs(motion.velocity).max(axis=0),
+        usual=np.abs(motion.velocity).mean(axis=0),
         load=np.abs(motion.load).max(axis=0),
         torque=np.abs(motion.torque).max(axis=0),
         inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
@@ -114,6 +116,26 @@ def test_torque_is_that_of_the_formula(name, shape, values, formula) -> None:
     assert list(torques) == [1]
     expected = formula(motion, motion.position[:, 1], motion.velocity[:, 1])
     np.testing.assert_allclose(torques[1], expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("restarts", [True, False])
+def test_motion_warms_a_joint_as_a_heat_balance_says(restarts: bool) -> None:
+    """SciPy's integration of the balance, from the warmth that time alone makes until the start."""
+    motion = synthetic()
+    motion = replace(motion, start=40.0, time=40.0 + motion.time)
+    v, tau, speed = motion.velocity[:, 1], 3.0, 0.5
+    torque = total(motion, "friction_drift", DriftShape(tau, restarts, speed), [0.5, 0.2])[1]
+    balance = solve_ivp(
+        lambda t, w: (np.interp(t, motion.time, abs(v)) / speed - w) / tau,
+        motion.time[[0, -1]],
+        [0.0 if restarts else 1.0 - np.exp(-40.0 / tau)],
+        t_eval=motion.time,
+        max_step=0.01,
+    )
+    friction = 0.5 * np.sign(v) + 0.2 * v
+    within = abs(friction).max() * abs(v).max() / (speed * tau * motion.rate)  # of one sample
+    np.testing.assert_allclose(torque, (1.0 - balance.y[0]) * friction, atol=within)
+    assert np.ptp(balance.y[0]) > 20.0 * within
 
 
 def test_bristles_carry_less_until_they_slip() -> None:
@@ -227,6 +249,7 @@ UNITS = {
     "position_dependent_friction": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
     "friction_drift": {
         "time_constant": "s", "coulomb": "N m", "viscous": "N m s/rad", "restarts": "",
+        "speed": "rad/s", "nominal": "",
     },
     "presliding": {"span_1": "rad", "level_1": "N m"},
     "backlash": {"gap": "rad", "stiffness": "N m/rad", "damping": "N m s/rad"},

@@ -123,6 +123,7 @@ CASES = [
     Case("position_dependent_friction", Waves((3.0, 7.0)), (0.2, -0.1, 0.1, 0.1)),
     Case("position_dependent_friction", TightSpot(0.4, 0.2), (0.4,), joint=1),
     Case("friction_drift", DriftShape(2.0, False), (0.4, 0.3)),
+    Case("friction_drift", DriftShape(2.0, True, 1.0), (0.4, 0.3), 1e-3, joint=1),
     # Between two samples a bristle may begin to slide.
     Case("presliding", BristleShape((2e-3, 1e-2)), (0.3, 0.2), 1e-3),
     # Two masses: the catalogue takes the inertia of the link's shift alone, not what the shift

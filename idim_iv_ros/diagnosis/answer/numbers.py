@@ -59,8 +59,8 @@ def parameters_of(
     slopes = _slopes(effect, shape, coefficients, fixed, near)
     variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
     return {
-        name: replace(number, std=float(np.sqrt(max(variance, 0.0))) if slope.any() else None)
-        for (name, number), slope, variance in zip(numbers.items(), slopes, variances, strict=True)
+        name: replace(number, std=float(np.sqrt(variance)) if variance > 0.0 else None)
+        for (name, number), variance in zip(numbers.items(), variances, strict=True)
     }
 
 
