@@ -184,8 +184,3 @@ class ParametricEffect(Cause):
             for estimate in estimates
             if estimate.determined
         }
-
-
-def estimated(estimates: Sequence[Estimated], name: str) -> Estimated | None:
-    """Return the estimate of that name, None where there is none."""
-    return next((estimate for estimate in estimates if estimate.change.name == name), None)

@@ -70,7 +70,7 @@ class Run(Sampled):
         state[0] = self.position[0]
         simulate_joints(
             drives,
-            *map(np.ascontiguousarray, self.load),
+            Load(*map(np.ascontiguousarray, self.load)),
             command,
             rate,
             self.gain,
