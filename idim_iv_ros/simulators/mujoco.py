@@ -279,9 +279,11 @@ def _entry(digest: str) -> Callable[..., Any]:
         """
         _ = digest
         n, contact = dq.shape[0], (plant.first, plant.second, plant.direction)
-        advance_states(effects.rows, moved, effects.rest, 1.0)
-        states_turn(effects.rows, dq, ddq, step)
         position, speed = effects.link_q, effects.link_speed
+        for i in range(n):
+            speed[i] = moved[i] / step
+        advance_states(effects.rows, speed, effects.rest, step)
+        states_turn(effects.rows, dq, ddq, step)
         for i in range(n):
             position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
             effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]

@@ -156,7 +156,7 @@ def test_intervals_cover_and_discoveries_are_rarely_false(special: bool) -> None
     assert 0.90 <= counts.sigma / counts.quantities <= 0.98
     assert np.mean(counts.false_shares) <= 0.1 + 2.0 * np.std(counts.false_shares) / 10.0
     if special:
-        assert counts.found >= 0.9 * counts.planted
+        assert counts.detected >= 0.9 * counts.planted
         assert counts.dates >= 0.9 * counts.drifting
 
 

@@ -140,6 +140,7 @@ MOTIONS = {
     "load of motor": [on("load_dependent_friction", driving=0.1, driven=0.05, motor_torque=1.0)],
     "static load": [on("load_dependent_friction", driving=0.1, driven=0.05, static_torque=1.0)],
     "position": [on("position_dependent_friction", wave_number_1=3.0, sine_1=0.6)],
+    "warmth": [on("friction_drift", time_constant=0.5, coulomb=1.5, viscous=1.0, speed=1.0)],
     "presliding": [on("presliding", span_1=0.003, level_1=1.2)],
     "stiff bristle": [on("presliding", span_1=0.0003, level_1=1.2)],
     "backlash": [on("backlash", gap=0.004, stiffness=30000.0, damping=20.0)],
