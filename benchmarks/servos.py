@@ -60,8 +60,15 @@ def pendulum(
     there = np.interp(grid, time_, position)
     inertia = np.full(count, (mass + arm / 3.0) * length**2)
     lever = GRAVITY * length * (mass + 0.5 * arm)
-    load = Load(inertia, lever * np.sin(there), lever * np.cos(there), there)
-    return Run(rate, command_at, there, np.ones(count, dtype=bool), load, gain)
+    columns = (lever * np.sin(there), lever * np.cos(there), there)
+    return Run(
+        rate=rate,
+        command=command_at[:, None],
+        position=there[:, None],
+        valid=np.ones((count, 1), dtype=bool),
+        gain=gain,
+        load=Load(inertia[:, None, None], *(column[:, None] for column in columns)),
+    )
 
 
 def sts3215(folder: Path) -> dict[str, Run]:
@@ -207,7 +214,13 @@ def mujoco_servo(rate: float, seconds: float, seed: int, gravity: float = GRAVIT
     step = 2.0 * np.pi / 4096
     position = np.round(position / step) * step
     valid = np.ones((count, 1), dtype=bool)
-    return Motion(rate, command[:, None], position[:, None], valid, f"seed {seed}")
+    return Motion(
+        rate=rate,
+        command=command[:, None],
+        position=position[:, None],
+        valid=valid,
+        name=f"seed {seed}",
+    )
 
 
 URDF = f"""<robot name="servo"><link name="base"/><link name="arm"><inertial>

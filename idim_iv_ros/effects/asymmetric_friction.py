@@ -3,8 +3,8 @@
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.cause import ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
@@ -14,9 +14,6 @@ from idim_iv_ros.types import FloatArray
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     """Torque for the simulator from the parameters p = (offset, viscous)."""
     return Torque(0.0, at.direction * p[1], p[0], 0.0)
-
-
-_LAW = TorqueLaw(_torque)
 
 
 class AsymmetricFriction(StructuralEffect[Shape]):
@@ -42,7 +39,7 @@ class AsymmetricFriction(StructuralEffect[Shape]):
             "viscous", "N m s/rad", "half of viscous friction forwards less that backwards"
         ),
     )
-    laws = (_LAW,)
+    laws = (TorqueLaw(_torque),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
         """The one shape: this friction has no number that enters other than linearly."""
@@ -51,8 +48,3 @@ class AsymmetricFriction(StructuralEffect[Shape]):
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """Torque |dq| of a coefficient `viscous` of one."""
         return {place.joint: np.abs(motion.velocity[:, [place.joint]])}
-
-    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """A torque that is friction, but not dry friction."""
-        values = given.values("offset", "viscous")
-        return [TorqueTerm(_LAW, values, friction=True)]

@@ -2,34 +2,19 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import CommandParts, LawChange, reference_direction
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
     from idim_iv_ros.signals import JointSignals
 
 _GAIN, _LAG = "gain", "lag"
-
-
-class ConfiguredLaw(Protocol):
-    """What the comparison of commands uses of a control law (`simulation.ControlLaw`)."""
-
-    @property
-    def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gains kp, kd, ki (n_joints,) from errors to torque."""
-
-    @property
-    def uses_velocity_reference(self) -> bool:
-        """Whether kd acts on the error of the speed."""
-
-    @property
-    def feedforward(self) -> FloatArray | None:
-        """Torque (n_samples, n_joints) that the law adds, N m (N), or None."""
 
 
 class ControllerMismatch(Cause):
@@ -68,7 +53,7 @@ class ControllerMismatch(Cause):
         return [LawChange(**given.value)]
 
     def parts(
-        self, signals: "JointSignals", law: ConfiguredLaw, joint: int, speed: FloatArray
+        self, signals: "JointSignals", law: ControlLaw, joint: int, speed: FloatArray
     ) -> CommandParts:
         """Evaluate the law with a speed (n_samples,); the recording must have references."""
         reference = signals.position_reference
@@ -80,9 +65,9 @@ class ControllerMismatch(Cause):
         else:
             wanted_speed = np.gradient(wanted, step)
         error = wanted - signals.position[:, joint]
-        slip = wanted_speed - speed if law.uses_velocity_reference else -speed
+        slip = wanted_speed - speed if law.velocity_reference else -speed
         integral = np.cumsum(error) * step
-        kp, kd, ki = (float(gain[joint]) for gain in law.torque_gains)
+        kp, kd, ki = (float(gain[joint]) for gain in (law.kp, law.kd, law.ki))
         command = kp * error + kd * slip + ki * integral
         if law.feedforward is not None:
             command = command + law.feedforward[:, joint]
@@ -106,14 +91,13 @@ class ControllerMismatch(Cause):
         return CommandParts(command, np.gradient(command, step), late, groups)
 
     def parameters(
-        self, law: ConfiguredLaw, joint: int, changes: Mapping[str, tuple[float, float]]
+        self, law: ControlLaw, joint: int, changes: Mapping[str, tuple[float, float]]
     ) -> Parameters:
         """Return what the robot really uses, from (change, std) by group.
 
         The gains of a cascade are given as those from errors to torque.
         """
-        gains = (float(gain[joint]) for gain in law.torque_gains)
-        given = dict(zip(("kp", "kd", "ki"), gains, strict=True))
+        given = {name: float(getattr(law, name)[joint]) for name in ("kp", "kd", "ki")}
         more, unsure = changes.get(_GAIN, (0.0, 0.0))
         scaled = [name for name, value in given.items() if value != 0.0 and _GAIN in changes]
         made = {}

@@ -1,9 +1,7 @@
 """Inertia of a motor and its gear that differs from the nominal model."""
 
-from collections.abc import Sequence
-
 from idim_iv_ros.effects.cause import ParameterSpec
-from idim_iv_ros.effects.parametric_effect import Estimated, ParameterSpace, ParametricEffect
+from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 
 
 class DriveInertia(ParametricEffect):
@@ -28,11 +26,3 @@ class DriveInertia(ParametricEffect):
     def inseparable_from(self, space: ParameterSpace, joint: int) -> tuple[str, ...]:
         """The link's inertia, where it shares its base parameter with the drive's (ZZ1 + Ia1)."""
         return () if f"Ia{joint + 1}" in space.model.base.names else ("link_inertia",)
-
-    def admissible(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> bool:
-        """Whether the drive's inertia stays positive."""
-        assert joint is not None
-        given = float(space.model.robot.given.drive_inertia[joint])
-        return not any(estimate.exceeds(-given) is False for estimate in estimates)

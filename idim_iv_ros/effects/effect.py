@@ -1,13 +1,14 @@
 """What every structural effect declares about itself: physics that the nominal model lacks."""
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, Family, Parameters
+from idim_iv_ros.effects.cause import Cause, Family, GivenNumbers, Parameters
+from idim_iv_ros.effects.contribution import Contribution, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -144,8 +145,14 @@ class StructuralEffect(Cause, Generic[S]):
     # Middle (geometric) of the largest torques that are typical of arms, or (a plain number) of the
     # numbers that are fitted; see `plausible`.
     typical: ClassVar[ShareOf | float | None] = None
+    # How many terms may be added (numbers of a shape that are a tuple).
+    most_terms: ClassVar[int] = 3
     # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
     beyond_knee: ClassVar[bool] = False
+    # Whether it shows only where a joint moves fast enough for friction to bend with the speed.
+    bends_with_speed: ClassVar[bool] = False
+    # Whether the torque of its law lets the joint stick.
+    dry: ClassVar[bool] = False
     # Whether a simulator that softens dry friction leaves nothing to see of it.
     lost_where_softened: ClassVar[bool] = False
 
@@ -161,12 +168,15 @@ class StructuralEffect(Cause, Generic[S]):
         """Parts of the grid that are searched apart, for shapes of different kinds."""
         return [grid]
 
-    @abstractmethod
     def columns(self, motion: RobotMotion, place: Place, shape: S) -> Torques:
-        """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more."""
+        """Torque of unit coefficients, (s, k) by joint: what the motor must bring up more.
+
+        An effect has this, or makes the columns of many shapes for less in `torques`.
+        """
+        return self.torques(motion, place, [shape])[0]
 
     def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[S]) -> list[Torques]:
-        """`columns` of several shapes; for effects that make many at once for less."""
+        """`columns` of several shapes."""
         return [self.columns(motion, place, shape) for shape in shapes]
 
     def names(self, shape: S) -> tuple[str, ...]:
@@ -216,7 +226,7 @@ class StructuralEffect(Cause, Generic[S]):
 
         What holds for every effect is in `diagnosis.identifiability.cannot_show`.
         """
-        return ""
+        return covered.too_slow_to_bend(joint) if self.bends_with_speed else ""
 
     def plausible(
         self, shape: S, coefficients: FloatArray, torque: float, scale: JointScale
@@ -261,9 +271,30 @@ class StructuralEffect(Cause, Generic[S]):
         """Size of an effect that has it in its shape (see `size_in`): the first number."""
         return shape.numbers[0]
 
+    def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
+        """By default the torque of its law, with its parameters in the order of `specs`.
+
+        Once, or for each term where the parameters are numbered.
+        """
+        names = [spec.name for spec in self.specs]
+        terms = given.terms if names[0].endswith("_k") else [given.value]
+        return [
+            TorqueTerm(law, tuple(term[name] for name in names), self.part == "friction", self.dry)
+            for term in terms
+            for law in self.laws
+            if isinstance(law, TorqueLaw)
+        ]
+
     def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:
-        """Shapes with a further term, paired with the shape of that term; none by default."""
-        return []
+        """Shapes with a further term, up to `most_terms`, paired with the shape of that term."""
+        terms = next((name for name, v in vars(shape).items() if isinstance(v, tuple)), "")
+        if not terms or len(getattr(shape, terms)) >= self.most_terms:
+            return []
+        return [
+            (replace(shape, **{terms: getattr(shape, terms) + getattr(term, terms)}), term)
+            for term in self.grid(place, covered)
+            if type(term) is type(shape)
+        ]
 
 
 def _varied(given: object, factor: float) -> list[Any]:

@@ -65,14 +65,10 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
             return ""
         return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"
 
-    def columns(self, motion: RobotMotion, place: Place, shape: DiscShape) -> Torques:
-        """Change of all torques by every part of the error, 1 rad large."""
-        return self.torques(motion, place, [shape])[0]
-
     def torques(
         self, motion: RobotMotion, place: Place, shapes: Sequence[DiscShape]
     ) -> list[Torques]:
-        """`columns` of several shapes; parts that they share are computed once."""
+        """Change of all torques by every part of the error, 1 rad large; shared parts once."""
         q = motion.position[:, place.joint]
         small = 1e-4
         errors = [np.sin(q), np.cos(q)]

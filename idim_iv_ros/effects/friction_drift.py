@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.cause import ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import (
     OperatingRange,
     Place,
@@ -56,9 +56,6 @@ def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: floa
         state[0] += -math.expm1(-step / p[0]) * (abs(dq) / p[4] - 1.0 - state[0])
 
 
-_LAW = TorqueLaw(_torque, _advance)
-
-
 class FrictionDrift(StructuralEffect[DriftShape]):
     """(nominal − w) (coulomb sign(dq) + viscous dq), time_constant · dw/dt = ∣dq∣ / speed − w.
 
@@ -73,6 +70,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     part = "friction"
     family = "time"
     linear = ("coulomb", "viscous")
+    dry = True
     signed = True  # friction may fall or rise
     confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
@@ -96,7 +94,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     )  # fmt: skip
     fixed = ("speed",)
     ends: ClassVar = {"nominal": (0.05, 1.5)}
-    laws = (_LAW,)
+    laws = (TorqueLaw(_torque, _advance),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DriftShape]:
         """From a twentieth of the session to three of it, which is a straight line.
@@ -130,8 +128,3 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         """What warms the joint, and whether that runs through the session, in words."""
         by = "by its motion, " if shape.speed > 0.0 else ""
         return by + ("anew in each recording" if shape.restarts else "through the session")
-
-    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Friction that fades, its Coulomb part dry."""
-        values = given.values("time_constant", "coulomb", "viscous", "restarts", "speed", "nominal")
-        return [TorqueTerm(_LAW, values, friction=True, dry=True)]

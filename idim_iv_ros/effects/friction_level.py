@@ -1,9 +1,7 @@
 """Viscous and Coulomb friction that are not the nominal ones: age, temperature, another grease."""
 
-from collections.abc import Sequence
-
 from idim_iv_ros.effects.cause import ParameterSpec
-from idim_iv_ros.effects.parametric_effect import Estimated, ParameterSpace, ParametricEffect
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 
 class FrictionLevel(ParametricEffect):
@@ -21,14 +19,3 @@ class FrictionLevel(ParametricEffect):
         ),
         ParameterSpec("change_of_coulomb", "N m", "change of Coulomb friction", standard="Fc"),
     )
-
-    def admissible(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> bool:
-        """Whether the friction stays positive."""
-        assert joint is not None
-        given = space.model.robot.given
-        levels = {spec.name: float(given.of_drives[spec.standard][joint]) for spec in self.specs}
-        return not any(
-            estimate.exceeds(-levels[estimate.change.name]) is False for estimate in estimates
-        )

@@ -1,18 +1,9 @@
 """A link whose mass, centre of mass or inertia differs from the nominal model."""
 
 import re
-from collections.abc import Sequence
 
-from idim_iv_ros.effects.parametric_effect import (
-    Change,
-    Estimated,
-    ParameterSpace,
-    ParametricEffect,
-    estimated,
-)
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.model.parameters import INERTIAL, POINT
-
-_POSITIVE = ("M", "XX", "YY", "ZZ")
 
 
 class LinkInertia(ParametricEffect):
@@ -24,6 +15,7 @@ class LinkInertia(ParametricEffect):
     confounders = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
     segments = ("repeat", "multisine")
+    sets = (POINT, INERTIAL)  # mass and first moments alone: a payload may have nothing else
 
     def standard_kind(self, name: str) -> str:
         """Letters of the inertial parameter that changes; empty of one that groups others."""
@@ -37,32 +29,10 @@ class LinkInertia(ParametricEffect):
             return super().parameter_words(name)
         return f"change of {changed[2]}{' (grouped)' if changed[1] else ''}"
 
-    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """Mass and first moments, as a payload may have nothing else, and all ten."""
-        assert joint is not None
-        variants = (
-            [
-                change
-                for kind in kinds
-                for change in space.change(kind, joint, f"change_of_{kind}{joint + 1}")
-            ]
-            for kinds in (POINT, INERTIAL)
-        )
-        return [changes for changes in variants if changes]
+    def change_of(self, kind: str, joint: int) -> str:
+        """Name of the change of a link's parameter, with the number of the link."""
+        return f"change_of_{kind}{joint + 1}"
 
     def which(self, joint: int) -> str:
         """The number of the link that the joint moves, in words."""
         return f" (link {joint + 1})"
-
-    def admissible(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> bool:
-        """Mass and moments of inertia stay positive where the URDF gives them."""
-        assert joint is not None
-        given = space.model.robot.given.of_bodies[joint]
-        for kind in _POSITIVE:
-            value = float(given[INERTIAL.index(kind)])
-            estimate = estimated(estimates, f"change_of_{kind}{joint + 1}")
-            if estimate is not None and value > 0.0 and estimate.exceeds(-value) is False:
-                return False
-        return True

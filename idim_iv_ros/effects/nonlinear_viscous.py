@@ -45,6 +45,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     part = "friction"
     family = "velocity"
     linear = ("coefficient",)
+    bends_with_speed = True
     confounders = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
     segments = ("plateau",)
@@ -59,10 +60,6 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     def grid(self, place: Place, covered: OperatingRange) -> list[PowerShape]:
         """Powers from 0.3 to 3, not around 1, which the model has."""
         return [PowerShape(power) for power in _POWERS]
-
-    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """Why a joint moves too slowly to show the effect; empty if it does not."""
-        return covered.too_slow_to_bend(joint)
 
     def columns(self, motion: RobotMotion, place: Place, shape: PowerShape) -> Torques:
         """Friction of a coefficient of one."""

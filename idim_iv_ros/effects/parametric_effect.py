@@ -7,7 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, EffectParameter, Parameters
-from idim_iv_ros.model import InverseModel, StandardParameter
+from idim_iv_ros.model import InverseModel
+from idim_iv_ros.model.base_parameters import NON_NEGATIVE
+from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.types import FloatArray
 
 # A negative value counts as such when it lies this many standard deviations below zero.
@@ -18,12 +20,14 @@ CLEARLY = 3.0
 class Change:
     """A number of the nominal model that a hypothesis changes.
 
-    `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`.
+    `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`; `least`: the
+    smallest change that physics allows.
     """
 
     name: str
     unit: str
     direction: FloatArray
+    least: float = -np.inf
 
 
 @dataclass(frozen=True)
@@ -75,20 +79,23 @@ class ParameterSpace:
         """Length of a direction: d = b + 2 + n_joints."""
         return len(self.given) + 2 + self.joints
 
-    def standard(self, kind: str, joint: int) -> tuple[StandardParameter, FloatArray] | None:
-        """A standard parameter and its direction (d,); None where the model lacks it."""
-        layout = self.model.regressor.layout
-        for column, parameter in enumerate(layout.parameters):
-            if parameter.kind == kind and parameter.joint == joint:
-                direction = np.zeros(self.size)
-                direction[: len(self.given)] = self.model.base.grouping[:, column]
-                return (parameter, direction) if direction.any() else None
-        return None
-
     def change(self, kind: str, joint: int, name: str) -> list[Change]:
-        """Return the change of a standard parameter, empty where the torque does not show it."""
-        direction = self.standard(kind, joint)
-        return [] if direction is None else [Change(name, direction[0].unit, direction[1])]
+        """Return the change of a standard parameter, empty where the torque does not show it.
+
+        What no body, drive or friction has below zero may be taken away whole; of a link, where the
+        nominal model gives it.
+        """
+        parameters = enumerate(self.model.regressor.layout.parameters)
+        places = [k for k, of in parameters if (of.kind, of.joint) == (kind, joint)]
+        direction = np.zeros(self.size)
+        direction[: len(self.given)] = self.model.base.grouping[:, places].sum(axis=1)
+        if not direction.any():
+            return []
+        parameter = self.model.regressor.layout.parameters[places[0]]
+        value = self.model.robot.given.value_of(parameter)
+        given = 0.0 if value is None else float(value)
+        bounded = kind in NON_NEGATIVE and (kind not in INERTIAL or given > 0.0)
+        return [Change(name, parameter.unit, direction, -given if bounded else -np.inf)]
 
     def tilt(self, axis: int) -> FloatArray:
         """Direction (d,) of a rotation of gravity about one of the axes, rad."""
@@ -112,6 +119,9 @@ class ParametricEffect(Cause):
 
     kind = "parametric"
     in_base_parameters = True
+    # Kinds of standard parameters that may change together, the smallest set first; by default
+    # those of all `specs`.
+    sets: ClassVar[tuple[tuple[str, ...], ...]] = ()
     # Change from which on a number is of something else: a wrong sign or unit, a large angle.
     largest: ClassVar[float] = np.inf
 
@@ -120,14 +130,21 @@ class ParametricEffect(Cause):
         return list(range(space.joints))
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """Sets of numbers that may change together, the smallest first; by default all of them."""
+        """Numbers that may change together, of each of the `sets` of which the motion shows any."""
         assert joint is not None
-        changes = [
-            change
-            for spec in self.specs
-            for change in space.change(spec.standard, joint, spec.name)
+        variants = [
+            [
+                change
+                for kind in kinds
+                for change in space.change(kind, joint, self.change_of(kind, joint))
+            ]
+            for kinds in self.sets or [[spec.standard for spec in self.specs]]
         ]
-        return [changes] if changes else []
+        return [changes for changes in variants if changes]
+
+    def change_of(self, kind: str, joint: int) -> str:
+        """Return the name of the change of a kind of standard parameter: that of its spec."""
+        return next(spec.name for spec in self.specs if spec.standard == kind)
 
     def is_not_given(self, space: ParameterSpace, joint: int) -> bool:
         """Whether the nominal model says nothing of it at a joint."""
@@ -149,8 +166,12 @@ class ParametricEffect(Cause):
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
-        """Whether physics allows the estimate: by default all changes up to `largest`."""
-        return all(abs(estimate.value) <= self.largest for estimate in estimates)
+        """Whether physics allows the estimate: changes up to `largest`, none clearly too small."""
+        return all(
+            abs(estimate.value) <= self.largest
+            and estimate.exceeds(estimate.change.least) is not False
+            for estimate in estimates
+        )
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
@@ -163,8 +184,3 @@ class ParametricEffect(Cause):
             for estimate in estimates
             if estimate.determined
         }
-
-
-def estimated(estimates: Sequence[Estimated], name: str) -> Estimated | None:
-    """Return the estimate of that name, None where there is none."""
-    return next((estimate for estimate in estimates if estimate.change.name == name), None)

@@ -1,17 +1,15 @@
 """A mass on the last link that the nominal model does not have."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     CLEARLY,
-    Change,
     Estimated,
     ParameterSpace,
     ParametricEffect,
-    estimated,
 )
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.model.parameters import INERTIAL, POINT
@@ -30,6 +28,7 @@ class Payload(ParametricEffect):
     confounders = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
     segments = ("repeat",)
+    sets = (POINT, INERTIAL)  # a point mass, and any rigid body
     specs = (
         ParameterSpec("mass", "kg", "mass", standard="M"),
         *(
@@ -50,13 +49,6 @@ class Payload(ParametricEffect):
         parents = [int(parent) for parent in robot.pinocchio.parents]
         return [int(joint) for tree, joint in enumerate(robot.order) if tree + 1 not in parents[1:]]
 
-    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
-        """A point mass, and any rigid body."""
-        assert joint is not None
-        point = [change for kind in POINT for change in space.change(kind, joint, _NAMES[kind])]
-        body = [change for kind in INERTIAL for change in space.change(kind, joint, _NAMES[kind])]
-        return [directions for directions in (point, body) if directions]
-
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> bool:
@@ -65,18 +57,19 @@ class Payload(ParametricEffect):
         A negative one is a part that the model has and the robot has not: no more than is there.
         """
         assert joint is not None
-        mass = estimated(estimates, "mass")
+        named = {estimate.change.name: estimate for estimate in estimates}
+        mass = named.get("mass")
         there = dict.fromkeys(_CHECKED, 0.0)
         if mass is not None and mass.determined and mass.value < 0.0:
             given = space.model.robot.given.of_bodies[joint]
             there = dict(zip(INERTIAL, map(float, given), strict=True))
         for kind in _CHECKED:
-            change = estimated(estimates, _NAMES[kind])
+            change = named.get(_NAMES[kind])
             if change is not None and change.exceeds(-there[kind]) is False:
                 return False
         sign = -1.0 if mass is not None and mass.determined and mass.value < 0.0 else 1.0
         size = _size(space.model.robot, joint)
-        return _near(estimates, sign, size) and _rigid_body(estimates, sign)
+        return _near(named, sign, size) and _rigid_body(named, sign)
 
 
 _NAMES = {spec.standard: spec.name for spec in Payload.specs}
@@ -98,11 +91,11 @@ def _size(robot: RobotModel, joint: int) -> float:
     return size if size > 0.0 else np.inf
 
 
-def _ends(estimates: Sequence[Estimated], names: Sequence[str], sign: float) -> FloatArray:
+def _ends(named: Mapping[str, Estimated], names: Sequence[str], sign: float) -> FloatArray:
     """Least and largest value (2, k) of some numbers; infinite where they are not determined."""
     ends = []
     for name in names:
-        estimate = estimated(estimates, name)
+        estimate = named.get(name)
         if estimate is None or estimate.std is None:
             ends.append((-np.inf, np.inf))
         else:
@@ -116,25 +109,25 @@ def _least_size(ends: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.maximum(ends[0], -ends[1]), 0.0))
 
 
-def _near(estimates: Sequence[Estimated], sign: float, size: float) -> bool:
+def _near(named: Mapping[str, Estimated], sign: float, size: float) -> bool:
     """Whether the centre of mass may lie within the size of the arm from its last joint."""
-    mass = _ends(estimates, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(estimates, [_NAMES[kind] for kind in POINT[1:]], sign))
+    mass = _ends(named, ("mass",), sign)[1, 0]
+    moments = _least_size(_ends(named, [_NAMES[kind] for kind in POINT[1:]], sign))
     return not float(np.linalg.norm(moments)) > size * mass
 
 
-def _rigid_body(estimates: Sequence[Estimated], sign: float) -> bool:
+def _rigid_body(named: Mapping[str, Estimated], sign: float) -> bool:
     """Whether ten numbers, within their intervals, may be a body of positive density.
 
     Its pseudo-inertia [[Σ, h], [hᵀ, m]] (Wensing et al. 2018) then has no negative diagonal and no
     negative 2 × 2 minor about it; Σ = ½ tr(I) 1 − I.
     """
-    if not any(estimate.change.name.startswith("inertia_") for estimate in estimates):
+    if not any(name.startswith("inertia_") for name in named):
         return True
-    mass = _ends(estimates, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(estimates, [_NAMES[kind] for kind in POINT[1:]], sign))
-    least, most = _ends(estimates, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
-    across = _least_size(_ends(estimates, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
+    mass = _ends(named, ("mass",), sign)[1, 0]
+    moments = _least_size(_ends(named, [_NAMES[kind] for kind in POINT[1:]], sign))
+    least, most = _ends(named, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
+    across = _least_size(_ends(named, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
     second = np.array([most[(k + 1) % 3] + most[(k + 2) % 3] - least[k] for k in range(3)]) / 2.0
     if np.any(second < 0.0):
         return False

@@ -90,12 +90,6 @@ class PositionDependentFriction(WaveEffect):
         low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
         return [spot for spot in moved if low - spot.width < spot.centre < high + spot.width]
 
-    def longer(
-        self, shape: Waves | TightSpot, place: Place, covered: OperatingRange
-    ) -> list[tuple[Waves | TightSpot, Waves | TightSpot]]:
-        """Shapes with a further wave; a tight spot stays alone."""
-        return [] if isinstance(shape, TightSpot) else super().longer(shape, place, covered)
-
     def names(self, shape: Waves | TightSpot) -> tuple[str, ...]:
         """Amplitudes of the waves, or the height of the spot."""
         return ("height",) if isinstance(shape, TightSpot) else super().names(shape)

@@ -1,19 +1,15 @@
 """Torque that ripples with the position: cogging, teeth, ripple of the motor's current."""
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import ShareOf
-from idim_iv_ros.effects.waves import WaveEffect, wave, wave_specs, wave_values
+from idim_iv_ros.effects.waves import WaveEffect, wave, wave_specs
 from idim_iv_ros.types import FloatArray
 
 
 @kernel
 def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(0.0, 0.0, wave(p, at.position), 0.0)
-
-
-_LAW = TorqueLaw(_torque)
 
 
 class PositionRipple(WaveEffect):
@@ -28,8 +24,4 @@ class PositionRipple(WaveEffect):
     segments = ("range_sweep",)
     typical = ShareOf("peak", 0.015)  # 0.5 to 3 %
     specs = wave_specs("torque")
-    laws = (_LAW,)
-
-    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """A torque over the position for every wave."""
-        return [TorqueTerm(_LAW, values) for values in wave_values(given)]
+    laws = (TorqueLaw(_torque),)

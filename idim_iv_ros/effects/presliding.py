@@ -20,7 +20,6 @@ from idim_iv_ros.effects.effect import (
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
-_MOST = 3
 _LEAST_ROWS = 0.25
 _ROWS_BESIDE_REVERSAL = 2.0  # that tell nothing where it is not known when a joint sticks
 
@@ -115,15 +114,6 @@ class Presliding(StructuralEffect[BristleShape]):
         least = max(1e-4 * float(covered.lever[place.joint]), crossed)
         spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(span),)) for span in spans]
-
-    def longer(
-        self, shape: BristleShape, place: Place, covered: OperatingRange
-    ) -> list[tuple[BristleShape, BristleShape]]:
-        """Shapes with a further bristle."""
-        if len(shape.spans) >= _MOST:
-            return []
-        terms = self.grid(place, covered)
-        return [(BristleShape(shape.spans + term.spans), term) for term in terms]
 
     def columns(self, motion: RobotMotion, place: Place, shape: BristleShape) -> Torques:
         """Each bristle less the dry friction that it replaces."""

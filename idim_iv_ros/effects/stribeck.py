@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.cause import ParameterSpec
+from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import (
     OperatingRange,
     Place,
@@ -38,9 +38,6 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(p[0] * math.exp(-((at.speed / p[1]) ** p[2])), 0.0, 0.0, 0.0)
 
 
-_LAW = TorqueLaw(_torque)
-
-
 class Stribeck(StructuralEffect[StribeckShape]):
     """excess · exp(−(|dq| / speed)^exponent) · sign(dq).
 
@@ -52,6 +49,8 @@ class Stribeck(StructuralEffect[StribeckShape]):
     part = "friction"
     family = "velocity"
     linear = ("excess",)
+    dry = True
+    bends_with_speed = True
     ends: ClassVar = {"exponent": (0.5, 2.5)}
     confounders = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
@@ -62,17 +61,13 @@ class Stribeck(StructuralEffect[StribeckShape]):
         ParameterSpec("speed", "rad/s", "Stribeck speed", None, "positive"),
         ParameterSpec("exponent", "", "exponent of speed over Stribeck speed", 2.0, "positive"),
     )
-    laws = (_LAW,)
+    laws = (TorqueLaw(_torque),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[StribeckShape]:
         """Speeds from the slowest that counts to a third of the fastest."""
         j = place.joint
         speeds = logarithmic(covered.slowest[j], 0.35 * covered.fastest[j], 8)
         return [StribeckShape(float(v), exponent) for v in speeds for exponent in _EXPONENTS]
-
-    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """Why a joint moves too slowly to show the effect; empty if it does not."""
-        return covered.too_slow_to_bend(joint)
 
     def columns(self, motion: RobotMotion, place: Place, shape: StribeckShape) -> Torques:
         """Friction of an excess of one."""
@@ -83,8 +78,3 @@ class Stribeck(StructuralEffect[StribeckShape]):
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """An excess at every speed that stands for a negative Fc."""
         return {"excess": value, "speed": _NEVER} if kind == "Fc" else {}
-
-    def contributions(self, given: GivenNumbers) -> list[TorqueTerm]:
-        """Dry friction that falls with the speed."""
-        values = given.values("excess", "speed", "exponent")
-        return [TorqueTerm(_LAW, values, friction=True, dry=True)]

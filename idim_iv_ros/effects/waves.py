@@ -13,7 +13,6 @@ from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralE
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
-_MOST_WAVES = 3
 _FINEST = 3.0  # steps of the grid in one period of resolution, 2π / range
 _MOST = 400
 _HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear; 2500 1/m: than the pitch of a screw
@@ -129,18 +128,14 @@ class WaveEffect(StructuralEffect[Any]):
 
         Waves nearer to each other than the resolution are a beat, whose amplitudes may be anything.
         """
-        grid = [term for term in self.grid(place, covered) if isinstance(term, Waves)]
-        if len(shape.wave_numbers) >= _MOST_WAVES or len(grid) < 2:
+        longer = super().longer(shape, place, covered)
+        if len(longer) < 2:
             return []
-        resolution = _FINEST * (grid[1].wave_numbers[0] - grid[0].wave_numbers[0])
-        longer = [(Waves(shape.wave_numbers + term.wave_numbers), term) for term in grid]
+        (_, first), (_, second) = longer[:2]
+        resolution = _FINEST * (second.wave_numbers[0] - first.wave_numbers[0])
         return [pair for pair in longer if _apart(pair[0], resolution)]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: Any) -> Torques:
-        """Sine and cosine of all waves of a shape."""
-        return self.torques(motion, place, [shape])[0]
-
     def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Any]) -> list[Torques]:
-        """`columns` of several shapes, with all waves computed at once."""
+        """Sine and cosine of all waves of every shape, computed at once."""
         made = wave_columns(motion.position[:, place.joint], shapes)
         return [{place.joint: columns} for columns in made]

@@ -29,14 +29,6 @@ _SPREADS = (1.0, 0.3, 0.1, 0.03, 0.01)
 
 
 @dataclass(frozen=True)
-class IterationStep:
-    """An iteration: largest relative change of a well-determined parameter, and its name."""
-
-    change: float
-    parameter: int
-
-
-@dataclass(frozen=True)
 class Start:
     """Base parameters (b,) of a possible first simulation.
 
@@ -54,6 +46,7 @@ class IdimIvEstimate:
     """Outcome of the IDIM-IV iteration.
 
     - `least_squares`: joint-weighted IDIM-LS on the same rows, from which the weights come
+    - `steps`: of each iteration the largest relative change of a well-known parameter, and which
     - `failures`: sources of instruments that were tried and why they failed
     """
 
@@ -61,7 +54,7 @@ class IdimIvEstimate:
     least_squares: LinearEstimate
     source: InstrumentSource
     instruments: Instruments
-    steps: tuple[IterationStep, ...]
+    steps: tuple[tuple[float, int], ...]
     converged: bool
     failures: tuple[str, ...]
 
@@ -121,7 +114,7 @@ class _Iteration:
         else:
             instruments = self._as_it_is_or_scaled(values)
         linear = self._solve(instruments, sigma)
-        steps: list[IterationStep] = []
+        steps: list[tuple[float, int]] = []
         converged = not self.source.iterative
         while not converged and len(steps) + 1 < self.max_iterations:
             if self.progress is not None:
@@ -130,7 +123,7 @@ class _Iteration:
             instruments = self._simulate(linear)
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
-            converged = steps[-1].change <= self.tolerance
+            converged = steps[-1][0] <= self.tolerance
         return IdimIvEstimate(
             linear=linear,
             least_squares=self.least_squares,
@@ -201,7 +194,7 @@ class _Iteration:
         except DataError as error:
             raise SourceFailure(str(error)) from error
 
-    def _change(self, previous: FloatArray, linear: LinearEstimate) -> IterationStep:
+    def _change(self, previous: FloatArray, linear: LinearEstimate) -> tuple[float, int]:
         deviation = np.sqrt(np.diag(self._white_covariance(linear)))
         well_known = deviation <= _WELL_KNOWN * np.abs(linear.values)
         if not well_known.any():
@@ -209,7 +202,7 @@ class _Iteration:
         size = np.maximum(np.abs(previous), 1e-12)
         change = np.where(well_known, np.abs(linear.values - previous) / size, 0.0)
         worst = int(np.argmax(change))
-        return IterationStep(float(change[worst]), worst)
+        return float(change[worst]), worst
 
     def _white_covariance(self, linear: LinearEstimate) -> FloatArray:
         return white_covariance(self.rows, linear.sigma, len(linear.values))

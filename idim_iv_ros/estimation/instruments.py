@@ -4,10 +4,11 @@ Equation 8 asks for a simulation with the same references and the same control l
 references or the law are missing, `sources` says what takes their place at what cost.
 """
 
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
-from typing import ClassVar, Protocol
+from functools import cached_property, partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,31 +47,15 @@ class Instruments:
     untestable: str | None = None
 
 
-class InstrumentSource(Protocol):
-    """Something that makes instruments at given base parameters."""
-
-    @property
-    def name(self) -> str:
-        """Where the instruments come from, in words for the report."""
-
-    @property
-    def untestable(self) -> str | None:
-        """Why tests of the instruments mean nothing; None where they mean something."""
-
-    @property
-    def iterative(self) -> bool:
-        """Whether the instruments depend on the parameters."""
-
-    def prediction_errors(
-        self, values: FloatArray, covariance: FloatArray
-    ) -> tuple[FloatArray, ...] | None:
-        """Change of Z β̂ with parameters as uncertain as they are; None where it cannot be."""
-
-    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Make instruments at `values` (b,); `reference_values` are the best guess of the robot.
-
-        Raises SourceFailure: no instruments at these values.
-        """
+def _instruments(
+    model: InverseModel, motions: Sequence[Motion], positions: Sequence[FloatArray], note: str = ""
+) -> Instruments:
+    """Instruments from filtered positions (n_samples, n_joints) of all motions."""
+    states = tuple(
+        partial(motion.derivatives_of, position)
+        for position, motion in zip(positions, motions, strict=True)
+    )
+    return Instruments(instrument_rows(model, motions, states), states, note)
 
 
 @dataclass(frozen=True)
@@ -95,14 +80,10 @@ class SimulatedLoop:
         differ by noise and by the model, not by the filter.
         """
         scale = self._gain_scale(values, reference_values)
-        states = tuple(
-            partial(motion.derivatives_of, position)
-            for position, motion in zip(self._positions(values, scale), self.motions, strict=True)
-        )
         note = ""
         if not np.allclose(scale, 1.0):
             note = "gains scaled by " + ", ".join(f"{factor:.3g}" for factor in scale)
-        return Instruments(instrument_rows(self.model, self.motions, states), states, note)
+        return _instruments(self.model, self.motions, self._positions(values, scale), note)
 
     def prediction_errors(
         self, values: FloatArray, covariance: FloatArray
@@ -145,7 +126,7 @@ class SimulatedLoop:
     def natural_frequency(self, values: FloatArray) -> float:
         """Highest natural frequency of the loops, √(kp / J) of each joint, Hz."""
         inertia = self._joint_inertia(values)
-        stiffness = np.max([law.torque_gains[0] for law in self.laws], axis=0)
+        stiffness = np.max([law.kp for law in self.laws], axis=0)
         usable = inertia > 0.0
         if not usable.any():
             return 0.0
@@ -191,3 +172,40 @@ class SimulatedLoop:
         usable = (simulated > 0.0) & (actual > 0.0)
         ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
         return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
+
+
+@dataclass(frozen=True)
+class FixedMotion:
+    """Instruments from positions that do not depend on the parameters.
+
+    `make` returns positions (n_samples, n_joints) for every motion and says what they are; it is
+    called when they are needed, which a loop that simulates spares.
+    """
+
+    model: InverseModel
+    motions: tuple[Motion, ...]
+    make: Callable[[Sequence[Motion]], tuple[list[FloatArray], str]]
+    untestable: str
+
+    iterative: ClassVar[bool] = False
+
+    @cached_property
+    def _made(self) -> tuple[list[FloatArray], str]:
+        return self.make(self.motions)
+
+    @property
+    def name(self) -> str:
+        """Which positions the instruments are made of, in words for the report."""
+        return self._made[1]
+
+    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
+        """None: nothing is simulated at the parameters."""
+
+    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
+        """Instruments from the differentiated positions, the same at any parameters."""
+        return _instruments(self.model, self.motions, self._made[0])
+
+
+# `untestable`: why tests of the instruments mean nothing; None where they mean something.
+# `iterative`: whether the instruments depend on the parameters.
+InstrumentSource = SimulatedLoop | FixedMotion

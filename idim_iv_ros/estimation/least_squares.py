@@ -1,8 +1,8 @@
 """Linear estimators on the rows of all joints, IDIM-LS and one step of IDIM-IV (equation 9).
 
 How uncertain their estimates are, and which parameters are essential. All work on R factors: the
-rows of each joint are reduced once, and rows that are reduced already (`JointRows.reduced`,
-`streamed_rows`) serve as well. ZᵀZ or ZᵀX, which squares the condition number, is never formed.
+rows of each joint are reduced once, and rows that are reduced already (`JointRows.reduced`) serve
+as well. ZᵀZ or ZᵀX, which squares the condition number, is never formed.
 """
 
 from collections.abc import Sequence
@@ -225,22 +225,9 @@ def _shaped_r_factor(rows: JointRows, model: AutoregressiveModel) -> FloatArray:
     return r_factor(shaped)
 
 
-@dataclass(frozen=True)
-class EssentialParameters:
-    """Outcome of the backward elimination (paper, section V.B).
-
-    `columns` (b_e,): base parameters that stay; `statistic`, `p_value`: F-test of the null
-    hypothesis that all the others are zero.
-    """
-
-    columns: IntArray
-    statistic: float
-    p_value: float
-
-
 def essential_parameters(
     values: FloatArray, covariance: FloatArray, rows: int, *, alpha: float = 0.05
-) -> EssentialParameters:
+) -> tuple[IntArray, float]:
     """Eliminate the parameter with the largest relative deviation while the F-test accepts it.
 
     F = ((‖ρ_e‖² - ‖ρ‖²)/(b - b_e)) / (‖ρ‖²/(r - b)) equals the Wald statistic β_outᵀ Σ_out⁻¹ β_out
@@ -249,10 +236,13 @@ def essential_parameters(
 
     `values` (b,); `covariance` (b, b): that of whitened rows, for r must count independent rows;
     `rows`: r; `alpha`: level at which the null hypothesis is rejected and the elimination stops.
+
+    Returns the base parameters that stay, (b_e,), and the p-value of the null hypothesis that all
+    the others are zero.
     """
     parameters = len(values)
     kept = list(range(parameters))
-    statistic, p_value = 0.0, 1.0
+    p_value = 1.0
     for _ in range(parameters - 1):
         estimate, std = restrict(values, covariance, kept)
         weakest = int(np.argmin(np.abs(estimate) / std))
@@ -260,12 +250,11 @@ def essential_parameters(
         out = [column for column in range(parameters) if column not in trial]
         left_out = values[out]
         distance = float(left_out @ np.linalg.solve(covariance[np.ix_(out, out)], left_out))
-        trial_statistic = distance / len(out)
-        trial_p = float(scipy.stats.f.sf(trial_statistic, len(out), rows - parameters))
+        trial_p = float(scipy.stats.f.sf(distance / len(out), len(out), rows - parameters))
         if trial_p < alpha:
             break
-        kept, statistic, p_value = trial, trial_statistic, trial_p
-    return EssentialParameters(np.array(kept), statistic, p_value)
+        kept, p_value = trial, trial_p
+    return np.array(kept), p_value
 
 
 def restrict(

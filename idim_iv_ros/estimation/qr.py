@@ -33,7 +33,9 @@ def streamed_r_factor(blocks: Iterable[FloatArray], width: int) -> FloatArray:
     factor = np.zeros((0, width))
     for block in blocks:
         rows = np.vstack([factor, block]) if len(factor) else np.asarray(block, dtype=np.float64)
-        factor = _triangular(rows)
+        if rows.size:
+            factored = scipy.linalg.lapack.dgeqrf(rows, lwork=64 * width)[0]
+            factor = np.asarray(np.triu(factored[:width]))
     return factor
 
 
@@ -47,13 +49,6 @@ def stacked_r_factor(
         wide[:, columns] = part
         spread.append(wide)
     return r_factor(np.vstack(spread))
-
-
-def _triangular(rows: FloatArray) -> FloatArray:
-    if not rows.size:
-        return np.zeros((0, rows.shape[1]))
-    factored = scipy.linalg.lapack.dgeqrf(rows, lwork=64 * rows.shape[1])[0]
-    return np.asarray(np.triu(factored[: rows.shape[1]]))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -98,6 +97,16 @@ class JointRows:
             instrument_matrix=None if z is None else z[:, inside],
         )
 
+    def part(self, rows: slice) -> "JointRows":
+        """Return some of these rows, without their places in time."""
+        return replace(self._of(self._table(rows)), segments=(), position=None)
+
+    def joined(self, others: Sequence["JointRows"]) -> "JointRows":
+        """Return these rows and others of the joint, one below the other."""
+        parts = [self, *others]
+        table = np.vstack([part._table(slice(None)) for part in parts])
+        return replace(self._of(table), represented=sum(map(len, parts)))
+
     @cached_property
     def reduced(self) -> "JointRows":
         """The R factor of [Z X y]: it replaces these rows where their order does not matter."""
@@ -113,24 +122,10 @@ class JointRows:
         return np.column_stack([reduced.matrix, reduced.torque])
 
     def standardized_r_factor(self, noise: AutoregressiveModel) -> FloatArray:
-        """R factor of [X y] whitened to unit variance; kept as long as the model of the noise is.
-
-        A search fits many models that differ at one joint only.
-        """
-        factor = self._standardized.get(noise)
-        if factor is None:
-            whitened = noise.standardized(self._by_columns, self.segments)
-            factor = self._standardized[noise] = r_factor(whitened)
-        return factor
-
-    @cached_property
-    def _by_columns(self) -> FloatArray:
-        """[X y] (r, c + 1) with contiguous columns, which are filtered many times."""
-        return np.asfortranarray(np.column_stack([self.matrix, self.torque]))
-
-    @cached_property
-    def _standardized(self) -> WeakKeyDictionary[AutoregressiveModel, FloatArray]:
-        return WeakKeyDictionary()
+        """R factor of [X y] whitened to unit variance."""
+        # Contiguous columns: they are filtered one by one.
+        columns = np.asfortranarray(np.column_stack([self.matrix, self.torque]))
+        return r_factor(noise.standardized(columns, self.segments))
 
     def _blocks(self) -> Iterator[FloatArray]:
         for start in range(0, len(self.torque), BLOCK):

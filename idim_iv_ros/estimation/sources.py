@@ -1,16 +1,14 @@
 """Which instruments a recording allows: the control law, its fit, or what replaces them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import ClassVar
+from functools import partial
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.idim_iv import Start
-from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SimulatedLoop
-from idim_iv_ros.estimation.observation import instrument_rows
+from idim_iv_ros.estimation.instruments import FixedMotion, InstrumentSource, SimulatedLoop
 from idim_iv_ros.model import InverseModel, RobotModel
 from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import (
@@ -34,49 +32,13 @@ def reference(motion: Motion) -> FloatArray:
     return motion.signals.position_reference
 
 
-@dataclass(frozen=True)
-class FixedMotion:
-    """Instruments from positions that do not depend on the parameters.
-
-    `make` returns positions (n_samples, n_joints) for every motion and says what they are; it is
-    called when they are needed, which a loop that simulates spares.
-    """
-
-    model: InverseModel
-    motions: tuple[Motion, ...]
-    make: Callable[[Sequence[Motion]], tuple[list[FloatArray], str]]
-    untestable: str
-
-    iterative: ClassVar[bool] = False
-
-    @cached_property
-    def _made(self) -> tuple[list[FloatArray], str]:
-        return self.make(self.motions)
-
-    @property
-    def name(self) -> str:
-        """Which positions the instruments are made of, in words for the report."""
-        return self._made[1]
-
-    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
-        """None: nothing is simulated at the parameters."""
-
-    def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
-        """Instruments from the differentiated positions, the same at any parameters."""
-        states = tuple(
-            partial(motion.derivatives_of, position)
-            for position, motion in zip(self._made[0], self.motions, strict=True)
-        )
-        return Instruments(instrument_rows(self.model, self.motions, states), states)
-
-
 def _filtered_references(
     robot: RobotModel, motions: Sequence[Motion]
 ) -> tuple[list[FloatArray], str]:
     """References through a fitted closed-loop filter, and how closely they follow the motion."""
     filters = [filter_reference(m.signals.rate, m.position, reference(m)) for m in motions]
-    errors = np.max([fitted.error for fitted in filters], axis=0)
-    spreads = np.max([fitted.spread for fitted in filters], axis=0)
+    positions, missed, moved = zip(*filters, strict=True)
+    errors, spreads = np.max(missed, axis=0), np.max(moved, axis=0)
     joints = ", ".join(
         f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
         + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
@@ -84,7 +46,7 @@ def _filtered_references(
             robot.joints, robot.joint_types, errors, spreads, strict=True
         )
     )
-    return [fitted.position for fitted in filters], (
+    return list(positions), (
         "reference through a fitted closed-loop filter, which misses the recorded motion where "
         f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
     )
@@ -190,7 +152,9 @@ def _laws(
         law = control_law(section, len(joints))
         law = replace(law, period=control_period(section, (m.signals.rate for m in motions)))
         return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
-    fits = tuple(_fit(motion, section.torque_limit) for motion in motions)
+    fits = tuple(
+        fit_controller(motion.signals, torque_limit=section.torque_limit) for motion in motions
+    )
     sentences = [
         f"{name}{f' in {motion.signals.name}' if len(motions) > 1 else ''}: {fit.describe(joint)}"
         for fit, motion in zip(fits, motions, strict=True)
@@ -205,27 +169,10 @@ def _laws(
         return None, fits, sentences
     try:
         laws = tuple(
-            fit.law(
-                reference(motion),
-                motion.signals.velocity_reference,
-                torque_limit=section.torque_limit,
-            )
+            fit.law(motion.signals, section.torque_limit)
             for fit, motion in zip(fits, motions, strict=True)
         )
     except ValueError as error:
         sentences.append(f"the loop is not simulated with the fitted control law: {error}")
         return None, fits, sentences
     return laws, fits, sentences
-
-
-def _fit(motion: Motion, torque_limit: Sequence[float] | None) -> ControllerFit:
-    signals = motion.signals
-    return fit_controller(
-        signals.rate,
-        signals.position,
-        signals.velocity,
-        signals.torque,
-        reference(motion),
-        signals.velocity_reference,
-        torque_limit=torque_limit,
-    )

@@ -1,6 +1,7 @@
 """What the signals show: whether efforts are torques or currents, and a control law."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -91,18 +92,11 @@ def _fits(motion: Motion) -> list[tuple[ControllerFit, bool]]:
     A delay that is off by half a sample T shows as kd off by kp T / 2.
     """
     signals = motion.signals
-    assert signals.position_reference is not None
     later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
     return [
         (
             fit_controller(
-                signals.rate,
-                signals.position,
-                signals.velocity,
-                torque,
-                signals.position_reference,
-                signals.velocity_reference,
-                cutoff=min(signals.rate / 10.0, _HIGHEST_CUTOFF),
+                replace(signals, torque=torque), cutoff=min(signals.rate / 10.0, _HIGHEST_CUTOFF)
             ),
             half,
         )

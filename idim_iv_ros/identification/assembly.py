@@ -12,7 +12,6 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, RefinedIdimIv
 from idim_iv_ros.estimation.least_squares import (
     AutocorrelatedCovariance,
-    EssentialParameters,
     LinearEstimate,
     condition_number,
     essential_parameters,
@@ -42,9 +41,10 @@ from idim_iv_ros.identification.validate import Validation
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.signals import fit_autoregression, torque_noise
-from idim_iv_ros.statistics import judge_all, judge_joint
 from idim_iv_ros.statistics.drift import in_deviations
 from idim_iv_ros.statistics.residuals import mean_square_freedom
+from idim_iv_ros.statistics.verdict import judge_all, judge_joint
+from idim_iv_ros.types import IntArray
 
 _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 # Standard deviations of the difference beyond which whitening has moved an estimate further than
@@ -82,7 +82,9 @@ def assemble_result(
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
     alpha = configuration.identification.significance
-    essential = essential_parameters(refined.values, refined.covariance, total, alpha=alpha)
+    essential, p_value = essential_parameters(
+        refined.values, refined.covariance, total, alpha=alpha
+    )
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(identified, covariance, essential)
     verdicts = tuple(
@@ -150,8 +152,8 @@ def assemble_result(
             condition_number=condition_number(rows, count),
             samples=total,
             base_parameters=count,
-            essential_parameters=len(essential.columns),
-            essential_p_value=essential.p_value,
+            essential_parameters=len(essential),
+            essential_p_value=p_value,
             joint_relative_error_percent={
                 residual.joint: residual.relative_percent for residual in validation.residuals
             },
@@ -178,7 +180,7 @@ def assemble_result(
 
 
 def _parameters(
-    identified: Identified, covariance: AutocorrelatedCovariance, essential: EssentialParameters
+    identified: Identified, covariance: AutocorrelatedCovariance, essential: IntArray
 ) -> tuple[ParameterEstimate, ...]:
     """Every base parameter with its standard deviations, alone and among the essential ones."""
     base, given = identified.prepared.model.base, identified.prepared.given
@@ -197,11 +199,11 @@ def _parameters(
         )
         ls_std = np.sqrt(np.diag(ls_covariance.matrix))
     ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
-    places = {int(column): place for place, column in enumerate(essential.columns)}
+    places = {int(column): place for place, column in enumerate(essential)}
     # Estimated again with the essential parameters only, same weights.
-    restricted = [joint.reduced.keep(essential.columns) for joint in rows]
+    restricted = [joint.reduced.keep(essential) for joint in rows]
     reduced = solve_instrumental_variables(restricted, len(places), linear.sigma).values
-    reduced_std = np.sqrt(np.diag(covariance.restricted(essential.columns)))
+    reduced_std = np.sqrt(np.diag(covariance.restricted(essential)))
     return tuple(
         ParameterEstimate(
             name=base.names[k],
@@ -256,8 +258,8 @@ def _convergence(
         return "least squares needs no iteration"
     if not estimate.steps:
         return "the instruments do not depend on the parameters: one step"
-    last = estimate.steps[-1]
-    moved = f"{names[last.parameter]} moved last, by {100.0 * last.change:.2g} %"
+    change, parameter = estimate.steps[-1]
+    moved = f"{names[parameter]} moved last, by {100.0 * change:.2g} %"
     tolerance = 100.0 * configuration.identification.tolerance
     if estimate.converged:
         return f"{moved} (tolerance {tolerance:g} %)"

@@ -1,6 +1,7 @@
 """From recordings to validated parameters: the whole of `idim-iv identify` without its files."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
@@ -58,9 +59,8 @@ def identify(
     with one_thread(), Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         recordings = read_configured(bags, configuration, progress)
-        result = _identify(recordings, configuration, estimator, watch)
-    result.timing.update(watch.timing)
-    return result
+    result = identify_recordings(recordings, configuration, estimator=estimator, progress=progress)
+    return replace(result, timing=watch.timing | result.timing)
 
 
 def identify_recordings(
@@ -73,24 +73,14 @@ def identify_recordings(
     """Identify from recordings that were read before; otherwise as `identify`."""
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
     with one_thread(), Stopwatch(progress) as watch:
-        result = _identify(given, configuration, estimator, watch)
-    result.timing.update(watch.timing)
-    return result
-
-
-def _identify(
-    recordings: Sequence[Recording],
-    configuration: Configuration,
-    estimator: Estimator,
-    watch: Stopwatch,
-) -> IdentificationResult:
-    everything = identified(recordings, configuration, estimator, watch)
-    watch.stage("physical parameters", 0.97)
-    refined, rows = everything.refined, everything.rows
-    physical = consistent_parameters(
-        everything.prepared, refined.values, refined.covariance, rows, everything.linear.sigma
-    )
-    return assemble_result(everything, physical)
+        everything = identified(given, configuration, estimator, watch)
+        watch.stage("physical parameters", 0.97)
+        refined, rows = everything.refined, everything.rows
+        physical = consistent_parameters(
+            everything.prepared, refined.values, refined.covariance, rows, everything.linear.sigma
+        )
+        result = assemble_result(everything, physical)
+    return replace(result, timing=watch.timing)
 
 
 def identified(

@@ -20,15 +20,16 @@ from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.signals import AutoregressiveModel, Motion, torque_noise
 from idim_iv_ros.signals.motion import decimated_motion
-from idim_iv_ros.statistics import (
-    HypothesisTest,
-    ResidualDiagnosis,
-    diagnose_residual,
-    exogeneity_test,
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.instruments import exogeneity_test, wald_test_of_instruments
+from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
+from idim_iv_ros.statistics.specification import (
+    FAMILIES,
+    SPEED,
+    shared_functions,
     specification_tests,
-    wald_test_of_instruments,
+    speed_functions,
 )
-from idim_iv_ros.statistics.specification import FAMILIES, SPEED, shared_functions, speed_functions
 from idim_iv_ros.types import FloatArray
 
 # A residual of up to this many times the measurement noise passes for noise when the uncertainty

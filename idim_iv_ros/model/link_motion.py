@@ -1,14 +1,11 @@
 """Placement and motion of the links of a robot: compiled, for its torques and its regressor.
 
-Frames are those of `LinkFrames`. Compiled code takes what has its arrays, whatever else it holds:
-`tree` is a `LinkFrames` or a simulation's plant, `work` a `LinkMotion` or a simulation's workspace.
-
 Source: Khalil and Dombre, Modeling, Identification and Control of Robots, chapter 9 (recursive
 Newton-Euler linear in the parameters).
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -102,7 +99,7 @@ def empty_motion(joints: int) -> LinkMotion:
 
 
 @kernel
-def place_links(tree: Any, q: FloatArray, work: Any) -> None:
+def place_links(tree: LinkFrames, q: FloatArray, work: LinkMotion) -> None:
     """Placement of each link frame in its parent's."""
     for i in range(1, q.shape[0] + 1):
         angle = q[i - 1] if tree.revolute[i] else 0.0
@@ -117,7 +114,7 @@ def place_links(tree: Any, q: FloatArray, work: Any) -> None:
 
 
 @kernel
-def move_links(tree: Any, dq: FloatArray, ddq: FloatArray, work: Any) -> None:
+def move_links(tree: LinkFrames, dq: FloatArray, ddq: FloatArray, work: LinkMotion) -> None:
     """Spin of each link, its rate, and acceleration of its origin less gravity; links are placed.
 
     `gradient` is [ω̇]× + [ω]×², so that a point r of a link accelerates by a + gradient r.

@@ -16,7 +16,7 @@ import and compilation would take ten times as long as the solution. log det J̃
 [[J̃, Z], [Zᵀ, diag Z]] is positive semidefinite with Z lower triangular and t_k ≤ log Z_kk.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -202,6 +202,7 @@ def root_of_information(covariance: FloatArray) -> tuple[IntArray, FloatArray]:
 _SIZE = len(TRIANGLE)
 _TOLERANCE = 1e-10  # of the solver; a solution that misses it is taken if it is within 1e-5
 _ROOT = float(np.sqrt(2.0))
+_Row = tuple[dict[int, float], float]  # factors by variable, and right side
 
 
 @dataclass(frozen=True)
@@ -225,21 +226,20 @@ class ConicProblem:
         """
         import clarabel
 
-        rows = _Rows(self._variables)
         shown, unknowns = self.matrix.shape
-        rows.equal(np.hstack([self.matrix, -np.eye(shown)]), self.right)
-        for k in np.flatnonzero(self.bounded):
-            rows.not_negative(_SIZE * self.links + int(k))
-        for link in range(self.links):
-            self._link(rows, link)
         quadratic, linear = self._objective(unknowns, shown)
+        rows, cones = self._constraints(clarabel)
+        right = np.array([value for _, value in rows])
+        entries = [(k, *one) for k, (factors, _) in enumerate(rows) for one in factors.items()]
+        places, variables, factors = zip(*entries, strict=True)
+        shape = (len(rows), self._variables)
+        matrix = sparse.csc_matrix((factors, (places, variables)), shape=shape)
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
         # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
         settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        matrix, right, cones = rows.build(clarabel)
         solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
         solution = solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
@@ -270,8 +270,25 @@ class ConicProblem:
             linear[logarithms : logarithms + 4] = -divergence
         return sparse.diags(diagonal, format="csc"), linear
 
-    def _link(self, rows: "_Rows", link: int) -> None:
-        """Add the constraints of a link: J̃ ≽ ε 1, and the variables whose sum is log det J̃."""
+    def _constraints(self, clarabel: ModuleType) -> tuple[list[_Row], list[Any]]:
+        """Rows of b − A x in cones, one below the other, and these cones."""
+        shown = len(self.matrix)
+        equal = np.hstack([self.matrix, -np.eye(shown)])
+        rows: list[_Row] = [
+            ({int(k): float(row[k]) for k in np.flatnonzero(row)}, float(value))
+            for row, value in zip(equal, self.right, strict=True)
+        ]
+        bounded = (_SIZE * self.links + np.flatnonzero(self.bounded)).tolist()
+        rows += [({variable: -1.0}, 0.0) for variable in bounded]
+        cones = [clarabel.ZeroConeT(shown), *(clarabel.NonnegativeConeT(1) for _ in bounded)]
+        for link in range(self.links):
+            rows += self._link(link)
+            cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(8)]
+            cones += [clarabel.ExponentialConeT() for _ in range(4)]
+        return rows, cones
+
+    def _link(self, link: int) -> Iterator[_Row]:
+        """Constraints of a link: J̃ ≽ ε 1, and the variables whose sum is log det J̃."""
         shown, unknowns = self.matrix.shape
         first, roots = _SIZE * link, unknowns + shown + link * (_SIZE + 4)
         place = {pair: k for k, pair in enumerate(TRIANGLE)}
@@ -284,69 +301,13 @@ class ConicProblem:
                 return roots + place[row, column - 4] if row >= column - 4 else None
             return roots + place[row - 4, row - 4] if row == column else None
 
-        rows.semidefinite(4, entry, -self.least)
-        rows.semidefinite(8, entry, 0.0)
-        for k in range(4):
-            rows.exponential(roots + _SIZE + k, roots + place[k, k])
-
-
-class _Rows:
-    """Rows of b − A x in cones, gathered one after the other."""
-
-    def __init__(self, variables: int):
-        self.variables = variables
-        self.values: list[float] = []
-        self.rows: list[int] = []
-        self.columns: list[int] = []
-        self.right: list[float] = []
-        self.cones: list[tuple[str, int]] = []
-
-    def equal(self, matrix: FloatArray, right: FloatArray) -> None:
-        """The matrix times the first variables is `right`."""
-        for values, value in zip(matrix, right, strict=True):
-            for column in np.flatnonzero(values):
-                self._put(int(column), float(values[column]))
-            self.right.append(float(value))
-        self.cones.append(("ZeroConeT", len(right)))
-
-    def not_negative(self, variable: int) -> None:
-        """Add the constraint that a variable is not negative."""
-        self._put(variable, -1.0)
-        self.right.append(0.0)
-        self.cones.append(("NonnegativeConeT", 1))
-
-    def semidefinite(
-        self, size: int, entry: Callable[[int, int], int | None], diagonal: float
-    ) -> None:
-        """Add the constraint that a matrix of variables plus `diagonal` times 1 is semidefinite."""
-        for column in range(size):
-            for row in range(column + 1):
-                variable = entry(row, column)
-                if variable is not None:
-                    self._put(variable, -1.0 if row == column else -_ROOT)
-                self.right.append(diagonal if row == column else 0.0)
-        self.cones.append(("PSDTriangleConeT", size))
-
-    def exponential(self, logarithm: int, argument: int) -> None:
-        """Add the constraint t ≤ log z for two variables t and z."""
-        self._put(logarithm, -1.0)
-        self.right += [0.0, 1.0]
-        self._put(argument, -1.0)
-        self.right.append(0.0)
-        self.cones.append(("ExponentialConeT", 0))
-
-    def _put(self, column: int, value: float) -> None:
-        """A coefficient of the row that is next in `right`."""
-        self.rows.append(len(self.right))
-        self.columns.append(column)
-        self.values.append(value)
-
-    def build(self, clarabel: ModuleType) -> tuple[sparse.csc_matrix, FloatArray, list[Any]]:
-        """Constraints as the solver takes them: matrix, right side and cones."""
-        shape = (len(self.right), self.variables)
-        matrix = sparse.csc_matrix((self.values, (self.rows, self.columns)), shape=shape)
-        cones = [
-            getattr(clarabel, name)(size) if size else getattr(clarabel, name)()
-            for name, size in self.cones
-        ]
-        return matrix, np.array(self.right), cones
+        for size, diagonal in ((4, -self.least), (8, 0.0)):
+            for column in range(size):
+                for row in range(column + 1):
+                    variable, factor = entry(row, column), -1.0 if row == column else -_ROOT
+                    factors = {} if variable is None else {variable: factor}
+                    yield factors, diagonal if row == column else 0.0
+        for k in range(4):  # t ≤ log z
+            yield {roots + _SIZE + k: -1.0}, 0.0
+            yield {}, 1.0
+            yield {roots + place[k, k]: -1.0}, 0.0

@@ -1,7 +1,6 @@
 """What the physical bounds cost: the torque that estimate and consistent set leave unexplained."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.least_squares import solve_instrumental_variables
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.physical.result import TorqueError
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 _PARTS = 4
 Projection = Callable[[FloatArray], FloatArray]
@@ -27,7 +26,10 @@ class Judge:
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):
         self._parameters, self._sigma = parameters, sigma
-        self._parts = [[_part(joint, k) for joint in rows] for k in range(_PARTS)]
+        self._parts = [
+            [joint.part(slice(*_bounds(len(joint.torque))[k : k + 2])).reduced for joint in rows]
+            for k in range(_PARTS)
+        ]
 
     def __call__(
         self, projection: Projection, estimate: FloatArray, consistent: FloatArray
@@ -48,7 +50,7 @@ class Judge:
         estimates = []
         for left_out in range(_PARTS):
             others = [part for k, part in enumerate(self._parts) if k != left_out]
-            rows = [_stacked(joint) for joint in zip(*others, strict=True)]
+            rows = [first.joined(more) for first, *more in zip(*others, strict=True)]
             try:
                 linear = solve_instrumental_variables(rows, self._parameters, self._sigma)
             except (DataError, np.linalg.LinAlgError):
@@ -66,29 +68,6 @@ class Judge:
         return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
 
 
-def _part(rows: JointRows, number: int) -> JointRows:
-    """Quarter `number` of a joint's rows, reduced to its R factor."""
-    bounds = np.linspace(0, len(rows.torque), _PARTS + 1).astype(int)
-    quarter = slice(bounds[number], bounds[number + 1])
-    z = rows.instrument_matrix
-    part = replace(
-        rows,
-        matrix=rows.matrix[quarter],
-        torque=rows.torque[quarter],
-        instrument_matrix=None if z is None else z[quarter],
-        segments=(),
-        position=None,
-    )
-    return part.reduced
-
-
-def _stacked(parts: Sequence[JointRows]) -> JointRows:
-    first = parts[0]
-    instruments = [part.instrument_matrix for part in parts if part.instrument_matrix is not None]
-    return replace(
-        first,
-        matrix=np.vstack([part.matrix for part in parts]),
-        torque=np.concatenate([part.torque for part in parts]),
-        instrument_matrix=np.vstack(instruments) if instruments else None,
-        represented=sum(len(part) for part in parts),
-    )
+def _bounds(count: int) -> IntArray:
+    """First rows of all parts of so many rows, and at the end their number (_PARTS + 1,)."""
+    return np.linspace(0, count, _PARTS + 1).astype(np.int64)

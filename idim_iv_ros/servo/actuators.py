@@ -19,6 +19,7 @@ from idim_iv_ros.servo.result import ServoJoint, ServoResult
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
 _STEP = 0.002  # s, time step of the model where it gives none that is finer
 _PERIOD = 0.0005  # s, of the loop in simulations: servos compute theirs at 1 to 2 kHz
+_ISAAC_STEP = 0.005  # s, in which Isaac Lab counts delays
 _ISAAC_LAB = '''"""Servos of {robot}, identified without torques from {recordings}.
 
 Written from the documented fields of Isaac Lab 2.3, and not run there.
@@ -105,17 +106,14 @@ def _without_shapes(urdf: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def servo_isaac_lab(result: ServoResult, step: float = 0.005) -> str:
-    """Return a Python text with one `DelayedPDActuatorCfg` for each servo of absolute numbers.
-
-    - `step`: time step of the simulation, s, in which delays are counted
-    """
+def servo_isaac_lab(result: ServoResult) -> str:
+    """Return a Python text with one `DelayedPDActuatorCfg` for each servo of absolute numbers."""
     actuators = []
     for servo in result.joints:
         if not servo.absolute:
             actuators.append(f"    # {servo.joint}: its stiffness is not known in N m/rad")
             continue
-        late = round(rounded(servo, "delay") / step)
+        late = round(rounded(servo, "delay") / _ISAAC_STEP)
         limit = rounded(servo, "torque limit", math.inf)
         fields = [
             f'joint_names_expr=["{servo.joint}"],',
@@ -133,7 +131,7 @@ def servo_isaac_lab(result: ServoResult, step: float = 0.005) -> str:
     return _ISAAC_LAB.format(
         robot=result.robot,
         recordings=", ".join(result.recordings),
-        step=step,
+        step=_ISAAC_STEP,
         actuators="\n".join(actuators),
     )
 

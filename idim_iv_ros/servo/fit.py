@@ -28,79 +28,61 @@ _LARGE = 1e9  # rad, of a simulation that ran away
 _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that changes nothing
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sampled:
-    """What servos were asked and did, sampled uniformly: one joint, or (n_samples, n_joints)."""
+    """What servos were asked and did, sampled uniformly."""
 
     rate: float  # Hz
-    # command, position: (n_samples, …) rad
+    # command, position: (n_samples, n_joints) rad
     command: FloatArray
     position: FloatArray
-    valid: BoolArray  # (n_samples, …) bool: Whether the position was measured
+    valid: BoolArray  # (n_samples, n_joints) bool: Whether the position was measured
+    gain: float = 1.0  # Of the loops, in parts of that for which K is asked
 
     @property
     def used(self) -> BoolArray:
-        """Which samples (n_samples, …) count in the fit: measured, and after the start."""
+        """Which samples (n_samples, n_joints) count in the fit: measured, and after the start."""
         used = self.valid.copy()
         used[: int(np.ceil(_STARTING * self.rate))] = False
         return used
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Run(Sampled):
-    """Commands, positions and load of a joint in a recording."""
+    """Commands, positions and load of one joint, or of all, in a recording."""
 
-    load: Load  # What the rigid body asks along the motion, (n_samples · finer,) each
-    gain: float = 1.0  # Of the loop, in parts of that for which K is asked
+    load: Load  # What the rigid bodies ask along the motion, of n_samples · finer instants
 
     @property
     def finer(self) -> int:
         """How many samples of the load there are to a sample of the recording."""
         return len(self.load.torque) // len(self.command)
 
-    def simulated(self, drive: Drive) -> FloatArray:
-        """Position (n_samples,) rad of the joint that follows its commands."""
-        inertia, *others = (values[:, None] for values in self.load)
-        position, _ = followed(
-            np.array([drive]),
-            (inertia[:, None], *others),
-            np.repeat(self.command, self.finer)[:, None],
-            self.rate * self.finer,
+    def followed(self, drives: FloatArray) -> FloatArray:
+        """Position and speed (2, n_samples · finer, n_joints) behind servos that start at rest.
+
+        - `drives`: (n_joints, 8), as `Drive`
+        """
+        rate = self.rate * self.finer
+        command = np.repeat(self.command, self.finer, axis=0)
+        motion = np.empty((2, *command.shape))
+        state = np.zeros((6, command.shape[1]))
+        state[0] = self.position[0]
+        simulate_joints(
+            drives,
+            Load(*map(np.ascontiguousarray, self.load)),
+            command,
+            rate,
             self.gain,
-            self.position[:1],
+            int(np.ceil(1.0 / (rate * _STEP) - 1e-6)),
+            state,
+            motion,
         )
-        return np.asarray(position[:: self.finer, 0])
+        return motion
 
-
-def followed(
-    drives: FloatArray,
-    load: tuple[FloatArray, ...],
-    command: FloatArray,
-    rate: float,
-    gain: float,
-    start: FloatArray,
-) -> FloatArray:
-    """Position and speed (2, n_samples, n_joints) of joints that follow commands from rest.
-
-    - `drives`, `load`, `command`, `rate`, `gain`: of `simulate_joints`; `load` is its mass, torque,
-      slope and along
-    - `start`: positions (n_joints,) at the first sample, rad
-    """
-    steps = int(np.ceil(1.0 / (rate * _STEP) - 1e-6))
-    motion = np.empty((2, *command.shape))
-    state = np.zeros((6, command.shape[1]))
-    state[0] = start
-    simulate_joints(
-        drives,
-        *map(np.ascontiguousarray, load),
-        np.ascontiguousarray(command),
-        rate,
-        gain,
-        steps,
-        state,
-        motion,
-    )
-    return motion
+    def simulated(self, drives: FloatArray | Drive) -> FloatArray:
+        """Positions (n_samples, n_joints) rad of the joints that follow their commands."""
+        return np.asarray(self.followed(np.atleast_2d(drives))[0, :: self.finer])
 
 
 @dataclass(frozen=True)
@@ -119,9 +101,9 @@ class DriveEstimate:
         return [name for name, free in zip(PARAMETERS, fitted, strict=True) if free]
 
 
-def residuals(runs: Sequence[Run], drive: Drive) -> FloatArray:
+def residuals(runs: Sequence[Run], drives: FloatArray | Drive) -> FloatArray:
     """Measured less simulated positions of all runs where they are compared, (n,) rad."""
-    parts = [(run.position - run.simulated(drive))[run.used] for run in runs]
+    parts = [(run.position - run.simulated(drives))[run.used] for run in runs]
     joined = np.concatenate(parts)
     return np.asarray(np.nan_to_num(joined, nan=_LARGE, posinf=_LARGE, neginf=-_LARGE))
 
@@ -177,25 +159,19 @@ def fit_drive(
     )
     fitted = drive(answer.x)
     covariance = np.zeros((len(first), len(first)))
-    sandwich, blocks = block_covariance(_used_labels(runs), answer.fun, answer.jac)
+    sandwich, blocks = block_covariance(used_labels(runs), answer.fun, answer.jac)
     covariance[np.ix_(places, places)] = sandwich * np.outer(unit, unit)
     return DriveEstimate(fitted, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
 
 
-def _used_labels(runs: Sequence[Run]) -> IntArray:
-    """Numbers of the blocks of time of all samples that count in the fit."""
-    labels = zip(block_labels(runs), runs, strict=True)
-    return np.concatenate([label[run.used] for label, run in labels])
-
-
-def block_labels(runs: Sequence[Sampled]) -> list[IntArray]:
-    """Number (n_samples,) of the block of time to which every sample belongs, by run."""
+def used_labels(runs: Sequence[Sampled]) -> IntArray:
+    """Numbers (n,) of the blocks of time of all samples that count in the fit."""
     labels, count = [], 0
     for run in runs:
         label = count + np.arange(len(run.command)) // max(int(_BLOCK * run.rate), 1)
-        labels.append(label)
+        labels.append(np.broadcast_to(label[:, None], run.command.shape)[run.used])
         count = int(label[-1]) + 1
-    return labels
+    return np.concatenate(labels)
 
 
 def block_covariance(
@@ -241,7 +217,7 @@ def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float
     )
     factor = float(solution.x[0])
     slope = _slope(lambda x: residual(x, answer.drive), factor, _DIFFERENCE)
-    scatter, _ = block_covariance(_used_labels([run]), solution.fun, slope[:, None])
+    scatter, _ = block_covariance(used_labels([run]), solution.fun, slope[:, None])
     variance = float(scatter[0, 0])
     bread = float(slope @ slope)
     values, spread = np.array(answer.drive), np.sqrt(np.diag(answer.covariance))
@@ -264,8 +240,8 @@ def _scaled(run: Run, factor: float, what: str) -> Run:
     """Return a run whose gain or load is multiplied."""
     if what == "gain":
         return replace(run, gain=factor * run.gain)
-    inertia, torque, slope = (factor * values for values in run.load[:3])
-    return replace(run, load=Load(inertia, torque, slope, run.load.position))
+    mass, torque, slope, position = run.load
+    return replace(run, load=Load(factor * mass, factor * torque, factor * slope, position))
 
 
 def _slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
@@ -304,12 +280,12 @@ def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -
         for run, (q, v, a) in zip(runs, motions, strict=True):
             samples = np.arange(len(q))
             place = samples - late * run.rate - 0.5
-            error = run.gain * (np.interp(place, samples, run.command) - run.position)
-            error = smooth_motion(error, run.rate)[0]
+            late_command = np.interp(place, samples, run.command[:, 0])[:, None]
+            error, _, _ = smooth_motion(run.gain * (late_command - run.position), run.rate)
             torque = asked_torque(run, q, a)
             rows = np.column_stack([torque, a, v, np.sign(v), np.ones(len(q))])
             moving = run.used & (np.abs(v) > _MOVING * np.abs(v).max(initial=0.0))
-            columns.append(rows[moving])
+            columns.append(rows[moving[:, 0]])
             errors.append(error[moving])
         matrix, target = np.concatenate(columns), np.concatenate(errors)
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-12)
@@ -323,9 +299,9 @@ def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -
 
 
 def asked_torque(run: Run, position: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Torque (n_samples,) that the rigid body asks of one joint at a motion, N m."""
-    inertia, torque, slope, along = (values[:: run.finer] for values in run.load)
-    return np.asarray(torque + slope * (position - along) + inertia * acceleration)
+    """Torque (n_samples, 1) that the rigid body asks of one joint at a motion, N m."""
+    mass, torque, slope, along = (values[:: run.finer] for values in run.load)
+    return np.asarray(torque + slope * (position - along) + mass[:, 0] * acceleration)
 
 
 def scales(runs: Sequence[Run]) -> FloatArray:

@@ -115,12 +115,12 @@ def _motion(
     nothing = np.zeros_like(asked.invented)
     invented = transform.touched(recording.position.invented, nothing)
     motion = Motion(
-        recording.rate,
-        transform.position(asked.values),
-        transform.position(recording.position.values),
-        ~(invented | transform.touched(asked.invented, nothing)),
-        recording.path.name,
-        gain,
+        rate=recording.rate,
+        command=transform.position(asked.values),
+        position=transform.position(recording.position.values),
+        valid=~(invented | transform.touched(asked.invented, nothing)),
+        gain=gain,
+        name=recording.path.name,
     )
     for column, joint in enumerate(robot.joints):
         if robot.joint_types[column] != "revolute":
@@ -185,7 +185,7 @@ def _joint(
 
 def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
     """Rms error of position, rad, at half the recordings after a fit to the other half."""
-    early = [np.arange(len(run.position)) < len(run.position) // 2 for run in runs]
+    early = [np.arange(len(run.position))[:, None] < len(run.position) // 2 for run in runs]
     errors = []
     for halves in (early, [~half for half in early]):
         fitted, others = (
@@ -236,7 +236,7 @@ def _lost(
 ) -> str:
     """Where a joint moves as no servo does: when it is off, blocked or pushed; else empty."""
     for motion, run in zip(motions, runs, strict=True):
-        left = np.where(run.used, run.position - run.simulated(answer.drive), 0.0)
+        left = np.where(run.used, run.position - run.simulated(answer.drive), 0.0)[:, 0]
         window = max(int(_WINDOW * run.rate), 1)
         size = np.sqrt(np.convolve(left**2, np.ones(window) / window, mode="valid"))
         first = np.flatnonzero(size > _LOST * joint.nominal)
@@ -286,9 +286,9 @@ def _series(
                 joint=joint,
                 recording=motions[0].name,
                 time=(np.arange(len(run.command)) / run.rate)[thin],
-                command=run.command[thin],
-                measured=run.position[thin],
-                simulated=run.simulated(answer.drive)[thin],
+                command=run.command[thin, 0],
+                measured=run.position[thin, 0],
+                simulated=run.simulated(answer.drive)[thin, 0],
             )
         )
     return tuple(series)

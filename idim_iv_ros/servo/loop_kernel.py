@@ -28,10 +28,10 @@ class Drive(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Torques (n_samples,) that the rigid bodies ask of a joint along a motion."""
+    """What the rigid bodies ask of joints along a motion, (n_samples, n_joints) each but `mass`."""
 
-    inertia: FloatArray  # kg m², the joint's entry on the diagonal of the mass matrix
-    torque: FloatArray  # N m, gravity, Coriolis and the accelerations of the other joints
+    mass: FloatArray  # (n_samples, n_joints, n_joints) kg m²
+    torque: FloatArray  # N m, without the accelerations of these joints
     slope: FloatArray  # N m/rad, of that torque with the joint's position
     position: FloatArray  # rad, where torque and slope hold
 
@@ -51,10 +51,7 @@ def mean_command(command: FloatArray, rate: float, start: float, duration: float
 @entry
 def simulate_joints(
     drives: FloatArray,
-    mass: FloatArray,
-    torque: FloatArray,
-    slope: FloatArray,
-    along: FloatArray,
+    load: Load,
     command: FloatArray,
     rate: float,
     gain: float,
@@ -69,8 +66,7 @@ def simulate_joints(
     projected Gauss-Seidel sweeps, which converge for every positive definite mass matrix.
 
     - `drives`: (n_joints, 8), rows as `Drive`; a compliance of zero leaves a joint without load
-    - `mass`, `torque`, `slope`, `along`: (n_samples, n_joints, n_joints) kg m² and (n_samples,
-      n_joints) each, as `Load`, the torque without any acceleration
+    - `load`: of n_samples instants
     - `command`: (n_samples, n_joints) rad at `rate` Hz, held from its sample to the next
     - `gain`: multiplies the command error before it saturates: 1 but where recordings of several
       gains are told apart by it
@@ -78,6 +74,7 @@ def simulate_joints(
     - `state`: (6, n_joints) position, speed, and four rows of workspace; overwritten
     - `motion`: (2, n_samples, n_joints) position rad and speed rad/s, overwritten
     """
+    mass, torque, slope, along = load
     q, v, change, pull = state[0], state[1], state[2], state[3]
     stop, dry = state[4], state[5]
     samples, joints = command.shape
@@ -92,7 +89,7 @@ def simulate_joints(
             w = (i + 0.5) / steps
             for j in range(joints):
                 compliance = drives[j, 0]
-                load = (1.0 - w) * torque[k, j] + w * torque[k + 1, j]
+                asked = (1.0 - w) * torque[k, j] + w * torque[k + 1, j]
                 bend = (1.0 - w) * slope[k, j] + w * slope[k + 1, j]
                 there = (1.0 - w) * along[k, j] + w * along[k + 1, j]
                 start = k / rate + i * step - drives[j, 5]
@@ -100,7 +97,7 @@ def simulate_joints(
                 error = gain * (mean_command(command[:, j], rate, start, step) - middle)
                 limit = drives[j, 6]
                 pull[j] = min(max(error, -limit), limit) - drives[j, 4] - drives[j, 2] * v[j]
-                carried = compliance * (load + bend * (middle - there))
+                carried = compliance * (asked + bend * (middle - there))
                 pull[j] -= carried
                 dry[j] = drives[j, 3] + drives[j, 7] * abs(carried)
             for _ in range(_SWEEPS if joints > 1 else 1):

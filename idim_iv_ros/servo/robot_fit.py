@@ -13,16 +13,16 @@ from idim_iv_ros.servo.fit import (
     Run,
     Sampled,
     block_covariance,
-    block_labels,
     fit_drive,
-    followed,
     ordinary_least_squares,
+    residuals,
     scales,
     smooth_motion,
+    used_labels,
 )
 from idim_iv_ros.servo.loop_kernel import Drive, Load
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 _FINE = 200.0  # Hz, least rate of what the rigid bodies ask
 _STEP = 1e-4  # rad, of the slope of a torque with its joint's position
@@ -39,12 +39,11 @@ LARGEST_ANGLE = 12.0  # rad, beyond which no limited joint turns
 Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Motion(Sampled):
     """Commands and positions of all joints in a recording."""
 
     name: str
-    gain: float = 1.0  # Of the loops, in parts of that for which K is asked
     robot: RobotModel | None = None  # What carried the load; None: the robot of the configuration
 
     @property
@@ -52,23 +51,10 @@ class Motion(Sampled):
         """Samples of what the rigid bodies ask in one of the recording."""
         return max(int(np.ceil(_FINE / self.rate - 1e-6)), 1)
 
-
-@dataclass(frozen=True)
-class RigidLoad:
-    """What the rigid bodies ask of all joints along a motion."""
-
-    mass: FloatArray  # (n_samples, n_joints, n_joints) kg m²
-    # bias, slope: (n_samples, n_joints): Torque without any acceleration, N m, and its slope
-    # with the joint's position, N m/rad
-    bias: FloatArray
-    slope: FloatArray
-    # (3, n_samples, n_joints): The motion along which they hold, rad, rad/s, rad/s²
-    trajectory: Trajectory
-
-    @classmethod
-    def along(cls, robot: RobotModel, trajectory: Trajectory) -> "RigidLoad":
-        """Return what the nominal rigid bodies of a robot ask, without drives and friction."""
-        position, velocity, _ = trajectory
+    def with_load(self, robot: RobotModel, trajectory: Trajectory) -> "RobotRun":
+        """Return it with what the nominal rigid bodies ask along a trajectory, without drives."""
+        robot = self.robot or robot
+        position, velocity, acceleration = trajectory
         bodies, rest = robot.given.of_links, np.zeros_like(position)
         bias = inverse_dynamics(robot, bodies, position, velocity, rest)
         slope = np.empty_like(bias)
@@ -77,32 +63,53 @@ class RigidLoad:
             moved[:, joint] += _STEP
             there = inverse_dynamics(robot, bodies, moved, velocity, rest)[:, joint]
             slope[:, joint] = (there - bias[:, joint]) / _STEP
-        return cls(mass_matrix(robot, bodies, position), bias, slope, trajectory)
-
-    def of_joint(self, joint: int) -> Load:
-        """Load of one joint, the others moving along the trajectory."""
-        accelerations = self.trajectory[2].copy()
-        accelerations[:, joint] = 0.0
-        coupled = np.einsum("sk,sk->s", self.mass[:, joint], accelerations)
-        columns = (
-            self.mass[:, joint, joint],
-            self.bias[:, joint] + coupled,
-            self.slope[:, joint],
-            self.trajectory[0][:, joint],
+        return RobotRun(
+            rate=self.rate,
+            command=self.command,
+            position=self.position,
+            valid=self.valid,
+            gain=self.gain,
+            load=Load(mass_matrix(robot, bodies, position), bias, slope, position),
+            acceleration=acceleration,
         )
-        return Load(*(np.ascontiguousarray(column) for column in columns))
 
-    def simulated(self, drives: FloatArray, motion: Motion) -> Trajectory:
+
+@dataclass(frozen=True, kw_only=True)
+class RobotRun(Run):
+    """Commands, positions and load of all joints, which act on one another."""
+
+    # (n_samples · finer, n_joints) rad/s²: of the motion along which the load holds
+    acceleration: FloatArray
+
+    def of_joint(self, joint: int) -> Run:
+        """Return the run of one joint, the others moving as they do."""
+        accelerations = self.acceleration.copy()
+        accelerations[:, joint] = 0.0
+        coupled = np.einsum("sk,sk->s", self.load.mass[:, joint], accelerations)
+        column = slice(joint, joint + 1)
+        return Run(
+            rate=self.rate,
+            command=self.command[:, column],
+            position=self.position[:, column],
+            valid=self.valid[:, column],
+            gain=self.gain,
+            load=Load(
+                self.load.mass[:, column, column],
+                self.load.torque[:, column] + coupled[:, None],
+                self.load.slope[:, column],
+                self.load.position[:, column],
+            ),
+        )
+
+    def trajectory(self, drives: FloatArray) -> Trajectory:
         """Motion (3, n_samples · finer, n_joints) of all joints with their servos.
 
         - `drives`: (n_joints, 8), as `Drive`
         """
-        rate = motion.rate * motion.finer
-        load = (self.mass, self.bias, self.slope, self.trajectory[0])
-        command = np.repeat(motion.command, motion.finer, axis=0)
-        position, speed = followed(drives, load, command, rate, motion.gain, motion.position[0])
+        position, speed = self.followed(drives)
         # Of the speeds: what acts between two samples is the mean acceleration there.
-        return np.stack([position, speed, np.gradient(speed, 1.0 / rate, axis=0)])
+        step = 1.0 / (self.rate * self.finer)
+        return np.stack([position, speed, np.gradient(speed, step, axis=0)])
 
 
 def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int) -> Trajectory:
@@ -118,30 +125,31 @@ def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int)
 
 def fit_robot(
     motions: Sequence[Motion],
-    loads: Sequence[RigidLoad],
+    runs: Sequence[RobotRun],
     robot: RobotModel,
     estimates: Sequence[DriveEstimate],
-) -> tuple[list[DriveEstimate], list[RigidLoad]]:
+) -> tuple[list[DriveEstimate], list[RobotRun]]:
     """Improve estimates that were made joint by joint.
 
     Sensitivities are taken once; the rigid bodies' torques are taken again along the motion of
     every iteration. Joints are weighted by their residuals.
 
-    Returns estimates, and loads along the last simulated motion.
+    Returns estimates, and runs with the load along the last simulated motion.
     """
     drives = np.array([estimate.drive for estimate in estimates])
     spread = np.sqrt([np.diag(estimate.covariance) for estimate in estimates])
     places = np.argwhere(spread > 0.0)
     low = np.array([-np.inf if PARAMETERS[k] == "offset" else 0.0 for _, k in places])
-    current = list(loads)
-    residual = _residual(motions, current, drives)
-    weights = _weights(motions, residual)
+    current = list(runs)
+    residual = residuals(current, drives)
+    owner = np.concatenate([np.argwhere(motion.used)[:, 1] for motion in motions])
+    weights = _weights(owner, residual)
     columns = []
     for joint, k in places:
         step = _DIFFERENCE * spread[joint, k]
         moved = drives.copy()
         moved[joint, k] += step
-        columns.append((residual - _residual(motions, current, moved)) / step)
+        columns.append((residual - residuals(current, moved)) / step)
     slopes = np.column_stack(columns)
     cost = float(residual @ (weights * residual))
     for _ in range(_ITERATIONS):
@@ -151,16 +159,11 @@ def fit_robot(
             trial = drives.copy()
             values = drives[tuple(places.T)] + change * 0.5**halving
             trial[tuple(places.T)] = np.maximum(values, low)
-            simulated = [
-                load.simulated(trial, motion) for load, motion in zip(current, motions, strict=True)
-            ]
+            simulated = [run.trajectory(trial) for run in current]
             if not np.isfinite(np.concatenate(simulated, axis=1)).all():
                 continue
-            along = [
-                RigidLoad.along(motion.robot or robot, trajectory)
-                for motion, trajectory in zip(motions, simulated, strict=True)
-            ]
-            left = _residual(motions, along, trial)
+            along = _runs(motions, robot, simulated)
+            left = residuals(along, trial)
             if float(left @ (weights * left)) < cost:
                 break
         else:
@@ -175,16 +178,9 @@ def fit_robot(
         cost *= 1.0 - fallen
         if fallen < _ENOUGH:
             break
-    weights = _weights(motions, residual)
-    root = np.sqrt(weights)
-    labels = np.concatenate(
-        [
-            np.repeat(label[:, None], drives.shape[0], axis=1)[motion.used]
-            for label, motion in zip(block_labels(motions), motions, strict=True)
-        ]
-    )
+    root = np.sqrt(_weights(owner, residual))
+    labels = used_labels(motions)
     covariance, blocks = block_covariance(labels, root * residual, root[:, None] * slopes)
-    owner = np.concatenate([np.argwhere(motion.used)[:, 1] for motion in motions])
     improved = []
     for joint in range(len(drives)):
         mine = places[:, 0] == joint
@@ -195,20 +191,8 @@ def fit_robot(
     return improved, current
 
 
-def _residual(
-    motions: Sequence[Motion], loads: Sequence[RigidLoad], drives: FloatArray
-) -> FloatArray:
-    """Measured less simulated positions of all joints where they are compared, (n,) rad."""
-    parts = []
-    for motion, load in zip(motions, loads, strict=True):
-        simulated = load.simulated(drives, motion)[0, :: motion.finer]
-        parts.append((motion.position - simulated)[motion.used])
-    return np.concatenate(parts)
-
-
-def _weights(motions: Sequence[Motion], residual: FloatArray) -> FloatArray:
-    """Weights (n,) of residuals: one over the mean square of all those of their joint."""
-    owner = np.concatenate([np.argwhere(motion.used)[:, 1] for motion in motions])
+def _weights(owner: IntArray, residual: FloatArray) -> FloatArray:
+    """Weights (n,) of residuals: one over the mean square of all those of their joint (n,)."""
     square = np.bincount(owner, residual**2) / np.maximum(np.bincount(owner), 1)
     return np.asarray(1.0 / np.maximum(square[owner], 1e-18))
 
@@ -229,54 +213,32 @@ def fit_servos(
     ]
     starts: list[Drive | None] = [None] * len(robot.joints)
     tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH
-    loads = _loads(motions, robot, trajectories)
+    runs = _runs(motions, robot, trajectories)
     for _ in range(_TURNS):
         estimates = [
-            fit_joint(_runs(motions, loads, joint), start, tolerance=tolerance)
+            fit_joint([run.of_joint(joint) for run in runs], start, tolerance=tolerance)
             for joint, start in enumerate(starts)
         ]
         starts = [estimate.drive for estimate in estimates]
-        drives = np.array(starts)
-        trajectories = [
-            _simulated(load, drives, motion) for motion, load in zip(motions, loads, strict=True)
-        ]
-        loads = _loads(motions, robot, trajectories)
+        simulated = [run.trajectory(np.array(starts)) for run in runs]
+        # Where a simulation runs away the load stays that of the motion before.
+        for k, there in enumerate(simulated):
+            if np.isfinite(there).all() and np.abs(there[0]).max() < LARGEST_ANGLE:
+                runs[k] = motions[k].with_load(robot, there)
     if len(robot.joints) > 1:
-        estimates, loads = fit_robot(motions, loads, robot, estimates)
-    return [(_runs(motions, loads, joint), estimate) for joint, estimate in enumerate(estimates)]
+        estimates, runs = fit_robot(motions, runs, robot, estimates)
+    return [
+        ([run.of_joint(joint) for run in runs], estimate)
+        for joint, estimate in enumerate(estimates)
+    ]
 
 
-def _loads(
+def _runs(
     motions: Sequence[Motion], robot: RobotModel, trajectories: Sequence[Trajectory]
-) -> list[RigidLoad]:
-    """What the rigid bodies ask along these trajectories."""
-    return [
-        RigidLoad.along(motion.robot or robot, trajectory)
-        for motion, trajectory in zip(motions, trajectories, strict=True)
-    ]
-
-
-def _simulated(load: RigidLoad, drives: FloatArray, motion: Motion) -> Trajectory:
-    """Motion of all joints; that along which the load is where the simulation runs away."""
-    simulated = load.simulated(drives, motion)
-    if np.isfinite(simulated).all() and np.abs(simulated[0]).max() < LARGEST_ANGLE:
-        return simulated
-    return load.trajectory
-
-
-def _runs(motions: Sequence[Motion], loads: Sequence[RigidLoad], joint: int) -> list[Run]:
-    """Commands, positions and loads of a joint in all motions."""
-    return [
-        Run(
-            motion.rate,
-            np.ascontiguousarray(motion.command[:, joint]),
-            np.ascontiguousarray(motion.position[:, joint]),
-            motion.valid[:, joint],
-            load.of_joint(joint),
-            motion.gain,
-        )
-        for motion, load in zip(motions, loads, strict=True)
-    ]
+) -> list[RobotRun]:
+    """Motions with what the rigid bodies ask along these trajectories."""
+    pairs = zip(motions, trajectories, strict=True)
+    return [motion.with_load(robot, trajectory) for motion, trajectory in pairs]
 
 
 def fit_joint(

@@ -61,6 +61,10 @@ class JointTransform:
         """Positions (n_samples, n_joints) of the joints, rad or m."""
         return _transformed(recorded, self.to_joint, self.offset)
 
+    def velocity(self, recorded: FloatArray) -> FloatArray:
+        """Speeds (n_samples, n_joints) of the joints, rad/s or m/s."""
+        return _transformed(recorded, self.to_joint, np.zeros(len(self.offset)))
+
     def torque(self, recorded: FloatArray) -> FloatArray:
         """Torques (n_samples, n_joints) on the joints, N m or N."""
         return _transformed(recorded, self.to_torque, np.zeros(len(self.offset)))
@@ -98,7 +102,6 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     """
     robot = configuration.robot
     transform = joint_transform(configuration)
-    to_joint, joints = transform.to_joint, len(robot.joints)
     position = transform.position(recording.position.values)
     reference, unasked = joint_reference(recording, configuration)
     if configuration.signals.effort_topic is None:
@@ -112,12 +115,11 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     invented = transform.touched(recording.position.invented, recording.effort.invented)
     measured = velocity = None
     if recording.velocity is not None:
-        measured = _transformed(recording.velocity.values, to_joint, np.zeros(joints))
+        measured = transform.velocity(recording.velocity.values)
     if unasked is not None:
         invented |= unasked
     if recording.velocity_reference is not None and configuration.signals.effort_topic is not None:
-        values = recording.velocity_reference.values
-        velocity = _transformed(values, to_joint, np.zeros(joints))
+        velocity = transform.velocity(recording.velocity_reference.values)
     link = recording.link_position
     return JointSignals(
         name=name,

@@ -1,23 +1,21 @@
 """A robot with effects as the plant, arrays and control loop that compiled code works on."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idim_iv_ros.effects.contribution import (
     STATES,
-    CommandDelay,
     Contribution,
     CouplingTerm,
     DriveCurve,
     EncoderError,
-    LawChange,
     Load,
     ShaftPart,
     TorqueTerm,
-    reference_direction,
 )
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.model.parameters import DynamicParameters
@@ -25,7 +23,7 @@ from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL, Effects, Rows
 from idim_iv_ros.simulation.effects import JointEffect
 from idim_iv_ros.simulation.plant import Plant, plant
-from idim_iv_ros.simulation.shaft import Shaft, fastest_shaft, joined_shafts, split_drives
+from idim_iv_ros.simulation.shaft import fastest_shaft, joined_shafts, split_drives
 from idim_iv_ros.types import FloatArray, IntArray
 
 # A step is at most this over the pulsation of the fastest shaft, rad.
@@ -68,15 +66,6 @@ def contributions_of(effects: Sequence[JointEffect], coulomb: FloatArray) -> Joi
     )
 
 
-class AffectedRobot(NamedTuple):
-    """Plant of N coordinates with its effects, and the longest step that resolves its shafts, s."""
-
-    plant: Plant
-    effects: Effects
-    shafts: tuple[Shaft, ...]
-    longest_step: float
-
-
 def affected_robot(
     robot: RobotModel,
     parameters: DynamicParameters,
@@ -84,8 +73,11 @@ def affected_robot(
     *,
     start_time: float,
     position: FloatArray,
-) -> AffectedRobot:
+) -> tuple[Plant, Effects, dict[int, ShaftPart], float]:
     """Shape a robot, its parameters and what effects add to it for simulation.
+
+    Returns the plant of N coordinates with its effects, its shafts, and the longest step that
+    resolves these, s.
 
     Friction of a joint with friction effects may be negative in `parameters`: only the sum with
     the effects is kept from driving. `position` (n_joints,) is where backlash is given its
@@ -94,13 +86,13 @@ def affected_robot(
     Raises UsageError: a shaft where the drive inertia is not known (see `shaft.split_drives`).
     """
     shafts = joined_shafts(added.of(ShaftPart))
-    parameters = split_drives(robot, parameters, [shaft.joint for shaft in shafts])
+    parameters = split_drives(robot, parameters, shafts)
     shafts, pulsation = fastest_shaft(robot, parameters, shafts, position)
     base, place = plant(robot, parameters), np.argsort(robot.order)
     friction = parameters.coulomb, parameters.viscous
     changing, effects = affected_plant(base, friction, added, place, shafts, start_time)
     longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
-    return AffectedRobot(changing, effects, shafts, float(longest))
+    return changing, effects, shafts, float(longest)
 
 
 def affected_plant(
@@ -108,7 +100,7 @@ def affected_plant(
     friction: tuple[FloatArray, FloatArray],
     added: JointContributions,
     place: IntArray,
-    shafts: Sequence[Shaft],
+    shafts: Mapping[int, ShaftPart],
     start_time: float,
 ) -> tuple[Plant, Effects]:
     """Return the plant whose friction is that of the instant, and the effects that change it.
@@ -118,49 +110,44 @@ def affected_plant(
     the joints in the plant.
     """
     coulomb, viscous = friction
-    n, extra = len(base.offset), len(shafts)
+    n, couplings = len(base.offset), len(added.couplings)
     dry, dissipative = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    level, damping = base.level.copy(), base.damping.copy()
+    grown = _grown(base, added, place, len(shafts))
+    level = grown.level.copy()
     for joint, term in added.of(TorqueTerm):
         if term.friction:
             i = place[joint]
             dissipative[i] = True
             level[i] = coulomb[joint]
-            damping[i, i] = viscous[joint]
+            grown.damping[i, i] = viscous[joint]
             dry[i] |= term.dry
-    model = _grown(base, level.copy(), damping, extra)
+    without_couplings = np.arange(len(level)) < len(level) - couplings
+    model_level = np.where(without_couplings, level, 0.0)
     for joint, term in added.of(TorqueTerm):
         level[place[joint]] -= term.replaced
     # Where bristles are all of the friction nothing sticks: they hold by themselves.
     dry |= level[:n] > STICKS * base.level[:n]
     level[:n] = np.where(dry, level[:n], 0.0)
-    grown = _coupled(_grown(base, level, damping, extra), added, place)
     # The plant's own level and damping are those of the instant.
-    current = grown.level.copy()
+    current = level.copy()
     current[:n] = np.where(dry, np.maximum(current[:n], LEAST_LEVEL), 0.0)
     changing = grown._replace(level=current, damping=grown.damping.copy())
-    couplings = len(added.couplings)
-    unchanged = grown.level.copy()
-    unchanged[len(unchanged) - couplings :] = 0.0
     link = np.arange(n)
-    for k, shaft in enumerate(shafts):
-        link[place[shaft.joint]] = n + k
+    link[place[list(shafts)]] = n + np.arange(len(shafts))
+    numbers = [(shaft.gap, shaft.stiffness, shaft.damping) for shaft in shafts.values()]
     return changing, Effects(
-        rows=effect_rows(added, place, first_coupling=len(unchanged) - couplings),
-        level=unchanged,
+        rows=effect_rows(added, place, first_coupling=len(level) - couplings),
+        level=np.where(without_couplings, level, 0.0),
         damping=grown.damping,
-        model_level=np.pad(model.level, (0, couplings)),
-        model_damping=model.damping,
-        dry=np.concatenate([dry, grown.level[n:] > 0.0]),
+        model_level=model_level,
+        dry=np.concatenate([dry, level[n:] > 0.0]),
         dissipative=dissipative,
         start_time=float(start_time),
         link=link,
-        shaft_joint=np.array([place[shaft.joint] for shaft in shafts], dtype=np.int64),
-        shaft_gap=np.array([shaft.gap for shaft in shafts], dtype=float),
-        shaft_stiffness=np.array([shaft.stiffness for shaft in shafts], dtype=float),
-        shaft_damping=np.array([shaft.damping for shaft in shafts], dtype=float),
-        force=np.zeros(n + extra),
-        stiffness=np.zeros((n + extra, n + extra)),
+        shaft_joint=place[list(shafts)],
+        shaft=np.array(numbers, dtype=float).reshape(-1, 3),
+        force=np.zeros(len(grown.offset)),
+        stiffness=np.zeros_like(grown.damping),
         link_q=np.zeros(n),
         link_speed=np.zeros(n),
         rest=np.zeros(n),
@@ -210,71 +197,30 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     )
 
 
-def _grown(base: Plant, level: FloatArray, damping: FloatArray, extra: int) -> Plant:
-    """Room for the links behind shafts: a contact without friction for each coordinate."""
+def _grown(base: Plant, added: JointContributions, place: IntArray, links: int) -> Plant:
+    """Room for links behind shafts and for couplings: a contact for each of them.
+
+    Those of links are without friction.
+    """
     n = len(base.offset)
+    pairs = np.array([[a, b] for a, b, _ in added.couplings], dtype=np.int64).reshape(-1, 2)
+    terms = [term for _, _, term in added.couplings]
 
-    def square(matrix: FloatArray) -> FloatArray:
-        return np.pad(matrix, ((0, extra), (0, extra)))
-
-    def with_links(values: FloatArray, links: FloatArray) -> FloatArray:
-        return np.concatenate([values[:n], links, values[n:]])
+    def contacts(values: NDArray[Any], of_links: Any, of_couplings: Any) -> NDArray[Any]:
+        parts = (values[:n], of_links, values[n:], of_couplings)
+        return np.concatenate([np.asarray(part, dtype=values.dtype) for part in parts])
 
     return base._replace(
-        drive_inertia=square(base.drive_inertia),
-        damping=square(damping),
-        offset=np.pad(base.offset, (0, extra)),
-        level=with_links(level, np.zeros(extra)),
-        first=np.concatenate([base.first[:n], np.arange(n, n + extra), base.first[n:]]),
-        second=np.concatenate([base.second[:n], np.full(extra, -1), base.second[n:]]),
-        direction=with_links(base.direction, np.ones(extra)),
+        drive_inertia=np.pad(base.drive_inertia, (0, links)),
+        damping=np.pad(base.damping, (0, links)),
+        offset=np.pad(base.offset, (0, links)),
+        level=contacts(
+            base.level, np.zeros(links), [LEAST_LEVEL if term.dry else 0.0 for term in terms]
+        ),
+        first=contacts(base.first, np.arange(n, n + links), place[pairs[:, 0]]),
+        second=contacts(base.second, np.full(links, -1), place[pairs[:, 1]]),
+        direction=contacts(base.direction, np.ones(links), [term.direction for term in terms]),
     )
-
-
-def _coupled(grown: Plant, added: JointContributions, place: IntArray) -> Plant:
-    """Add a contact for each coupling of two joints."""
-    if not added.couplings:
-        return grown
-    first, second, terms = zip(*added.couplings, strict=True)
-    return grown._replace(
-        level=np.append(grown.level, [LEAST_LEVEL if term.dry else 0.0 for term in terms]),
-        first=np.append(grown.first, place[list(first)]),
-        second=np.append(grown.second, place[list(second)]),
-        direction=np.append(grown.direction, [term.direction for term in terms]),
-    )
-
-
-class LawParts(NamedTuple):
-    """Torque gains (n_joints,), feedforward (n_samples, n_joints), delay and lag (n_joints,) s."""
-
-    kp: FloatArray
-    kd: FloatArray
-    ki: FloatArray
-    feedforward: FloatArray
-    delay: FloatArray
-    lag: FloatArray
-
-
-def changed_law(
-    law: LawParts, added: JointContributions, velocity_reference: FloatArray, rate: float
-) -> LawParts:
-    """Put the robot's law in the place of that of the configuration, and delay its command."""
-    changed = LawParts(*(part.copy() for part in law))
-    for j, delay in added.of(CommandDelay):
-        changed.delay[j] += delay.seconds
-    for j, change in added.of(LawChange):
-        for name in ("kp", "kd", "ki"):
-            gain = getattr(change, name)
-            if not np.isnan(gain):
-                getattr(changed, name)[j] = gain
-        speed = velocity_reference[:, j]
-        changed.feedforward[:, j] += change.feedforward_velocity * speed
-        changed.feedforward[:, j] += change.feedforward_friction * reference_direction(speed)
-        if len(speed) > 1:
-            acceleration = np.gradient(speed, 1.0 / rate)
-            changed.feedforward[:, j] += change.feedforward_acceleration * acceleration
-        changed.lag[j] = change.lag
-    return changed
 
 
 def encoder_error(added: JointContributions, position: FloatArray) -> tuple[FloatArray, FloatArray]:

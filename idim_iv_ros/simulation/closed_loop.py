@@ -6,14 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idim_iv_ros.effects.contribution import (
+    CommandDelay,
+    LawChange,
+    ShaftPart,
+    reference_direction,
+)
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation.affected_robot import (
     JointContributions,
-    LawParts,
     affected_robot,
-    changed_law,
     contributions_of,
     encoder_error,
     true_state,
@@ -26,11 +31,10 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
     Trace,
     run_closed_loop,
 )
-from idim_iv_ros.simulation.controller import ControlLaw
 from idim_iv_ros.simulation.effect_kernel import Effects
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
-from idim_iv_ros.simulation.shaft import Shaft, link_positions
+from idim_iv_ros.simulation.shaft import link_positions
 from idim_iv_ros.types import FloatArray
 
 # Longest plant step when the caller gives none, s.
@@ -115,15 +119,16 @@ def simulate_closed_loop(
     present = contributions_of(joint_effects(effects or (), robot.joints), parameters.coulomb)
     q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
     arrays: Effects | None = None
-    shafts: tuple[Shaft, ...] = ()
+    shafts: dict[int, ShaftPart] = {}
     if present.items:
         q, dq = true_state(present, q, dq)
-        affected = affected_robot(robot, parameters, present, start_time=start_time, position=q)
-        dynamics, arrays, shafts = affected.plant, affected.effects, affected.shafts
-        step = min(step, affected.longest_step)
+        dynamics, arrays, shafts, longest = affected_robot(
+            robot, parameters, present, start_time=start_time, position=q
+        )
+        step = min(step, longest)
     else:
         dynamics = plant(robot, parameters)
-    behind = [shaft.joint for shaft in shafts]
+    behind = list(shafts)
     loop = sampled_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
@@ -168,37 +173,54 @@ def sampled_loop(
     plant_step: float,
 ) -> Loop:
     """Return the law with what effects change of it, references and instants, in tree order."""
-
-    def tree(values: FloatArray) -> FloatArray:
-        return np.ascontiguousarray(np.asarray(values, dtype=float)[..., robot.order])
-
-    samples, joints = position_reference.shape
-    speed = np.zeros_like(position_reference)
-    if law.uses_velocity_reference or added.items:
+    speed: FloatArray = np.zeros_like(position_reference)
+    if law.velocity_reference or added.items:
         if velocity_reference is not None:
             speed = np.asarray(velocity_reference, dtype=float)
-        elif samples > 1:
+        elif len(speed) > 1:
             speed = np.gradient(position_reference, 1.0 / rate, axis=0)
-    feedforward = np.zeros_like(speed) if law.feedforward is None else law.feedforward
-    undelayed = np.zeros(joints)
-    configured = LawParts(*law.torque_gains, feedforward, law.delay + undelayed, undelayed)
-    parts = changed_law(configured, added, speed, rate)
-    return Loop(
-        kp=tree(parts.kp),
-        kd=tree(parts.kd),
-        ki=tree(parts.ki),
-        limit=tree(law.torque_limit),
-        position=tree(position_reference),
-        velocity=tree(speed if law.uses_velocity_reference else np.zeros_like(speed)),
-        feedforward=tree(parts.feedforward),
-        disturbance=tree(np.zeros_like(speed) if disturbance is None else disturbance),
+    none, undelayed = np.zeros_like(speed), np.zeros(len(robot.joints))
+    loop = Loop(
+        kp=law.kp.copy(),
+        kd=law.kd.copy(),
+        ki=law.ki.copy(),
+        limit=law.torque_limit,
+        position=position_reference,
+        velocity=speed if law.velocity_reference else none,
+        feedforward=none.copy() if law.feedforward is None else law.feedforward.copy(),
+        disturbance=none if disturbance is None else disturbance,
         rate=float(rate),
         period=float(1.0 / rate if law.period is None else law.period),
-        delay=tree(parts.delay),
-        lag=tree(parts.lag),
+        delay=law.delay + undelayed,
+        lag=undelayed,
         plant_step=float(plant_step),
         speed_factor=0.0 if law.speed_factor is None else float(law.speed_factor),
     )
+    _change(loop, added, speed)
+    return Loop._make(
+        np.ascontiguousarray(part[..., robot.order], dtype=float)
+        if isinstance(part, np.ndarray)
+        else part
+        for part in loop
+    )
+
+
+def _change(loop: Loop, added: JointContributions, speed: FloatArray) -> None:
+    """Put the robot's law in the place of that of the configuration, and delay its command."""
+    for j, delay in added.of(CommandDelay):
+        loop.delay[j] += delay.seconds
+    for j, change in added.of(LawChange):
+        for name in ("kp", "kd", "ki"):
+            gain = getattr(change, name)
+            if not np.isnan(gain):
+                getattr(loop, name)[j] = gain
+        of_joint = speed[:, j]
+        loop.feedforward[:, j] += change.feedforward_velocity * of_joint
+        loop.feedforward[:, j] += change.feedforward_friction * reference_direction(of_joint)
+        if len(speed) > 1:
+            acceleration = np.gradient(of_joint, 1.0 / loop.rate)
+            loop.feedforward[:, j] += change.feedforward_acceleration * acceleration
+        loop.lag[j] = change.lag
 
 
 def _result(

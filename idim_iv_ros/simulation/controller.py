@@ -1,15 +1,16 @@
 """Control laws of the recorded robot: as configured, or fitted to its logged signals."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ControllerSection
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.signals import JointSignals
 from idim_iv_ros.types import FloatArray
 
 # Always in the law; the others enter only where they lower the residual's energy by this share.
@@ -19,57 +20,6 @@ CLEAR_IMPROVEMENT = 0.2
 # The worst ratio of the law's unit-scaled columns' singular values that a term may cause.
 COLLINEAR = 1e-3
 LONGEST_DELAY = 3  # samples from the errors to the torque that are tried
-
-
-@dataclass(frozen=True)
-class ControlLaw:
-    """Sampled control law with zero-order hold, all values on the joint side.
-
-    ``pd``: τ = kp e + kd (dq_ref − dq) + ki ∫e + feedforward, e = q_ref − q; without
-    `velocity_reference` the kd term acts on −dq. ``cascade``: τ = drive_gain · kv (kp e − dq) +
-    feedforward.
-    """
-
-    type: Literal["pd", "cascade"]
-    # kp, kd, ki, kv, drive_gain: (n_joints,): those that a law does not have are zero (drive_gain:
-    # one)
-    kp: FloatArray
-    kd: FloatArray
-    ki: FloatArray
-    kv: FloatArray
-    drive_gain: FloatArray
-    velocity_reference: bool  # Whether dq_ref enters a pd law
-    # (n_joints,) N m (N); infinite where there is none. The integral stands still in saturation.
-    torque_limit: FloatArray
-    period: float | None  # Of the control, s; None: one sample of the references
-    delay: float  # From the command to the torque on the joint, s
-    # (n_samples, n_joints) or None: torque added to the command, sampled like the references
-    feedforward: FloatArray | None = None
-    # Of the first-order filter through which the law sees backward differences of the position over
-    # its period, v ← v + factor (Δq / period − v); 1 is no filter. None: the exact speed.
-    speed_factor: float | None = None
-
-    @property
-    def torque_gains(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gains (n_joints,) from position error, velocity error and its integral to torque."""
-        if self.type == "pd":
-            return self.kp, self.kd, self.ki
-        velocity_gain = self.drive_gain * self.kv
-        return velocity_gain * self.kp, velocity_gain, np.zeros_like(self.kp)
-
-    @property
-    def uses_velocity_reference(self) -> bool:
-        """Whether the reference velocity enters the command."""
-        return self.type == "pd" and self.velocity_reference
-
-    def scaled(self, factor: FloatArray) -> "ControlLaw":
-        """Multiply the torque gains by (n_joints,) factors (gain update of IDIM-IV).
-
-        A loop whose inertia was guessed `factor` times the actual one keeps its bandwidth.
-        """
-        if self.type == "cascade":
-            return replace(self, drive_gain=self.drive_gain * factor)
-        return replace(self, kp=self.kp * factor, kd=self.kd * factor, ki=self.ki * factor)
 
 
 def factor_of_lateness(lateness: float, period: float) -> float | None:
@@ -98,9 +48,7 @@ def control_period(section: ControllerSection, rates: Iterable[float]) -> float:
     return section.period if section.period is not None else 1.0 / max(rates)
 
 
-def control_law(
-    section: ControllerSection, n_joints: int, *, feedforward: FloatArray | None = None
-) -> ControlLaw:
+def control_law(section: ControllerSection, n_joints: int) -> ControlLaw:
     """Build the law that a configuration describes.
 
     Raises UsageError: the configuration says that the law is unknown; it must be fitted
@@ -112,18 +60,19 @@ def control_law(
     def values(given: Sequence[float] | None, default: float) -> FloatArray:
         return np.full(n_joints, default) if given is None else np.asarray(given, dtype=float)
 
+    kp, kd = values(section.kp, 0.0), values(section.kd, 0.0)
+    cascade = section.type == "cascade"
+    if cascade:
+        kd = values(section.drive_gain, 1.0) * values(section.kv, 0.0)
+        kp = kd * kp
     return ControlLaw(
-        type=section.type,
-        kp=values(section.kp, 0.0),
-        kd=values(section.kd, 0.0),
+        kp=kp,
+        kd=kd,
         ki=values(section.ki, 0.0),
-        kv=values(section.kv, 0.0),
-        drive_gain=values(section.drive_gain, 1.0),
-        velocity_reference=section.velocity_reference,
+        velocity_reference=section.velocity_reference and not cascade,
         torque_limit=values(section.torque_limit, np.inf),
         period=section.period,
         delay=section.delay,
-        feedforward=feedforward,
     )
 
 
@@ -161,14 +110,8 @@ class ControllerFit:
         delay = f", delay {self.delay} samples" if self.delay else ""
         return f"fitted law {', '.join(parts)}{delay}; R² = {self.r_squared[joint]:.3f}"
 
-    def law(
-        self,
-        position_reference: FloatArray,
-        velocity_reference: FloatArray | None = None,
-        *,
-        torque_limit: Sequence[float] | None = None,
-    ) -> ControlLaw:
-        """Law that follows a reference (n_samples, n_joints), sampled at `rate`.
+    def law(self, signals: JointSignals, torque_limit: Sequence[float] | None = None) -> ControlLaw:
+        """Law that follows the references of signals, sampled at `rate`.
 
         Raises ValueError: a position or velocity gain is not positive: nothing that can be
         simulated.
@@ -176,22 +119,18 @@ class ControllerFit:
         kp, kd = self.gain("kp"), self.gain("kd")
         if np.any(kp <= 0.0) or np.any(kd < 0.0):
             raise ValueError("the fitted law has a negative gain")
-        velocity, acceleration = _derivatives(position_reference, velocity_reference, self.rate)
+        velocity, acceleration = _reference_derivatives(signals)
         feedforward = (
             self.gain("bias")
             + self.gain("reference_velocity") * velocity
             + self.gain("reference_acceleration") * acceleration
             + self.gain("reference_direction") * np.sign(velocity)
         )
-        joints = len(kp)
-        limit = np.full(joints, np.inf) if torque_limit is None else np.asarray(torque_limit)
+        limit = np.full(len(kp), np.inf) if torque_limit is None else np.asarray(torque_limit)
         return ControlLaw(
-            type="pd",
             kp=kp,
             kd=kd,
             ki=self.gain("ki"),
-            kv=np.zeros(joints),
-            drive_gain=np.ones(joints),
             velocity_reference=True,
             torque_limit=np.asarray(limit, dtype=float),
             period=None,
@@ -201,35 +140,32 @@ class ControllerFit:
 
 
 def fit_controller(
-    rate: float,
-    position: FloatArray,
-    velocity: FloatArray | None,
-    torque: FloatArray,
-    position_reference: FloatArray,
-    velocity_reference: FloatArray | None = None,
+    signals: JointSignals,
     *,
     cutoff: float | None = None,
     torque_limit: Sequence[float] | None = None,
 ) -> ControllerFit:
     """Regress the logged torque on what a control law can be made of.
 
-    - `rate`: Hz
-    - `position`, `velocity`, `torque`, `position_reference`, `velocity_reference`: (n_samples,
-      n_joints) on the joint side; velocities that are missing are central differences
+    - `signals`: with a reference; velocities that are missing are central differences
     - `cutoff`: zero-phase low-pass (Butterworth, order 4) of all signals, Hz. Default: a tenth of
       the rate. Noise of the measured errors biases the gains towards zero.
     - `torque_limit`: (n_joints,) Samples at the limit do not follow the law and are left out
     """
+    rate, position, torque = signals.rate, signals.position, signals.torque
+    assert signals.position_reference is not None
     cutoff = rate / 10.0 if cutoff is None else cutoff
     sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")
 
     def smooth(signal: FloatArray) -> FloatArray:
         return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=0))
 
-    dq = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
-    reference_dq, reference_ddq = _derivatives(position_reference, velocity_reference, rate)
-    error = position_reference - position
-    signals = {
+    dq = signals.velocity
+    if dq is None:
+        dq = np.gradient(position, 1.0 / rate, axis=0)
+    reference_dq, reference_ddq = _reference_derivatives(signals)
+    error = signals.position_reference - position
+    columns = {
         "kp": smooth(error),
         "kd": smooth(reference_dq - dq),
         "bias": np.ones_like(position),
@@ -239,7 +175,7 @@ def fit_controller(
         "reference_direction": smooth(np.sign(reference_dq)),
     }
     terms = (*LAW, *CANDIDATES)
-    stack = np.stack([signals[term] for term in terms], axis=2)
+    stack = np.stack([columns[term] for term in terms], axis=2)
     target = smooth(torque)
     edge = min(int(np.ceil(2.0 * rate / cutoff)), len(position) // 10) + LONGEST_DELAY
     inside = np.zeros(len(position), dtype=bool)
@@ -255,11 +191,13 @@ def fit_controller(
     return ControllerFit(terms, gains, std, included, r_squared, delay, rate, cutoff)
 
 
-def _derivatives(
-    position: FloatArray, velocity: FloatArray | None, rate: float
-) -> tuple[FloatArray, FloatArray]:
-    velocity = np.gradient(position, 1.0 / rate, axis=0) if velocity is None else velocity
-    return velocity, np.asarray(np.gradient(velocity, 1.0 / rate, axis=0))
+def _reference_derivatives(signals: JointSignals) -> tuple[FloatArray, FloatArray]:
+    """Speed and acceleration (n_samples, n_joints) of the references."""
+    assert signals.position_reference is not None
+    step, velocity = 1.0 / signals.rate, signals.velocity_reference
+    if velocity is None:
+        velocity = np.gradient(signals.position_reference, step, axis=0)
+    return velocity, np.asarray(np.gradient(velocity, step, axis=0))
 
 
 def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_]) -> int:

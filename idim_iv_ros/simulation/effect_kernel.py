@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.compilation import dispatcher, kernel
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load, Torque
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
+from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -55,19 +56,13 @@ class Effects(NamedTuple):
     # (n_contacts,): dry friction without effects, less what they take the place of
     level: FloatArray
     damping: FloatArray  # (N, N): viscous friction without effects
-    # model_level, model_damping: (n_contacts,), (N, N): dry and viscous friction of the model,
-    # before effects take the place of a part
-    model_level: FloatArray
-    model_damping: FloatArray
+    model_level: FloatArray  # (n_contacts,): dry friction of the model, all of it
     dry: NDArray[np.bool_]  # (n_contacts,): joints and couplings with dry friction at any time
     dissipative: NDArray[np.bool_]  # (n,): joints whose friction is kept from driving
     start_time: float  # s since the start of the session
     link: IntArray  # (n,): coordinate of each link
-    # shaft_joint, shaft_gap, shaft_stiffness, shaft_damping: (N - n,)
-    shaft_joint: IntArray
-    shaft_gap: FloatArray
-    shaft_stiffness: FloatArray
-    shaft_damping: FloatArray
+    shaft_joint: IntArray  # (N - n,)
+    shaft: FloatArray  # (N - n, 3): gap, stiffness and damping of each
     # force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured:
     # Written by compiled code. load, static, inertial (n,): torque of the links, the same without
     # accelerations, and of the drives' inertia.
@@ -130,26 +125,6 @@ def states_turn(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> boo
 
 
 @kernel
-def torque_at(
-    rows: Rows,
-    row: int,
-    time: float,
-    elapsed: float,
-    position: float,
-    slip: float,
-    direction: float,
-    load: float,
-    velocity: float,
-    step: float,
-) -> Torque:
-    """Torque of one term; `slip` is the speed with its sign, the rest as in `Instant`."""
-    speed = max(direction * slip, 0.0)
-    at = Instant(time, elapsed, position, speed, direction, load, velocity, step)
-    torque: Torque = _torque(rows.kind[row], rows.value[row], at, rows.state[row])
-    return torque
-
-
-@kernel
 def effect_torques(
     plant: Plant,
     effects: Effects,
@@ -176,10 +151,7 @@ def effect_torques(
     rows, n = effects.rows, effects.link.shape[0]
     for t in range(rows.state.shape[0]):
         c = rows.joint[t]
-        if c >= n:
-            w = speed[plant.first[c]] + plant.direction[c] * speed[plant.second[c]]
-        else:
-            w = speed[c]
+        w = slip(plant.first, plant.second, plant.direction, c, speed)
         if effects.dry[c] and (mode[c] != 0 or c >= n):
             sign = float(mode[c])
         elif effects.dry[c]:
@@ -194,7 +166,8 @@ def effect_torques(
             elif rows.load[t] == Load.MOTOR:
                 load += _drive_torque(plant, effects, c, sign, speed, mode, holding)
         now = effects.start_time + time
-        torque = torque_at(rows, t, now, time, position, w, sign, load, velocity, step)
+        at = Instant(now, time, position, max(sign * w, 0.0), sign, load, velocity, step)
+        torque: Torque = _torque(rows.kind[t], rows.value[t], at, rows.state[t])
         plant.level[c] += torque.level
         if c < n:
             plant.damping[c, c] += torque.damping
@@ -233,7 +206,7 @@ def _drive_torque(
     """
     total: float = plant.offset[joint] + effects.inertial[joint] + sign * effects.model_level[joint]
     for j in range(speed.shape[0]):
-        total += effects.model_damping[joint, j] * speed[j]
+        total += effects.damping[joint, j] * speed[j]
     for c in range(speed.shape[0], mode.shape[0]):
         level = effects.model_level[c]
         friction = mode[c] * level if mode[c] != 0 else min(max(holding[c], -level), level)
@@ -249,11 +222,7 @@ def _twist(plant: Plant, effects: Effects, k: int, q: FloatArray, dq: FloatArray
     """Torque of one shaft on its motor and its link; flanks only push."""
     motor, link = effects.shaft_joint[k], effects.link.shape[0] + k
     twist, rate = q[motor] - q[link], dq[motor] - dq[link]
-    half, stiffness, damping = (
-        0.5 * effects.shaft_gap[k],
-        effects.shaft_stiffness[k],
-        effects.shaft_damping[k],
-    )
+    half, stiffness, damping = 0.5 * effects.shaft[k, 0], effects.shaft[k, 1], effects.shaft[k, 2]
     if half > 0.0:
         side = 1.0 if twist > 0.0 else -1.0
         twist -= side * half

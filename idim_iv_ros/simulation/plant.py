@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.model.link_motion import empty_motion, link_frames
+from idim_iv_ros.model.link_motion import LinkFrames, LinkMotion, empty_motion, link_frames
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -14,15 +14,8 @@ from idim_iv_ros.types import FloatArray, IntArray
 class Plant(NamedTuple):
     """Kinematic tree with linear dynamic parameters and friction, joints in tree order."""
 
-    # parent, revolute: (n + 1,): row 0 is the base
-    parent: IntArray
-    revolute: NDArray[np.bool_]
-    # rotation, translation: (n + 1, 3, 3), (n + 1, 3): constant placement of each joint frame in
-    # its parent's; its z is the joint's axis
-    rotation: FloatArray
-    translation: FloatArray
+    frames: LinkFrames  # Each joint moves along or about the z of its own
     inertial: FloatArray  # (n + 1, 10): M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ in that frame
-    gravity: FloatArray  # (3,)
     # drive_inertia, damping: (n, n): with the couplings off the diagonal
     drive_inertia: FloatArray
     damping: FloatArray
@@ -36,14 +29,9 @@ class Plant(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Arrays that compiled code writes to: those of `LinkMotion` first, then its own."""
+    """Arrays that compiled code writes to."""
 
-    rotation: FloatArray
-    translation: FloatArray
-    spin: FloatArray
-    spin_rate: FloatArray
-    gradient: FloatArray
-    acceleration: FloatArray
+    motion: LinkMotion
     wrench: FloatArray
     composite: FloatArray
     bias: FloatArray
@@ -119,7 +107,7 @@ def workspace(plant: Plant) -> Workspace:
     """Allocate the arrays for one plant."""
     n, contacts = len(plant.offset), len(plant.level)
     return Workspace(
-        *empty_motion(n),
+        motion=empty_motion(n),
         wrench=np.zeros((n + 1, 6)),
         composite=np.zeros((n + 1, 10)),
         bias=np.zeros(n),
@@ -157,12 +145,8 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
         damping[a, b] = damping[b, a] = coupling
         drive_inertia[a, b] = drive_inertia[b, a] = parameters.coupling_inertia[pair]
     return Plant(
-        parent=frames.parent,
-        revolute=frames.revolute,
-        rotation=frames.rotation,
-        translation=frames.translation,
+        frames=frames,
         inertial=inertial,
-        gravity=frames.gravity,
         drive_inertia=drive_inertia,
         damping=damping,
         offset=np.ascontiguousarray(parameters.offset[order], dtype=float),

@@ -48,7 +48,7 @@ def prepare(
     """
     dq = state.dq
     if effects is None:
-        place_links(plant, q, work)
+        place_links(plant.frames, q, work.motion)
         newton_euler(plant, predicted, state.rest, work, work.bias)
         composite_rigid_body(plant, work, work.mass)
         for i in range(q.shape[0]):
@@ -63,7 +63,7 @@ def prepare(
     for i in range(n):
         effects.link_q[i] = q[effects.link[i]]
         effects.link_speed[i] = predicted[effects.link[i]]
-    place_links(plant, effects.link_q, work)
+    place_links(plant.frames, effects.link_q, work.motion)
     newton_euler(plant, effects.link_speed, effects.rest, work, work.bias)
     composite_rigid_body(plant, work, effects.rigid_mass)
     for i in range(n):

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation.closed_loop import PLANT_STEP, ClosedLoopResult, simulate_closed_loop
-from idim_iv_ros.simulation.controller import ControlLaw
 from idim_iv_ros.simulation.effects import SimulatedEffect
 from idim_iv_ros.types import FloatArray
 
@@ -154,13 +154,7 @@ def _centred_mean(command: FloatArray, ratio: int) -> FloatArray:
     `command[i]` acts from control instant i to the next, and the first one before it, too. Half a
     period is ratio/2 control periods on either side.
     """
-    whole, half = ratio // 2, ratio % 2
-    padded = np.concatenate([np.repeat(command[:1], whole + 1, axis=0), command])
-    padded = np.concatenate([padded, np.repeat(command[-1:], whole + 1, axis=0)])
-    centres = np.arange(0, len(command), ratio) + whole + 1
-    total = np.zeros((len(centres), command.shape[1]))
-    for offset in range(-whole, whole):
-        total += padded[centres + offset]
-    if half:
-        total += 0.5 * (padded[centres - whole - 1] + padded[centres + whole])
-    return np.asarray(total / ratio)
+    even = ratio % 2 == 0
+    weights = np.ones(ratio) if even else np.concatenate([[0.5], np.ones(ratio - 1), [0.5]])
+    mean = scipy.ndimage.correlate1d(command, weights / ratio, axis=0, mode="nearest")
+    return np.asarray(mean[::ratio])

@@ -1,7 +1,5 @@
 """Instruments without a control law: the reference through a fitted closed-loop filter."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -16,20 +14,9 @@ FITTED_SHARE = 0.7
 FITTED_ROWS = 4000
 
 
-@dataclass(frozen=True)
-class ReferenceFilter:
-    """Positions that the closed loop would take without noise, fitted to the measured ones."""
-
-    position: FloatArray  # (n_samples, n_joints) rad or m
-    # (n_joints,): RMS of measured less filtered position on the last 30 % of the record, which the
-    # filter had not seen, rad or m
-    error: FloatArray
-    spread: FloatArray  # (n_joints,): standard deviation of the measured position there, rad or m
-
-
 def filter_reference(
     rate: float, position: FloatArray, position_reference: FloatArray
-) -> ReferenceFilter:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit, joint by joint, the filter from the references to the position.
 
     The tracking error is expanded in discrete Laguerre filters of the joint's own reference, of
@@ -40,6 +27,10 @@ def filter_reference(
 
     - `rate`: Hz
     - `position`, `position_reference`: (n_samples, n_joints) rad or m
+
+    Returns the positions (n_samples, n_joints) that the closed loop would take without noise, and
+    of each joint, on the last 30 % of the record, which the filter had not seen, the RMS of
+    measured less filtered position and the standard deviation of the measured one, rad or m.
     """
     error = position_reference - position
     samples, joints = error.shape
@@ -48,20 +39,20 @@ def filter_reference(
     split = int(FITTED_SHARE * len(some))
     signals = _signals(position_reference)
     energy = np.full(joints, np.inf)
-    chosen = [("", 0.0)] * joints
+    chosen = [(0, 0.0)] * joints
     for pole in POLES[rate / 4.0 > POLES]:
         columns = _columns(signals, _discrete(pole, rate), every)
         gram = columns[:split].T @ columns[:split]
         moments = columns[:split].T @ some[:split]
         for joint in range(joints):
-            for name, kept in _candidates(joint, joints).items():
+            for number, kept in enumerate(_candidates(joint, joints)):
                 solution = _solve(gram[np.ix_(kept, kept)], moments[kept, joint])
                 residual = some[split:, joint] - columns[split:, kept] @ solution
                 if residual @ residual < energy[joint]:
-                    energy[joint], chosen[joint] = residual @ residual, (name, float(pole))
+                    energy[joint], chosen[joint] = residual @ residual, (number, float(pole))
     explained = np.zeros_like(error)
-    for joint, (name, pole) in enumerate(chosen):
-        kept = _candidates(joint, joints)[name]
+    for joint, (number, pole) in enumerate(chosen):
+        kept = _candidates(joint, joints)[number]
         columns = _columns(signals, _discrete(pole, rate), every)[:, kept]
         weights = np.zeros(1 + ORDER * len(signals))
         weights[kept] = _solve(columns.T @ columns, columns.T @ some[:, joint])
@@ -69,7 +60,7 @@ def filter_reference(
     simulated = position_reference - explained
     missed = np.sqrt(energy / max(len(some) - split, 1))
     spread = np.std(position[::every][split:], axis=0)
-    return ReferenceFilter(simulated, missed, spread)
+    return simulated, missed, spread
 
 
 def _discrete(pole: float, rate: float) -> float:
@@ -83,25 +74,15 @@ def _signals(reference: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.hstack(kinds).T)
 
 
-def _candidates(joint: int, joints: int) -> dict[str, NDArray[np.int64]]:
-    """Columns of `_columns` that each set of inputs of a joint holds."""
+def _candidates(joint: int, joints: int) -> list[NDArray[np.int64]]:
+    """Columns of `_columns` that each set of inputs of a joint has: its own reference, those of all
+    joints, and these with their sines and cosines and its direction.
+    """
     position, velocity, sine, cosine, direction = np.arange(5 * joints).reshape(5, joints)
-    sets = {
-        "own reference": [position[[joint]], velocity[[joint]]],
-        "references of all joints": [position, velocity[[joint]]],
-        "references of all joints, their sines and cosines": [
-            position,
-            velocity[[joint]],
-            sine,
-            cosine,
-            direction[[joint]],
-        ],
-    }
-    columns = {}
-    for name, inputs in sets.items():
-        first = 1 + ORDER * np.concatenate(inputs)
-        columns[name] = np.concatenate([[0], (first[:, None] + np.arange(ORDER)).ravel()])
-    return columns
+    motion, waves = [position, velocity[[joint]]], [sine, cosine, direction[[joint]]]
+    sets = [[position[[joint]], velocity[[joint]]], motion, [*motion, *waves]]
+    firsts = [1 + ORDER * np.concatenate(inputs) for inputs in sets]
+    return [np.append(0, (first[:, None] + np.arange(ORDER)).ravel()) for first in firsts]
 
 
 def _columns(signals: FloatArray, pole: float, every: int) -> FloatArray:

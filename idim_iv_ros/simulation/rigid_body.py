@@ -24,6 +24,8 @@ from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_motion import move_links, place_links
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.simulation import dry_friction
+from idim_iv_ros.simulation.dry_friction import push, slip
 from idim_iv_ros.simulation.plant import Plant, Workspace, plant, workspace
 from idim_iv_ros.types import FloatArray
 
@@ -36,13 +38,13 @@ def newton_euler(
 
     Links must have been placed.
     """
-    n = dq.shape[0]
-    move_links(plant, dq, ddq, work)
+    n, motion = dq.shape[0], work.motion
+    move_links(plant.frames, dq, ddq, motion)
     for i in range(1, n + 1):
-        g, f = work.gradient[i], work.wrench[i]
-        a0, a1, a2 = work.acceleration[i, 0], work.acceleration[i, 1], work.acceleration[i, 2]
-        w0, w1, w2 = work.spin[i, 0], work.spin[i, 1], work.spin[i, 2]
-        d0, d1, d2 = work.spin_rate[i, 0], work.spin_rate[i, 1], work.spin_rate[i, 2]
+        g, f = motion.gradient[i], work.wrench[i]
+        a0, a1, a2 = motion.acceleration[i, 0], motion.acceleration[i, 1], motion.acceleration[i, 2]
+        w0, w1, w2 = motion.spin[i, 0], motion.spin[i, 1], motion.spin[i, 2]
+        d0, d1, d2 = motion.spin_rate[i, 0], motion.spin_rate[i, 1], motion.spin_rate[i, 2]
         m, x, y, z = (
             plant.inertial[i, 0],
             plant.inertial[i, 1],
@@ -61,10 +63,10 @@ def newton_euler(
         f[4] = xy * d0 + yy * d1 + yz * d2 + w2 * h0 - w0 * h2 + z * a0 - x * a2
         f[5] = xz * d0 + yz * d1 + zz * d2 + w0 * h1 - w1 * h0 + x * a1 - y * a0
     for i in range(n, 0, -1):
-        f, u = work.wrench[i], plant.parent[i]
-        torque[i - 1] = f[5] if plant.revolute[i] else f[2]
+        f, u = work.wrench[i], plant.frames.parent[i]
+        torque[i - 1] = f[5] if plant.frames.revolute[i] else f[2]
         if u > 0:
-            _carry(work.rotation[i], work.translation[i], f, work.wrench[u])
+            _carry(work.motion.rotation[i], work.motion.translation[i], f, work.wrench[u])
 
 
 @kernel
@@ -92,16 +94,16 @@ def composite_rigid_body(plant: Plant, work: Workspace, mass: FloatArray) -> Non
         for j in range(n):
             mass[i, j] = 0.0
     for i in range(n, 0, -1):
-        c, u = work.composite[i], plant.parent[i]
-        if plant.revolute[i]:
+        c, u = work.composite[i], plant.frames.parent[i]
+        if plant.frames.revolute[i]:
             f0, f1, f2, t0, t1, t2 = -c[2], c[1], 0.0, c[7], c[8], c[9]
             mass[i - 1, i - 1] = t2
         else:
             f0, f1, f2, t0, t1, t2 = 0.0, 0.0, c[0], c[2], -c[1], 0.0
             mass[i - 1, i - 1] = f2
         j = i
-        while plant.parent[j] > 0:
-            rot, p = work.rotation[j], work.translation[j]
+        while plant.frames.parent[j] > 0:
+            rot, p = work.motion.rotation[j], work.motion.translation[j]
             e0 = rot[0, 0] * f0 + rot[0, 1] * f1 + rot[0, 2] * f2
             e1 = rot[1, 0] * f0 + rot[1, 1] * f1 + rot[1, 2] * f2
             e2 = rot[2, 0] * f0 + rot[2, 1] * f1 + rot[2, 2] * f2
@@ -109,12 +111,12 @@ def composite_rigid_body(plant: Plant, work: Workspace, mass: FloatArray) -> Non
             s1 = rot[1, 0] * t0 + rot[1, 1] * t1 + rot[1, 2] * t2 + p[2] * e0 - p[0] * e2
             s2 = rot[2, 0] * t0 + rot[2, 1] * t1 + rot[2, 2] * t2 + p[0] * e1 - p[1] * e0
             f0, f1, f2, t0, t1, t2 = e0, e1, e2, s0, s1, s2
-            j = plant.parent[j]
-            entry = t2 if plant.revolute[j] else f2
+            j = plant.frames.parent[j]
+            entry = t2 if plant.frames.revolute[j] else f2
             mass[i - 1, j - 1] = entry
             mass[j - 1, i - 1] = entry
         if u > 0:
-            _join(work.rotation[i], work.translation[i], c, work.composite[u])
+            _join(work.motion.rotation[i], work.motion.translation[i], c, work.composite[u])
 
 
 @kernel
@@ -164,7 +166,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         _ = digest
         samples, n = q.shape
         for k in range(samples):
-            place_links(plant, q[k], work)
+            place_links(plant.frames, q[k], work.motion)
             newton_euler(plant, dq[k], ddq[k], work, torque[k])
             for i in range(n):
                 total = plant.offset[i]
@@ -172,18 +174,15 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                     total += plant.drive_inertia[i, j] * ddq[k, j] + plant.damping[i, j] * dq[k, j]
                 torque[k, i] += total
             for c in range(plant.level.shape[0]):
-                a, b = plant.first[c], plant.second[c]
-                speed = dq[k, a] + dq[k, b] if b >= 0 else dq[k, a]
+                speed = slip(plant.first, plant.second, plant.direction, c, dq[k])
                 friction = plant.level[c] * np.sign(speed)
-                torque[k, a] += friction
-                if b >= 0:
-                    torque[k, b] += friction
+                push(plant.first, plant.second, plant.direction, c, friction, torque[k])
 
     @entry
     def masses(plant: Plant, q: FloatArray, work: Workspace, mass: FloatArray) -> None:
         _ = digest
         for k in range(q.shape[0]):
-            place_links(plant, q[k], work)
+            place_links(plant.frames, q[k], work.motion)
             composite_rigid_body(plant, work, mass[k])
             for i in range(q.shape[1]):
                 for j in range(q.shape[1]):
@@ -192,7 +191,7 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
     return torques, masses
 
 
-_torques, _masses = _entries(source_digest(link_motion))
+_torques, _masses = _entries(source_digest(link_motion, dry_friction))
 
 
 def inverse_dynamics(

@@ -1,7 +1,7 @@
 """Joints whose motor and link are two masses: elastic shafts and backlash."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,31 +21,17 @@ FLANK_FREQUENCY, FLANK_DAMPING = 300.0, 0.3
 FASTEST = 2e4
 
 
-@dataclass(frozen=True)
-class Shaft:
-    """Between the motor and the link of one joint.
-
-    gap in rad (m): dead zone of ± gap/2; stiffness in N m/rad, damping in N m s/rad (NaN: from the
-    inertias).
-    """
-
-    joint: int
-    gap: float
-    stiffness: float
-    damping: float
-
-
-def joined_shafts(parts: Iterable[tuple[int, ShaftPart]]) -> tuple[Shaft, ...]:
-    """Shafts of the joints, made of their parts; with an elasticity, flanks of a gap are rigid."""
-    shafts: dict[int, Shaft] = {}
+def joined_shafts(parts: Iterable[tuple[int, ShaftPart]]) -> dict[int, ShaftPart]:
+    """Shafts by joint, made of their parts; with an elasticity, flanks of a gap are rigid."""
+    shafts: dict[int, ShaftPart] = {}
     for joint, part in sorted(parts, key=lambda item: not item[1].flanks):
         gap = part.gap + (shafts[joint].gap if joint in shafts else 0.0)
-        shafts[joint] = Shaft(joint, gap, part.stiffness, part.damping)
-    return tuple(shafts.values())
+        shafts[joint] = replace(part, gap=gap)
+    return shafts
 
 
 def split_drives(
-    robot: RobotModel, parameters: DynamicParameters, joints: Sequence[int]
+    robot: RobotModel, parameters: DynamicParameters, joints: Iterable[int]
 ) -> DynamicParameters:
     """Parameters with the same rigid dynamics whose drives have an inertia of their own.
 
@@ -97,7 +83,7 @@ def _link_share(robot: RobotModel, joint: int) -> FloatArray | None:
     return layout.dynamic_parameters(vector).inertial
 
 
-def completed_shaft(shaft: Shaft, reduced: float) -> tuple[Shaft, float]:
+def completed_shaft(shaft: ShaftPart, reduced: float) -> tuple[ShaftPart, float]:
     """Give a shaft the stiffness and damping that were not given; return its pulsation, rad/s, too.
 
     `reduced`: inertia of motor and link against each other, kg m² (kg).
@@ -113,31 +99,35 @@ def completed_shaft(shaft: Shaft, reduced: float) -> tuple[Shaft, float]:
 
 
 def fastest_shaft(
-    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
-) -> tuple[tuple[Shaft, ...], float]:
+    robot: RobotModel,
+    parameters: DynamicParameters,
+    shafts: Mapping[int, ShaftPart],
+    position: FloatArray,
+) -> tuple[dict[int, ShaftPart], float]:
     """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
 
     Pulsations are those of motor against link at `position` (n_joints,), all other joints free.
     """
     if not shafts:
-        return (), 0.0
-    joints = [shaft.joint for shaft in shafts]
+        return {}, 0.0
     behind = parameters.drive_inertia.copy()
-    behind[joints] = 0.0
+    behind[list(shafts)] = 0.0
     mass = mass_matrix(robot, replace(parameters, drive_inertia=behind), position[None])[0]
     mobility = np.diag(np.linalg.pinv(mass))
-    complete, fastest = [], 0.0
-    for shaft in shafts:
-        link = max(float(mobility[shaft.joint]), 0.0)
-        reduced = 1.0 / (1.0 / float(parameters.drive_inertia[shaft.joint]) + link)
-        shaft, pulsation = completed_shaft(shaft, reduced)
-        complete.append(shaft)
+    complete, fastest = {}, 0.0
+    for joint, shaft in shafts.items():
+        link = max(float(mobility[joint]), 0.0)
+        reduced = 1.0 / (1.0 / float(parameters.drive_inertia[joint]) + link)
+        complete[joint], pulsation = completed_shaft(shaft, reduced)
         fastest = max(fastest, pulsation)
-    return tuple(complete), fastest
+    return complete, fastest
 
 
 def link_positions(
-    robot: RobotModel, parameters: DynamicParameters, shafts: Sequence[Shaft], position: FloatArray
+    robot: RobotModel,
+    parameters: DynamicParameters,
+    shafts: Mapping[int, ShaftPart],
+    position: FloatArray,
 ) -> FloatArray:
     """Positions (n_joints,) of the links at rest under gravity behind motors at `position`."""
     zeros = np.zeros_like(parameters.drive_inertia)
@@ -147,8 +137,7 @@ def link_positions(
     link = position.copy()
     for _ in range(30):
         load = inverse_dynamics(robot, links, link[None], still, still)[0]
-        for shaft in shafts:
-            torque = load[shaft.joint]
-            bent = torque / shaft.stiffness + 0.5 * shaft.gap * np.sign(torque)
-            link[shaft.joint] = position[shaft.joint] - bent
+        for joint, shaft in shafts.items():
+            bent = load[joint] / shaft.stiffness + 0.5 * shaft.gap * np.sign(load[joint])
+            link[joint] = position[joint] - bent
     return link

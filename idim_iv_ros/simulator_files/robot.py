@@ -73,8 +73,8 @@ def drive_law(
     """
     n = len(joints)
     law = None if section.type == "unknown" else control_law(section, n)
-    gains = (np.zeros(n),) * 3 if law is None else law.torque_gains
-    numbers = dict(zip(("kp", "kd", "ki"), (gain.copy() for gain in gains), strict=True))
+    names = ("kp", "kd", "ki")
+    numbers = {name: np.zeros(n) if law is None else getattr(law, name).copy() for name in names}
     limit = np.full(n, np.inf) if section.torque_limit is None else np.array(section.torque_limit)
     delay, beyond = np.full(n, section.delay), []
     for effect in effects:
@@ -92,7 +92,7 @@ def drive_law(
                     beyond.append(f"{name} {number:.4g} at {effect.joint}")
     return DriveLaw(
         **numbers,
-        velocity_reference=law is not None and law.uses_velocity_reference,
+        velocity_reference=law is not None and law.velocity_reference,
         limit=limit,
         period=section.period or 0.001,
         delay=delay,

@@ -38,6 +38,7 @@ from idim_iv_ros.effects.contribution import (
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
+from idim_iv_ros.model.link_motion import LinkFrames
 from idim_iv_ros.model.mujoco_package import load_mujoco
 from idim_iv_ros.simulation import dry_friction, effect_kernel
 from idim_iv_ros.simulation.affected_robot import (
@@ -158,12 +159,15 @@ class Effects:
         friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
         joints, bodies = np.arange(n), np.zeros(0, dtype=np.int64)
         base = Plant(
-            parent=bodies,
-            revolute=bodies > 0,
-            rotation=np.zeros((0, 3, 3)),
-            translation=np.zeros((0, 3)),
+            frames=LinkFrames(
+                parent=bodies,
+                revolute=bodies > 0,
+                rotation=np.zeros((0, 3, 3)),
+                translation=np.zeros((0, 3)),
+                turned=np.zeros((0, 3, 3)),
+                gravity=np.zeros(3),
+            ),
             inertial=np.zeros((0, 10)),
-            gravity=np.zeros(3),
             drive_inertia=np.diag(model.dof_armature[self._dof]),
             damping=np.diag(friction[1]),
             offset=np.zeros(n),
@@ -172,7 +176,7 @@ class Effects:
             second=np.full(n, -1),
             direction=np.ones(n),
         )
-        return affected_plant(base, friction, added, joints, (), start_time)
+        return affected_plant(base, friction, added, joints, {}, start_time)
 
     def reset(self) -> None:
         """Reset internal states and delays; done automatically where the data's time goes back."""

@@ -25,7 +25,7 @@ from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads, set_first
 from idim_iv_ros.simulation.affected_robot import JointContributions, contributions_of
 from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
-from idim_iv_ros.simulation.shaft import Shaft, completed_shaft, joined_shafts
+from idim_iv_ros.simulation.shaft import completed_shaft, joined_shafts
 from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.types import FloatArray
 
@@ -208,10 +208,10 @@ class MujocoShafts:
     ) -> None:
         self._mujoco = mujoco
         # Each with the numbers of its joint, its position and its velocity in the model.
-        self._shafts: list[tuple[Shaft, int, int, int]] = []
+        self._shafts: list[tuple[ShaftPart, int, int, int]] = []
         present = {model.joint(k).name for k in range(model.njnt)}
-        for shaft in joined_shafts(added.of(ShaftPart)):
-            name = joints[shaft.joint]
+        for place, shaft in joined_shafts(added.of(ShaftPart)).items():
+            name = joints[place]
             if name + SHAFT not in present:
                 raise UsageError(
                     f"elasticity or backlash at {name}: the model has no joint {name + SHAFT}; "
@@ -222,7 +222,7 @@ class MujocoShafts:
             shaft = self._complete(model, shaft, dof, name)
             self._shafts.append((shaft, int(joint.id), int(joint.qposadr[0]), dof))
 
-    def _complete(self, model: Any, shaft: Shaft, dof: int, name: str) -> Shaft:
+    def _complete(self, model: Any, shaft: ShaftPart, dof: int, name: str) -> ShaftPart:
         """Set missing stiffness and damping of shafts, from the inertias of motor and link."""
         data = self._mujoco.MjData(model)
         self._mujoco.mj_forward(model, data)

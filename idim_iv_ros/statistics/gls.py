@@ -31,7 +31,6 @@ class GlsRegression:
 
     errors: AutoregressiveModel
     whitened: FloatArray
-    n_rows: int
     coefficients: FloatArray
     covariance_root: FloatArray
     variance: float
@@ -108,7 +107,6 @@ def _generalised_least_squares(
     return GlsRegression(
         errors,
         whitened,
-        len(target),
         basis.solve(whitened[:, -1], width),
         np.sqrt(variance) * basis.inverse_root(width),
         variance,

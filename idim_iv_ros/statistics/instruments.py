@@ -11,7 +11,6 @@ augmented regression y = X β + V̂ γ + e with V̂ = X − Z Π̂, H0: γ = 0, 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,7 +47,7 @@ def wald_test_of_instruments(
     `max_deviation` is that of `largest_deviation`; `torque_deviation_percent` is 100 ‖Z δ̂‖ / ‖X
     β̂‖ less what noise alone would give (for "all": root mean square over the joints).
     """
-    fits: list[_Fit] = []
+    fits: list[tuple[JointRows, GlsRegression, FloatArray]] = []
     tests: list[HypothesisTest] = []
     draws = simulation_errors or [np.zeros((len(rows.torque), 0)) for rows in joints]
     for rows, errors in zip(joints, draws, strict=True):
@@ -60,12 +59,14 @@ def wald_test_of_instruments(
         fit = gls_regression(difference, rows.instruments, rows.segments)
         columns = np.column_stack([rows.instruments, difference, errors])
         whitened = r_factor(fit.errors.whiten(columns, rows.segments))
-        fits.append(_Fit(rows, fit, whitened))
+        fits.append((rows, fit, whitened))
         energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
         percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters)))
-        largest, width = largest_deviation(_both(rows), fit.n_rows), rows.instruments.shape[1]
+        largest = largest_deviation(_both(rows), len(difference))
         tests.append(
-            _satterthwaite_f_test(rows.name, whitened, width, fit.n_rows, largest, percent)
+            _satterthwaite_f_test(
+                rows.name, whitened, len(rows.columns), len(difference), largest, percent
+            )
         )
     if fits:
         return (_test_of_all(fits, parameters), *tests)
@@ -90,24 +91,29 @@ def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
     return None
 
 
-def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray) -> HypothesisTest:
-    """Stack the whitened joints, each divided by its σ of v, with one δ for all."""
+def _test_of_all(
+    fits: Sequence[tuple[JointRows, GlsRegression, FloatArray]], parameters: FloatArray
+) -> HypothesisTest:
+    """Stack the whitened joints, each divided by its σ of v, with one δ for all.
+
+    `fits`: of each joint its rows, the regression of v on Z, and the R factor of the whitened
+    [Z, (X − Z) β̂, draws].
+    """
     width = len(parameters)
-    n_rows = sum(fitted.regression.n_rows for fitted in fits)
+    n_rows = sum(len(rows.torque) for rows, _, _ in fits)
     whitened, both, places, both_places = [], [], [], []
-    for fitted in fits:
-        columns, sigma = fitted.rows.columns, np.sqrt(fitted.regression.variance)
-        more = fitted.whitened.shape[1] - len(columns)
-        whitened.append(fitted.whitened / sigma)
+    for rows, fit, factor in fits:
+        columns, sigma = rows.columns, np.sqrt(fit.variance)
+        more = factor.shape[1] - len(columns)
+        whitened.append(factor / sigma)
         places.append(np.append(columns, np.arange(width, width + more)))
-        both.append(_both(fitted.rows) / sigma)
+        both.append(_both(rows) / sigma)
         both_places.append(np.concatenate([columns, columns + width]))
     stacked = stacked_r_factor(whitened, places, width + more)
     basis = independent_basis(stacked[:, :width])
     delta, root = basis.solve(stacked[:, width], width), basis.inverse_root(width)
     shares = []
-    for fitted in fits:
-        rows = fitted.rows
+    for rows, _, _ in fits:
         energy = torque_deviation(delta[rows.columns], root[rows.columns], rows.instruments)
         prediction = rows.prediction(parameters)
         shares.append(energy / float(prediction @ prediction))
@@ -124,15 +130,6 @@ def _test_of_all(fits: Sequence["_Fit"], parameters: FloatArray) -> HypothesisTe
 def _both(rows: JointRows) -> FloatArray:
     reduced = rows.reduced
     return np.hstack([reduced.instruments, reduced.matrix])
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Regression of a joint's v on Z, and the R factor of whitened [Z, (X − Z) β̂, draws]."""
-
-    rows: JointRows
-    regression: GlsRegression
-    whitened: FloatArray
 
 
 def _satterthwaite_f_test(

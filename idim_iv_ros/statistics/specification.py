@@ -130,7 +130,7 @@ def _test(
     left = instruments.remove(fit.whitened[:, -1])
     gained = added.vectors.T @ left
     rest = added.remove(left)
-    dof = fit.n_rows - instruments.rank - added.rank
+    dof = len(residual) - instruments.rank - added.rank
     unexplained = float(rest @ rest)
     if added.rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(null, scope, "nothing is left to judge by")

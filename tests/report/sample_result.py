@@ -23,13 +23,9 @@ from idim_iv_ros.identification.result import (
     RefinedEstimate,
 )
 from idim_iv_ros.recording import ClockQuality, Note
-from idim_iv_ros.statistics import (
-    HypothesisTest,
-    ResidualDiagnosis,
-    diagnose_residual,
-    judge_all,
-    judge_joint,
-)
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
+from idim_iv_ros.statistics.verdict import judge_all, judge_joint
 
 Case = Literal["white", "coloured", "rejected", "untested"]
 

@@ -51,7 +51,7 @@ def test_the_true_drive_moves_as_mujoco_does(motion, fitted):
         LIMIT / stiffness,
         0.0,
     )
-    left = (motion.position[:, 0] - fitted[0][0].simulated(drive))[fitted[0][0].used]
+    left = (motion.position - fitted[0][0].simulated(drive))[fitted[0][0].used]
     assert np.sqrt(np.mean(left**2)) < 0.6e-3  # of which rounding is 0.44e-3
 
 

@@ -9,12 +9,9 @@ def pd(kp, kd, ki=0.0, *, limit=np.inf, period=None, delay=0.0, feedforward=None
     """PD law on n joints (the length of kp)."""
     n = len(kp)
     return ControlLaw(
-        type="pd",
         kp=np.asarray(kp, dtype=float),
         kd=np.asarray(kd, dtype=float),
         ki=np.full(n, ki),
-        kv=np.zeros(n),
-        drive_gain=np.ones(n),
         velocity_reference=True,
         torque_limit=np.full(n, limit),
         period=period,

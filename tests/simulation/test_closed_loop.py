@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bags.simulated_arms import arm6, arm7
-from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
+from idim_iv_ros.configuration import ControllerSection
+from idim_iv_ros.simulation import control_law, inverse_dynamics, mass_matrix
 from tests.simulation.laws import commanded, driven, followed, pd
 from tests.simulation.trees import TREES, random_robot
 
@@ -103,9 +104,17 @@ def test_torque_is_the_law_evaluated_at_the_sample(arm):
 
 def test_cascade_is_a_pd_law_without_velocity_reference(arm):
     law = dataclasses.replace(arm.law, velocity_reference=False)
-    gain = np.full(7, 2.5)
-    cascade = dataclasses.replace(
-        law, type="cascade", kp=law.kp / law.kd, kv=law.kd / gain, drive_gain=gain
+    cascade = control_law(
+        ControllerSection(
+            type="cascade",
+            kp=list(law.kp / law.kd),
+            kv=list(law.kd / 2.5),
+            drive_gain=[2.5] * 7,
+            torque_limit=list(law.torque_limit),
+            period=law.period,
+            delay=law.delay,
+        ),
+        7,
     )
     np.testing.assert_allclose(
         followed(arm, law=law).position, followed(arm, law=cascade).position, atol=1e-12

@@ -9,6 +9,7 @@ import scipy
 from bags.simulated_arms import SimulatedArm, arm2, arm6, record
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.signals import JointSignals
 from idim_iv_ros.simulation import (
     ClosedLoopResult,
     SimulatedEffect,
@@ -28,16 +29,20 @@ def arm():
 
 def fitted(arm, law, **noise):
     recording = record(dataclasses.replace(arm, law=law), 5, **noise)
-    fit = fit_controller(
+    signals = signals_of(recording, recording.truth.torque)
+    return recording, fit_controller(signals, torque_limit=law.torque_limit)
+
+
+def signals_of(recording, torque):
+    return JointSignals(
+        "made",
         recording.rate,
         recording.position,
-        None,
-        recording.truth.torque,
-        recording.position_reference,
-        recording.velocity_reference,
-        torque_limit=law.torque_limit,
+        torque,
+        np.ones(torque.shape, dtype=bool),
+        position_reference=recording.position_reference,
+        velocity_reference=recording.velocity_reference,
     )
-    return recording, fit
 
 
 def test_pd_gains_of_a_simulated_arm_are_found_through_encoder_noise(arm):
@@ -64,15 +69,7 @@ def test_law_without_velocity_reference_shows_as_minus_kd_on_it(arm):
 def test_delay_between_error_and_torque_is_found(arm):
     recording, _ = fitted(arm, arm.law, position_noise=1e-6)
     late = np.roll(recording.truth.torque, 2, axis=0)
-    fit = fit_controller(
-        recording.rate,
-        recording.position,
-        None,
-        late,
-        recording.position_reference,
-        recording.velocity_reference,
-    )
-    assert fit.delay == 2
+    assert fit_controller(signals_of(recording, late)).delay == 2
 
 
 def test_fitted_law_simulates_the_motion_that_was_recorded(arm):
@@ -80,7 +77,7 @@ def test_fitted_law_simulates_the_motion_that_was_recorded(arm):
     result = simulate_closed_loop(
         arm.robot,
         arm.truth,
-        fit.law(recording.position_reference, recording.velocity_reference),
+        fit.law(signals_of(recording, recording.truth.torque)),
         rate=recording.rate,
         position_reference=recording.position_reference,
         velocity_reference=recording.velocity_reference,
@@ -94,16 +91,16 @@ def test_fitted_law_simulates_the_motion_that_was_recorded(arm):
 
 def test_filtered_reference_explains_the_tracking_error_and_not_the_noise(arm):
     recording = record(arm, 3, position_noise=1e-4)
-    filtered = filter_reference(recording.rate, recording.position, recording.position_reference)
+    position, error, spread = filter_reference(
+        recording.rate, recording.position, recording.position_reference
+    )
     unseen = slice(int(0.7 * len(recording.position)), None)
     tracking = (recording.position_reference - recording.position)[unseen]
-    assert np.all(filtered.error < 0.6 * np.std(tracking, axis=0))
-    assert np.all(filtered.error > 0.5e-4)  # the noise stays
-    np.testing.assert_allclose(
-        filtered.spread, np.std(recording.position[unseen], axis=0), rtol=0.01
-    )
+    assert np.all(error < 0.6 * np.std(tracking, axis=0))
+    assert np.all(error > 0.5e-4)  # the noise stays
+    np.testing.assert_allclose(spread, np.std(recording.position[unseen], axis=0), rtol=0.01)
     noise = recording.position - recording.truth.position
-    left = filtered.position - recording.truth.position
+    left = position - recording.truth.position
     for joint in range(6):
         assert abs(np.corrcoef(noise[:, joint], left[:, joint])[0, 1]) < 0.1
 

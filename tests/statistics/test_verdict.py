@@ -7,11 +7,11 @@ import pytest
 import statsmodels.api as sm
 from scipy.signal import lfilter
 
-from idim_iv_ros.statistics import specification_tests
 from idim_iv_ros.statistics.curves import smooth
 from idim_iv_ros.statistics.gls import gls_regression_from_rest
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.residuals import diagnose_residual
+from idim_iv_ros.statistics.specification import specification_tests
 from idim_iv_ros.statistics.verdict import judge_all, judge_joint
 from tests.statistics.test_residuals import joint_with
 from tests.statistics.worlds import autocorrelated_world, autoregressive, joint_rows

@@ -54,7 +54,7 @@ def law_speed(commands: LawCommands, *, computed: bool = False) -> LawSpeed:
 def _chosen(commands: LawCommands, before: LawSpeed, *, recorded: bool) -> LawSpeed:
     """Speed that explains the commands best where they are as late as with the one `before`."""
     usable = []
-    for joint in np.flatnonzero(np.asarray(commands.law.torque_gains[1]) > 0.0).tolist():
+    for joint in np.flatnonzero(np.asarray(commands.law.kd) > 0.0).tolist():
         rows = commands.late(joint, before)
         if rows is not None and before != LawSpeed():
             rows = commands.rows(joint, LawSpeed(), rows.lag)
@@ -109,7 +109,7 @@ class _JointCommands:
         self, commands: LawCommands, joint: int, rows: CommandRows, groups: Sequence[str]
     ) -> None:
         self.commands, self.joint, self.rows = commands, joint, rows
-        self.gain = float(commands.law.torque_gains[1][joint])
+        self.gain = float(commands.law.kd[joint])
         others = [rows.groups[name] for name in groups]
         self.plain = np.column_stack([rows.constants, rows.errors[:, 0], *others])
         with_plain_speed = np.column_stack([self.plain, rows.groups["kd"]])

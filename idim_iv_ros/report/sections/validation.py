@@ -19,7 +19,7 @@ from idim_iv_ros.report.figures import (
 )
 from idim_iv_ros.report.numerals import count, number, p_equals
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.statistics import HypothesisTest
+from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
