@@ -320,7 +320,7 @@ class _Ranking:
         row = kept[0][1]
         nominal = comparison.nominal
         plain = nominal.columns(option)
-        moved = nominal.moved[:, options.columns[w][place]] @ basis
+        moved = nominal.moved[options.columns[w][place]].T @ basis
         left = self.model.uncovered(moved, plain, self.model.crossed(w, place))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
         score = np.array([self.score[number] for _, number in kept])
