@@ -114,15 +114,15 @@ class NominalErrors:
             np.sum(np.log1p(values))
         )
         self.projected = white.shared @ self.root  # (p, k)
-        self.moved = self.projected @ self.root.T  # (p, b): errors beside a unit of each column
         score = white.score - self.projected @ self.explained
-        twice = self.moved @ normal_torque - 2.0 * shared_torque
         self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
         for w, which in options.of_width.items():
             columns = options.columns[w]
             part = self.projected[columns]
             inner = white.inner[w] - np.matmul(part, part.transpose(0, 2, 1))
-            change = np.matmul(self.moved[columns], twice[columns].transpose(0, 2, 1))
+            moved = (part.reshape(-1, part.shape[2]) @ self.root.T).reshape(*columns.shape, -1)
+            twice = moved @ normal_torque - 2.0 * shared_torque[columns]
+            change = np.matmul(moved, twice.transpose(0, 2, 1))
             visible = inner_torque[w] + 0.5 * (change + change.transpose(0, 2, 1))
             number = options.is_number[which]
             visible[number] = inner_torque[w][number]
@@ -155,27 +155,34 @@ class NominalErrors:
             for joint, lines in candidate.lines.items()
         }
 
+    def moved(self, option: int) -> FloatArray:
+        """(b, w) errors of the numbers beside columns of an option, of unit size."""
+        w, place = int(self.options.width[option]), self.options.place[option]
+        projected = self.projected[self.options.columns[w][place]]
+        return np.asarray(self.root @ (projected.T @ self.basis[w][place]))
+
     def lines_beside_errors(
         self, columns: Mapping[int, FloatArray], moved: FloatArray
     ) -> FloatArray:
-        """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other."""
+        """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other.
+
+        In single precision: variances are taken of them, by the thousand.
+        """
         lines = []
         for joint, rows in enumerate(self.options.ledger.joints):
             rest = -(moved[rows.columns].T @ self.white.model[joint].T)
             if joint in columns:
                 rest += columns[joint].T
             lines.append(rest)
-        return np.hstack(lines)
+        return np.hstack(lines, dtype=np.float32, casting="same_kind")
 
     def option_lines(self, option: int) -> FloatArray:
         """Whitened columns (w, r) of an option beside the errors; the latest ones are kept."""
         if option not in self._lines:
             if len(self._lines) >= _LINES_KEPT:
                 del self._lines[next(iter(self._lines))]
-            w, place = int(self.options.width[option]), self.options.place[option]
-            moved = self.moved[self.options.columns[w][place]].T @ self.basis[w][place]
             white = self.white.columns(self.columns(option))
-            self._lines[option] = self.lines_beside_errors(white, moved)
+            self._lines[option] = self.lines_beside_errors(white, self.moved(option))
         return self._lines[option]
 
 
@@ -333,17 +340,18 @@ class ModelWithTerms:
     @cached_property
     def white_residual(self) -> FloatArray:
         """(r,) what the model leaves, whitened, all joints one after the other."""
-        return np.asarray(self.nominal.gap_lines - self.coefficients @ self._lines)
+        taken = self.coefficients.astype(np.float32) @ self._lines
+        return np.asarray(self.nominal.gap_lines - taken)
 
     @cached_property
     def _lines(self) -> FloatArray:
         """(q, r) whitened columns of all terms, beside the nominal errors."""
-        none = np.zeros((0, len(self.nominal.gap_lines)))
+        none = np.zeros((0, len(self.nominal.gap_lines)), dtype=np.float32)
         return np.vstack([none, *(products.lines(self.nominal) for products in self._products)])
 
     def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
         """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
-        return lines - self._taken(crossed).T @ self._lines
+        return np.asarray(lines - self._taken(crossed).T.astype(np.float32) @ self._lines)
 
     def option_left(self, option: int) -> FloatArray:
         """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,11 @@ class Baseline:
     def places(self) -> tuple[IntArray, ...]:
         """(r_j,) of each joint: which decimated sample of its recording each row is."""
         return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
+
+    @cached_property
+    def candidates(self) -> dict[tuple[str, Place, tuple[Shape, ...]], Any]:
+        """Candidates that catalogues made of an effect at a place: a further search has some."""
+        return {}
 
     def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
         """Return the same on other motions, with friction that sticks as theirs does."""
