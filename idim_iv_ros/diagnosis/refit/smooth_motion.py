@@ -165,7 +165,7 @@ class SmoothMotion(RobotMotion):
 
     @cached_property
     def inertia(self) -> FloatArray:
-        """(s, n_joints, n_joints) kg m²: mass matrix of the links alone; each entry in one piece."""
+        """(s, n_joints, n_joints) kg m²: mass matrix of the links, each entry in one piece."""
         return np.asfortranarray(mass_matrix(self.robot, self.links, self.position))
 
     def slope(self, joint: int) -> FloatArray:
