@@ -75,7 +75,13 @@ def simulated_tracking(
         name, start = motion.signals.name, part.start
         try:
             simulated = replay(
-                model.robot, dynamics, law, motion, effects=effects, start_time=start
+                model.robot,
+                dynamics,
+                law,
+                motion,
+                effects=effects,
+                start_time=start,
+                accelerations=False,
             )
         except UsageError as error:
             return failed(f"not simulated: {error}")

@@ -33,17 +33,17 @@ class InverseModel:
     def joint_matrices(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> list[FloatArray]:
         """Rows of each joint: (n_samples, c_j) with only the columns it depends on.
 
-        Made in blocks that fit the processor's cache.
+        Made in blocks that fit the processor's cache, each column in one piece, as it is filtered.
         """
         samples = len(q)
-        active = [np.flatnonzero(columns) for columns in self.base.active]
-        rows = [np.empty((samples, len(columns))) for columns in active]
+        active = [self.base.columns[columns] for columns in self.base.active]
+        lines = [np.empty((len(columns), samples)) for columns in active]
         for start in range(0, samples, _BLOCK):
             block = slice(start, min(start + _BLOCK, samples))
-            standard = self.regressor(q[block], dq[block], ddq[block])
+            standard = self.regressor(q[block], dq[block], ddq[block]).transpose(1, 2, 0)
             for joint, columns in enumerate(active):
-                rows[joint][block] = standard[:, joint, self.base.columns[columns]]
-        return rows
+                lines[joint][:, block] = standard[joint][columns]
+        return [table.T for table in lines]
 
     @property
     def given(self) -> FloatArray:

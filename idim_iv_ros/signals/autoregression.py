@@ -138,7 +138,7 @@ class AutoregressiveModel:
         contiguous in time. They must cover every row in order; rows of different segments are taken
         as independent.
 
-        Returns ndarray of the shape of `rows`.
+        Returns ndarray of the shape of `rows`, in single precision where they are.
         """
         return self._filtered(rows, segments, 1.0, whiten_lines)
 
@@ -146,11 +146,13 @@ class AutoregressiveModel:
         self, rows: FloatArray, segments: Sequence[slice], scale: float, kernel: Callable[..., None]
     ) -> FloatArray:
         starts = _starts(segments, len(rows))
+        precision = np.float32 if rows.dtype == np.float32 else np.float64
         if self.order == 0 or rows.size == 0:
-            return np.asarray(scale * rows, dtype=np.float64)
-        lines = np.ascontiguousarray(rows.reshape(len(rows), -1).T, dtype=np.float64)
-        made = np.empty(lines.shape)
-        kernel(lines, starts, self._predictors[-1], self._start, scale, made)
+            return np.asarray(scale * rows, dtype=precision)
+        lines = np.ascontiguousarray(rows.reshape(len(rows), -1).T, dtype=precision)
+        made = np.empty_like(lines)
+        polynomial, start = self._predictors[-1].astype(precision), self._start.astype(precision)
+        kernel(lines, starts, polynomial, start, precision(scale), made)
         return made.T.reshape(rows.shape)
 
     def shaping_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:

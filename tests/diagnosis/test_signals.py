@@ -106,7 +106,7 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
         speed.append(before)
         slope.append(float(state.qacc[0]))
         solved.append(-float(state.qfrc_constraint[0]) / 1.5)
-    v, a = (np.array(values)[:, None, None] for values in (speed, slope))
+    v, a = (np.array(values)[None, None] for values in (speed, slope))
     soft = (1.0 - 0.9) / 0.9
     computed = friction._crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
     turning = np.abs(np.array(speed)) < 0.05

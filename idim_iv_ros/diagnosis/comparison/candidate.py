@@ -206,9 +206,12 @@ class Catalogue:
         """Candidates of these shapes, one for each width; shapes without finite torque are out."""
         if not shapes:
             return []
-        rows = rows_of(self.data, effect, place, shapes)
+        key = effect.name, place, tuple(shapes)
+        made: list[Candidate] = self.data.candidates.setdefault(key, [])
+        if made:
+            return made
+        rows = rows_of(self.data, effect, place, shapes, np.float32)
         widths = [next(iter(table.values())).shape[1] for table in rows]
-        made = []
         for width in sorted(set(widths)):
             chosen = [
                 k
@@ -219,7 +222,7 @@ class Catalogue:
             if not chosen:
                 continue
             lines = {
-                joint: np.concatenate([rows[k][joint].T for k in chosen]).astype(np.float32)
+                joint: np.concatenate([rows[k][joint].T for k in chosen], dtype=np.float32)
                 for joint in rows[chosen[0]]
             }
             kept = tuple(shapes[k] for k in chosen)

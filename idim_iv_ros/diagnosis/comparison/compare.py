@@ -154,8 +154,8 @@ class Comparison:
         """
         made = []
         for columns, values in zip(lines, coefficients, strict=True):
-            scores = columns * (rest - values @ columns)
-            inner, by_rows = columns @ columns.T, scores @ scores.T
+            scores = columns * (rest - values.astype(columns.dtype) @ columns)
+            inner, by_rows = (np.asarray(t @ t.T, dtype=float) for t in (columns, scores))
             sums = self._in_block @ np.add.reduceat(scores, self._starts, axis=1).T
             made.append(_over_expected(inner, by_rows, sums, values))
         return made
@@ -320,8 +320,7 @@ class _Ranking:
         row = kept[0][1]
         nominal = comparison.nominal
         plain = nominal.columns(option)
-        moved = nominal.moved[:, options.columns[w][place]] @ basis
-        left = self.model.uncovered(moved, plain, self.model.crossed(w, place))
+        left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(w, place))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
         score = np.array([self.score[number] for _, number in kept])
         weights = np.exp(score - score.max())

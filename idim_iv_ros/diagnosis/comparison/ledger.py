@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import FloatArray, IntArray, SingleArray
 
 BLOCK = 2.5  # s: rows this far apart are taken as independent
 _CLEAR = 3.0 * 1.4826  # three standard deviations, in medians of moduli
@@ -133,7 +133,7 @@ class RowNoise:
     model: AutoregressiveModel
     scale: FloatArray
 
-    def standardized(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
+    def standardized(self, rows: FloatArray | SingleArray, segments: Sequence[slice]) -> FloatArray:
         """Whiten rows (r, …) so that the noise has unit variance."""
         return self.model.standardized(rows / self._scale(rows), segments)
 
@@ -141,8 +141,8 @@ class RowNoise:
         """Wᵀ rows (r, …), W being the whitening: xᵀ (Wᵀ y) = (W x)ᵀ y without whitening x."""
         return self.model.standardized_adjoint(rows, segments) / self._scale(rows)
 
-    def _scale(self, rows: FloatArray) -> FloatArray:
-        return self.scale.reshape(-1, *(1,) * (rows.ndim - 1))
+    def _scale(self, rows: FloatArray | SingleArray) -> FloatArray:
+        return self.scale.reshape(-1, *(1,) * (rows.ndim - 1)).astype(rows.dtype)
 
 
 def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[RowNoise, ...]:

@@ -113,18 +113,16 @@ class NominalErrors:
         self.level = 0.5 * float(self.explained @ self.explained) - 0.5 * float(
             np.sum(np.log1p(values))
         )
-        self.projected = self.root.T @ white.shared  # (k, p)
-        self.moved = self.root @ self.projected  # (b, p): errors beside a unit of each column
-        left = white.with_options([gap[:, None] for gap in white.gap])[:, 0]
-        score = left - self.projected.T @ self.explained
-        twice = normal_torque @ self.moved - 2.0 * shared_torque
+        self.projected = white.shared @ self.root  # (p, k)
+        score = white.score - self.projected @ self.explained
         self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
         for w, which in options.of_width.items():
             columns = options.columns[w]
-            part = self.projected[:, columns].transpose(1, 2, 0)
+            part = self.projected[columns]
             inner = white.inner[w] - np.matmul(part, part.transpose(0, 2, 1))
-            moved = self.moved[:, columns].transpose(1, 2, 0)
-            change = np.matmul(moved, twice[:, columns].transpose(1, 0, 2))
+            moved = (part.reshape(-1, part.shape[2]) @ self.root.T).reshape(*columns.shape, -1)
+            twice = moved @ normal_torque - 2.0 * shared_torque[columns]
+            change = np.matmul(moved, twice.transpose(0, 2, 1))
             visible = inner_torque[w] + 0.5 * (change + change.transpose(0, 2, 1))
             number = options.is_number[which]
             visible[number] = inner_torque[w][number]
@@ -150,34 +148,41 @@ class NominalErrors:
     def columns(self, option: int) -> dict[int, FloatArray]:
         """(r_j, w) columns of an option, of unit size."""
         options = self.options
-        w, place = int(options.width[option]), options.place[option]
-        numbers, basis = options.columns[w][place], self.basis[w][place]
+        w, candidate = int(options.width[option]), options.named(option)[0]
+        first, basis = int(options.shape[option]) * w, self.basis[w][options.place[option]]
         return {
-            joint: options.lines[joint][options.at[joint][numbers]].T @ basis
-            for joint in options.named(option)[0].joints
+            joint: lines[first : first + w].T @ basis * (not options.ledger.joints[joint].left_out)
+            for joint, lines in candidate.lines.items()
         }
+
+    def moved(self, option: int) -> FloatArray:
+        """(b, w) errors of the numbers beside columns of an option, of unit size."""
+        w, place = int(self.options.width[option]), self.options.place[option]
+        projected = self.projected[self.options.columns[w][place]]
+        return np.asarray(self.root @ (projected.T @ self.basis[w][place]))
 
     def lines_beside_errors(
         self, columns: Mapping[int, FloatArray], moved: FloatArray
     ) -> FloatArray:
-        """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other."""
+        """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other.
+
+        In single precision: variances are taken of them, by the thousand.
+        """
         lines = []
         for joint, rows in enumerate(self.options.ledger.joints):
             rest = -(moved[rows.columns].T @ self.white.model[joint].T)
             if joint in columns:
                 rest += columns[joint].T
             lines.append(rest)
-        return np.hstack(lines)
+        return np.hstack(lines, dtype=np.float32, casting="same_kind")
 
     def option_lines(self, option: int) -> FloatArray:
         """Whitened columns (w, r) of an option beside the errors; the latest ones are kept."""
         if option not in self._lines:
             if len(self._lines) >= _LINES_KEPT:
                 del self._lines[next(iter(self._lines))]
-            w, place = int(self.options.width[option]), self.options.place[option]
-            moved = self.moved[:, self.options.columns[w][place]] @ self.basis[w][place]
             white = self.white.columns(self.columns(option))
-            self._lines[option] = self.lines_beside_errors(white, moved)
+            self._lines[option] = self.lines_beside_errors(white, self.moved(option))
         return self._lines[option]
 
 
@@ -211,7 +216,7 @@ class _TermProducts:
             nothing = [np.zeros((len(rows), len(self.score))) for rows in options.ledger.joints]
             rows = [self.white.get(joint, zeros) for joint, zeros in enumerate(nothing)]
             crossed = nominal.white.with_options(rows)
-            crossed -= nominal.projected.T @ self.projected
+            crossed -= nominal.projected @ self.projected
             self._crossed = {
                 w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])
                 for w, columns in options.columns.items()
@@ -317,12 +322,11 @@ class ModelWithTerms:
         taken = root.T @ score
         made = {}
         for w in nominal.inner:
-            crossed = (
-                np.concatenate(
-                    [products.crossed(nominal)[w] for products in self._products], axis=2
-                )
-                @ root
-            )
+            crossed = np.zeros((len(nominal.inner[w]), w, len(taken)))
+            for products, start in zip(self._products, self.starts, strict=False):
+                part = products.crossed(nominal)[w]
+                lines = part.reshape(-1, part.shape[2])
+                crossed += (lines @ root[start : start + part.shape[2]]).reshape(crossed.shape)
             inner = nominal.inner[w] - np.matmul(crossed, crossed.transpose(0, 2, 1))
             made[w] = inner, nominal.score[w] - crossed @ taken
         return made
@@ -336,17 +340,18 @@ class ModelWithTerms:
     @cached_property
     def white_residual(self) -> FloatArray:
         """(r,) what the model leaves, whitened, all joints one after the other."""
-        return np.asarray(self.nominal.gap_lines - self.coefficients @ self._lines)
+        taken = self.coefficients.astype(np.float32) @ self._lines
+        return np.asarray(self.nominal.gap_lines - taken)
 
     @cached_property
     def _lines(self) -> FloatArray:
         """(q, r) whitened columns of all terms, beside the nominal errors."""
-        none = np.zeros((0, len(self.nominal.gap_lines)))
+        none = np.zeros((0, len(self.nominal.gap_lines)), dtype=np.float32)
         return np.vstack([none, *(products.lines(self.nominal) for products in self._products)])
 
     def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
         """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
-        return lines - self._taken(crossed).T @ self._lines
+        return np.asarray(lines - self._taken(crossed).T.astype(np.float32) @ self._lines)
 
     def option_left(self, option: int) -> FloatArray:
         """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""

@@ -10,9 +10,8 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
 from idim_iv_ros.effects.effect import Shape
-from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _AT_ONCE = 128  # columns that are whitened together
 _NOTHING = 0.5  # prior probability that there is nothing more
@@ -55,9 +54,8 @@ class Options:
 
     Of each option `candidate` and `shape`: place of its candidate in the list, and of its shape
     there; `first`, `width`: its columns among all of them; `of_width`: options of each width;
-    `place`: of each option among those of its width; `columns`: (m_w, w) theirs. `lines`: (p_j,
-    r_j) torque of unit coefficients at each joint, one line a column; `at`: (p,) line of each
-    column at a joint; −1 where it has none.
+    `place`: of each option among those of its width; `columns`: (m_w, w) theirs. Columns of a
+    candidate follow one another.
     """
 
     def __init__(self, ledger: Ledger, candidates: Sequence[Candidate]) -> None:
@@ -76,25 +74,6 @@ class Options:
         self.columns = {
             w: self.first[which][:, None] + np.arange(w) for w, which in self.of_width.items()
         }
-        starts = np.concatenate([[0], np.cumsum([c.options * c.width for c in candidates])])
-        lines, at = [], []
-        for joint, rows in enumerate(ledger.joints):
-            there = [k for k, c in enumerate(candidates) if joint in c.lines]
-            place = np.full(self.count, -1)
-            spans = [np.arange(starts[k], starts[k + 1]) for k in there]
-            if spans:
-                place[np.concatenate(spans)] = np.arange(sum(map(len, spans)))
-                table = np.concatenate([candidates[k].lines[joint] for k in there])
-                ends = np.cumsum([len(candidates[k].lines[joint]) for k in there])
-                for k, end in zip(there, ends, strict=True):  # nothing is held twice
-                    lines_of = candidates[k].lines
-                    lines_of[joint] = table[end - len(lines_of[joint]) : end]
-                return_freed_memory()
-            else:
-                table = np.zeros((0, len(rows)), dtype=np.float32)
-            lines.append(np.zeros_like(table) if rows.left_out else table)
-            at.append(place)
-        self.lines, self.at = tuple(lines), tuple(at)
         keys = [c.key for c in candidates]
         self.keys = list(dict.fromkeys(keys))
         number = {key: k for k, key in enumerate(self.keys)}
@@ -135,49 +114,54 @@ class Options:
             {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
             for _ in range(count)
         ]
-        for joint, (place, table) in enumerate(zip(self.at, self.lines, strict=True)):
-            segments = self.ledger.joints[joint].segments
-            for w, columns in self.columns.items():
-                there = np.flatnonzero(place[columns[:, 0]] >= 0)
-                count_at_once = max(_AT_ONCE // w, 1)
-                for start in range(0, len(there), count_at_once):
-                    some = there[start : start + count_at_once]
-                    plain = table[place[columns[some]].ravel()].astype(float)
-                    white = noise[joint].standardized(plain.T, segments).T
-                    rows = white.astype(np.float32).reshape(len(some), w, -1)
-                    for k in range(count):
-                        part = rows if parts is None else rows[:, :, parts[joint] == k]
-                        made[k][w][some] += np.matmul(part, part.transpose(0, 2, 1))
+        for joint, first, table, w in self._tables():
+            segments, options = self.ledger.joints[joint].segments, len(table) // w
+            count_at_once = max(_AT_ONCE // w, 1)
+            for start in range(0, options, count_at_once):
+                stop = min(start + count_at_once, options)
+                rows = noise[joint].standardized(table[start * w : stop * w].T, segments).T
+                rows = rows.reshape(stop - start, w, -1)
+                places = slice(first + start, first + stop)
+                for k in range(count):
+                    part = rows if parts is None else rows[:, :, parts[joint] == k]
+                    made[k][w][self.place[places]] += _dots(part)
         return made
+
+    def _tables(self) -> Iterator[tuple[int, int, SingleArray, int]]:
+        """Yield the lines of every candidate at every joint that counts: (joint, first, lines, w).
+
+        `first`: number of the first option of the candidate, whose columns have the width w.
+        """
+        firsts = np.searchsorted(self.candidate, np.arange(len(self.candidates)))
+        for candidate, first in zip(self.candidates, firsts.tolist(), strict=True):
+            for joint, lines in candidate.lines.items():
+                if not self.ledger.joints[joint].left_out:
+                    yield joint, first, lines, candidate.width
 
     def products(self, right: Sequence[FloatArray]) -> FloatArray:
         """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
         made = np.zeros((self.count, right[0].shape[1]))
-        for place, table, rows in zip(self.at, self.lines, right, strict=True):
-            if len(table) and rows.any():
-                there = np.flatnonzero(place >= 0)
-                made[there] += (table @ rows.astype(np.float32))[place[there]]
+        single = [rows.astype(np.float32) if rows.any() else None for rows in right]
+        for joint, first, table, _ in self._tables():
+            rows = single[joint]
+            if rows is not None:
+                start = self.first[first]
+                made[start : start + len(table)] += table @ rows
         return made
 
     def products_with_model(
         self, model: Sequence[FloatArray], noise: Sequence[RowNoise]
     ) -> tuple[FloatArray, FloatArray]:
-        """XᵀX (b, b) of the whitened model (r_j, c_j), and Xᵀ (b, p) with all whitened columns."""
+        """XᵀX (b, b) of the whitened model (r_j, c_j), and all whitened columns with X (p, b)."""
         b = self.ledger.parameters
-        normal, shared = np.zeros((b, b)), np.zeros((b, self.count))
-        for rows, drawn, joint, table, place in zip(
-            model,
-            self.drawn_back(noise, model),
-            self.ledger.joints,
-            self.lines,
-            self.at,
-            strict=True,
-        ):
-            normal[np.ix_(joint.columns, joint.columns)] += rows.T @ rows
-            if len(table):
-                there = np.flatnonzero(place >= 0)
-                product = (table @ drawn.astype(np.float32))[place[there]]
-                shared[np.ix_(joint.columns, there)] += product.T
+        normal, shared = np.zeros((b, b)), np.zeros((self.count, b))
+        places = [joint.columns for joint in self.ledger.joints]
+        for rows, columns in zip(model, places, strict=True):
+            normal[np.ix_(columns, columns)] += rows.T @ rows
+        drawn = [rows.astype(np.float32) for rows in self.drawn_back(noise, model)]
+        for joint, first, table, _ in self._tables():
+            start = self.first[first]
+            shared[start : start + len(table), places[joint]] += table @ drawn[joint]
         return normal, shared
 
     def drawn_back(self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]) -> list[FloatArray]:
@@ -194,7 +178,7 @@ class Whitened:
 
     The columns of the options, which are by far the most, are not kept whitened: (W x)ᵀ y is xᵀ (Wᵀ
     y). Rows of `model` (r_j, c_j) and `gap` (r_j,) that are not `counted` are zero; `normal`: XᵀX
-    (b, b); `shared`: Xᵀ with all columns (b, p); `inner`: (m_w, w, w) products of the columns of
+    (b, b); `shared`: all columns with X (p, b); `inner`: (m_w, w, w) products of the columns of
     each option.
     """
 
@@ -210,6 +194,11 @@ class Whitened:
     def with_options(self, rows: Sequence[FloatArray]) -> FloatArray:
         """Products (p, q) of all columns, whitened, with whitened rows (r_j, q)."""
         return self.options.products(self.options.drawn_back(self.noise, rows))
+
+    @cached_property
+    def score(self) -> FloatArray:
+        """Products (p,) of all columns with the gap."""
+        return self.with_options([left[:, None] for left in self.gap])[:, 0]
 
     def columns(self, columns: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
         """Columns (r_j, w) with the noise at unit variance, of the rows that count."""
@@ -258,3 +247,11 @@ def without_parts(white: Whitened, parts: Sequence[IntArray]) -> Iterator[Whiten
         yield replace(
             white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=left
         )
+
+
+def _dots(rows: FloatArray) -> FloatArray:
+    """Products (m, w, w) of rows (m, w, r) with those of the same option, each as one dot product.
+
+    As a product of long and narrow matrices they take ten times as long.
+    """
+    return np.asarray((rows[:, :, None, None] @ rows[:, None, :, :, None])[:, :, :, 0, 0])

@@ -195,6 +195,7 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
             starts.append(likeliest_errors(white, terms))
         if best is None or value > best[0]:
             best = value, this, terms
+        del this  # before the next one is made
     assert best is not None
     return best[1], best[2]
 

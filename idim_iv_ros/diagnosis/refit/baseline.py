@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,11 @@ class Baseline:
     def places(self) -> tuple[IntArray, ...]:
         """(r_j,) of each joint: which decimated sample of its recording each row is."""
         return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
+
+    @cached_property
+    def candidates(self) -> dict[tuple[str, Place, tuple[Shape, ...]], Any]:
+        """Candidates that catalogues made of an effect at a place: a further search has some."""
+        return {}
 
     def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
         """Return the same on other motions, with friction that sticks as theirs does."""
@@ -270,23 +275,35 @@ def operating_range(data: Baseline) -> OperatingRange:
     )
 
 
-def rows_of(data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]) -> list[Columns]:
+def rows_of(
+    data: Baseline,
+    effect: Effect,
+    place: Place,
+    shapes: Sequence[Shape],
+    precision: type[np.floating] = np.float64,
+) -> list[Columns]:
     """Rows of the regression for each shape; many shapes are decimated at once.
 
-    Columns of shapes that follow each other lie one after the other in memory.
+    Columns of shapes that follow each other lie one after the other in memory. `precision`: of
+    what is decimated; that of a catalogue, which is compared and not differentiated, is single.
     """
     starts = range(0, len(shapes), _AT_ONCE)
-    parts = [_rows_at_once(data, effect, place, shapes[k : k + _AT_ONCE]) for k in starts]
+    some = [shapes[k : k + _AT_ONCE] for k in starts]
+    parts = [_rows_at_once(data, effect, place, part, precision) for part in some]
     return [columns for part in parts for columns in part]
 
 
 def _rows_at_once(
-    data: Baseline, effect: Effect, place: Place, shapes: Sequence[Shape]
+    data: Baseline,
+    effect: Effect,
+    place: Place,
+    shapes: Sequence[Shape],
+    precision: type[np.floating],
 ) -> list[Columns]:
     """Rows for a few shapes, all columns of all joints filtered in one call."""
     tables = []
     for motion in data.motions:
-        joints, widths, lines = _side_by_side(effect, motion, place, shapes)
+        joints, widths, lines = _side_by_side(effect, motion, place, shapes, precision)
         tables.append(motion.rows(lines.T).T)
     ends = np.cumsum(widths)
     blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
@@ -303,7 +320,11 @@ def _rows_at_once(
 
 
 def _side_by_side(
-    effect: Effect, motion: SmoothMotion, place: Place, shapes: Sequence[Shape]
+    effect: Effect,
+    motion: SmoothMotion,
+    place: Place,
+    shapes: Sequence[Shape],
+    precision: type[np.floating],
 ) -> tuple[tuple[int, ...], list[int], FloatArray]:
     """Joints of an effect, columns of each shape, and all of these as lines (joints × k, s).
 
@@ -311,5 +332,6 @@ def _side_by_side(
     """
     torques = effect.torques(motion, place, shapes)
     joints = tuple(torques[0])
-    lines = np.concatenate([torque[joint].T for joint in joints for torque in torques])
+    parts = [torque[joint].T for joint in joints for torque in torques]
+    lines = np.concatenate(parts, dtype=precision, casting="same_kind")
     return joints, [width_of(torque) for torque in torques], lines

@@ -165,14 +165,15 @@ class SmoothMotion(RobotMotion):
 
     @cached_property
     def inertia(self) -> FloatArray:
-        """(s, n_joints, n_joints) kg m²: mass matrix of the links alone."""
-        return mass_matrix(self.robot, self.links, self.position)
+        """(s, n_joints, n_joints) kg m²: mass matrix of the links, each entry in one piece."""
+        return np.asfortranarray(mass_matrix(self.robot, self.links, self.position))
 
     def slope(self, joint: int) -> FloatArray:
         """(s, n_joints) N m/rad: change of the links' torques as a joint's position moves."""
         if joint not in self._slopes:
             step = np.full(len(self.time), _SLOPE_STEP)
-            self._slopes[joint] = self.moved(joint, step, links=True) / _SLOPE_STEP
+            slope = self.moved(joint, step, links=True) / _SLOPE_STEP
+            self._slopes[joint] = np.asfortranarray(slope)
         return self._slopes[joint]
 
     @cached_property

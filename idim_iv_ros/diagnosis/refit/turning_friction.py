@@ -114,7 +114,9 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
             leads[joint], widths[joint] = lead, max(lead * soft * width[joint], _STILL)
         return TurningFriction(leads, widths)
 
-    best = max(((lead, _SOFTNESS[1]) for lead in _LEADS), key=same_everywhere)
+    leads = [(lead, _SOFTNESS[1]) for lead in _LEADS]
+    tried.make([(joint, crossing) for joint in every for crossing in (*leads, _AS_MEASURED)])
+    best = max(leads, key=same_everywhere)
     best = max(((best[0], soft) for soft in _SOFTNESS), key=same_everywhere)
     measured = same_everywhere(_AS_MEASURED)
     if same_everywhere(best) >= max(settings.SOFT_FRICTION_SUPPORT, measured):
@@ -151,34 +153,46 @@ class _Tried:
     def gains(self, crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
         joints = list(self.data.regression.joints)
+        self.make(list(crossings.items()))
         for joint, crossing in crossings.items():
             matrix = joints[joint].matrix.copy()
-            matrix[:, self.data.columns_of(joint, "Fc")] = self._rows(joint, crossing)[:, None]
+            matrix[:, self.data.columns_of(joint, "Fc")] = self.columns[joint, crossing][:, None]
             joints[joint] = replace(joints[joint], matrix=matrix)
         changed = replace(self.data.regression, joints=tuple(joints))
         fit = changed.fit(self.fit.noise_models, steps=0)
         return fit.log_likelihoods - self.fit.log_likelihoods
 
-    def _rows(self, joint: int, crossing: Crossing) -> FloatArray:
-        if (joint, crossing) not in self.columns:
-            lead, soft = crossing
-            width = max(lead * soft * self.width[joint], _STILL)
-            turning = [_crossing(*fine, joint, lead, width) for fine in self.fine]
-            self.columns[joint, crossing] = self.data.decimated(joint, turning)
-        return self.columns[joint, crossing]
+    def make(self, wanted: Sequence[tuple[int, Crossing]]) -> None:
+        """Decimate the columns of joints with crossings together, those that are not made yet."""
+        new = [pair for pair in wanted if pair not in self.columns]
+        if not new:
+            return
+        tables = []
+        for motion, fine in zip(self.data.motions, self.fine, strict=True):
+            turning = []
+            for joint, (lead, soft) in new:
+                width = max(lead * soft * self.width[joint], _STILL)
+                turning.append(_crossing(*fine, joint, lead, width))
+            tables.append(motion.rows(np.stack(turning, axis=1)))
+        for k, (joint, crossing) in enumerate(new):
+            rows = [table[:, k] for table in tables]
+            self.columns[joint, crossing] = self.data.counting(joint, rows)
 
 
 def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:
-    """Velocity and acceleration (s, parts, n_joints) within each step of the motion's grid."""
+    """Velocity and acceleration (n_joints, parts, s) within each step of the motion's grid."""
     steps = np.arange(len(motion.time), dtype=float)
     within = np.clip(steps[:, None] + (np.arange(_PARTS) + 0.5) / _PARTS - 0.5, 0.0, steps[-1])
-    velocity, acceleration = (CubicSpline(steps, v) for v in (motion.velocity, motion.acceleration))
-    return velocity(within), acceleration(within)
+    velocity, acceleration = (
+        np.ascontiguousarray(CubicSpline(steps, states)(within).T)
+        for states in (motion.velocity, motion.acceleration)
+    )
+    return velocity, acceleration
 
 
 def _crossing(
     velocity: FloatArray, acceleration: FloatArray, joint: int, lead: float, width: float
 ) -> FloatArray:
     """Friction (s,) as a share of its level, mean over each step of the grid."""
-    ahead = velocity[:, :, joint] + lead * acceleration[:, :, joint]
-    return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=1))
+    ahead = velocity[joint] + lead * acceleration[joint]
+    return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=0))
