@@ -170,23 +170,8 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-@dataclass(frozen=True)
-class Pauses:
-    """Intervals to cut out of time, from `begin` to `end` (k,) int, ns."""
-
-    begin: IntArray
-    end: IntArray
-
-    def kept(self, time: IntArray) -> NDArray[np.bool_]:
-        """Return whether each of the sorted stamps `time` (n,) lies outside the cuts, (n,) bool."""
-        pause = np.searchsorted(self.begin, time, side="right") - 1
-        inside = (pause >= 0) & (time < self.end[np.maximum(pause, 0)])
-        return np.asarray(~inside)
-
-    def shortened(self, time: IntArray) -> IntArray:
-        """Return the stamps (n,) less the time that is cut out before them, ns."""
-        removed = np.concatenate([[0], np.cumsum(self.end - self.begin)])
-        return np.asarray(time - removed[np.searchsorted(self.end, time, side="right")])
+Pauses = tuple[IntArray, IntArray]
+"""Intervals to cut out of time: where they begin and end, (k,) ns each."""
 
 
 def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
@@ -200,8 +185,8 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
     long = np.flatnonzero(steps > shortest)
     if len(long) == 0:
         return None
-    pauses = Pauses(time[long] + shortest, time[long + 1])
-    removed = float((pauses.end - pauses.begin).sum()) * 1e-9
+    begin, end = time[long] + shortest, time[long + 1]
+    removed = float((end - begin).sum()) * 1e-9
     longest = float(steps[long].max()) * 1e-9
     first = float(time[long[0]] - time[0]) * 1e-9
     count = "a pause" if len(long) == 1 else f"{len(long)} pauses, the longest"
@@ -209,18 +194,21 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
-    return pauses, Note(states.messages.topic, what, 1, limits=True)
+    return (begin, end), Note(states.messages.topic, what, 1, limits=True)
 
 
 def without_pauses(
     stamped: Mapping[str, StampedMessages], pauses: Pauses
 ) -> dict[str, StampedMessages]:
     """Cut pauses out of all topics."""
-    shortened = {}
+    begin, end = pauses
+    removed, shortened = np.concatenate([[0], np.cumsum(end - begin)]), {}
     for topic, messages in stamped.items():
-        inside = pauses.kept(messages.time)
-        kept = messages if inside.all() else messages.taken(np.flatnonzero(inside))
-        shortened[topic] = replace(kept, time=pauses.shortened(kept.time))
+        pause = np.searchsorted(begin, messages.time, side="right") - 1
+        outside = (pause < 0) | (messages.time >= end[np.maximum(pause, 0)])
+        kept = messages if outside.all() else messages.taken(np.flatnonzero(outside))
+        before = removed[np.searchsorted(end, kept.time, side="right")]
+        shortened[topic] = replace(kept, time=kept.time - before)
     return shortened
 
 

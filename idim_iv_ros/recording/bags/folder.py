@@ -4,7 +4,7 @@ import os
 import shutil
 import tempfile
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,13 +63,10 @@ class Bag:
         with ExitStack() as stack:
             for path, file in self._files(stack):
                 for topic, batch in file.batches(wanted):
-                    note_type(self.topics, topic, file.topics[topic])
-                    self._add_definitions(file)
+                    self._add_types(file)
                     self.seen[topic] += len(batch)
                     yield topic, batch
-                for topic, kind in file.topics.items():
-                    note_type(self.topics, topic, kind)
-                self._add_definitions(file)
+                self._add_types(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
                 name = "the file" if path == self.path else path.name
@@ -101,9 +98,10 @@ class Bag:
         for path in list(self.sources) or bag_files(self.path):
             yield path, self._file(path, stack)
 
-    def _add_definitions(self, file: BagFile) -> None:
-        if len(file.definitions) != len(self.definitions):
-            self.definitions = {**self.definitions, **file.definitions}
+    def _add_types(self, file: BagFile) -> None:
+        for topic, kind in file.topics.items():
+            note_type(self.topics, topic, kind)
+        self.definitions.update(file.definitions)
 
     def _file(self, path: Path, stack: ExitStack) -> BagFile:
         source = self.sources.get(path)
@@ -235,30 +233,19 @@ def _decompress(path: Path, stack: ExitStack) -> Path:
     return out
 
 
-def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
-    """Return a sentence on messages saved and lost of some topics; empty for an intact bag."""
+def loss_notes(bag: Bag, topics: Sequence[str]) -> list[Note]:
+    """Return a note on messages saved and lost of some topics; none for an intact bag.
+
+    It has `limits` if a message of the topics is lost.
+    """
     if not bag.damages:
-        return ""
-    parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
-    return f"{' and '.join(bag.damages)}: {parts}"
-
-
-def with_loss(error: DataError, bag: Bag, topics: Iterable[str]) -> DataError:
-    """Return an error with the bag's losses added, which are a likely reason."""
-    loss = loss_sentence(bag, topics)
-    return DataError(f"{error} ({loss})" if loss else str(error))
-
-
-def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
-    """Return the losses as a note; it has `limits` if a message of the topics is lost."""
-    listed = list(topics)
-    sentence = loss_sentence(bag, listed)
-    if not sentence:
         return []
-    lost = not bag.counted or any(bag.missing[topic] for topic in listed)
-    return [Note("", sentence, 1, limits=lost)]
-
-
-def _topic_sentence(bag: Bag, topic: str) -> str:
-    lost = f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
-    return f"{bag.seen[topic]} messages on {topic} were saved, {lost}"
+    losses = {
+        topic: f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
+        for topic in topics
+    }
+    parts = (
+        f"{bag.seen[topic]} messages on {topic} were saved, {losses[topic]}" for topic in losses
+    )
+    lost = not bag.counted or any(bag.missing[topic] for topic in topics)
+    return [Note("", f"{' and '.join(bag.damages)}: {'; '.join(parts)}", 1, limits=lost)]

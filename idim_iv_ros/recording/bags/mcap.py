@@ -352,18 +352,12 @@ class McapFile(BagFile):
         if listed != len(chunk):
             places = self._scan(chunk)
         for channel, at in places.items() if chunk else ():
-            yield from self._batch(buffer, channel, at, wanted)
-
-    def _batch(
-        self, buffer: NDArray[np.uint8], channel: int, places: IntArray, wanted: set[str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        """Yield the messages of one channel whose records begin at `places` (k,)."""
-        topic = self._description.channels.get(channel)
-        self._seen[channel] += len(places)
-        if topic in wanted and len(places):
-            sizes = integers(buffer, places + 1) - MESSAGE_HEAD
-            arrival = integers(buffer, places + HEAD + 6)
-            yield topic, MessageBatch(buffer, places + HEAD + MESSAGE_HEAD, sizes, arrival)
+            topic = self._description.channels.get(channel)
+            self._seen[channel] += len(at)
+            if topic in wanted and len(at):
+                sizes = integers(buffer, at + 1) - MESSAGE_HEAD
+                arrival = integers(buffer, at + HEAD + 6)
+                yield topic, MessageBatch(buffer, at + HEAD + MESSAGE_HEAD, sizes, arrival)
 
     def _scan(self, chunk: bytes) -> dict[int, IntArray]:
         """Return the places (k,) of messages by channel, found by walking a chunk's records."""
