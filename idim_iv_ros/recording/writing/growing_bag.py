@@ -235,7 +235,8 @@ class GrowingBag:
 
     def count(self, topic: str) -> int:
         """Return the number of messages that were added to a topic."""
-        return sum(file.counts.get(topic, 0) for file in (*self.closed, self.file))
+        counts = [self.file.counts, *(file.counts for file in self.closed)]
+        return sum(count.get(topic, 0) for count in counts)
 
     def describe(self, topic: TopicChannel) -> None:
         """Add a topic; its messages may follow."""
