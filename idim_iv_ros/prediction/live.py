@@ -231,17 +231,19 @@ class Prediction:
     residual: FloatArray
     noise_share: FloatArray
 
+    @classmethod
+    def absent(cls, joints: int, reason: str, stamp: int = 0) -> "Prediction":
+        """Return that nothing is predicted, and why; `stamp` is that of the newest sample, ns."""
+        return cls(stamp, reason, *[np.full(joints, np.nan)] * 4)
+
 
 class LivePrediction:
     """Predicts the newest sample that its filters reach, from samples as they arrive.
 
-    - `one_topic`: whether positions and efforts come in the same messages
-
     - `rows`: decimated residual, to judge its size by
-    - `rate`: sampling rate, Hz; None while it is measured
     """
 
-    def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:
+    def __init__(self, identified: IdentifiedModel) -> None:
         self.identified, joints = identified, len(identified.joints)
         # Recorded positions of a joint that turns may wrap after one turn.
         plain = np.array_equal(identified.transform.to_joint, np.eye(joints))
@@ -249,7 +251,6 @@ class LivePrediction:
         self._positions = SampleStream("position", turning)
         self._efforts = SampleStream("effort", [False] * joints)
         self._streams = (self._positions, self._efforts)
-        self._one_topic = one_topic
         self._window: PredictionWindow | None = None
         self._why = ""
         self.rows = ResidualRows(joints, 1.0)
@@ -266,8 +267,8 @@ class LivePrediction:
 
     @property
     def late(self) -> int:
-        """Return the number of samples left out because their stamps do not increase."""
-        return self._positions.late + (0 if self._one_topic else self._efforts.late)
+        """Return how many samples of a topic were left out: their stamps do not increase."""
+        return max(stream.late for stream in self._streams)
 
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
         """Add samples in the order of their arrival.
@@ -296,15 +297,18 @@ class LivePrediction:
         if not reason and self._window is None:
             reason = self._measure_rate()
         window = self._window
+        times = self._positions.samples.time
+        newest, joints = int(times[-1]) if len(times) else 0, len(self.identified.joints)
         if reason or window is None:
-            return self._no_prediction(reason)
+            return Prediction.absent(joints, reason, newest)
         until = min(stream.reached for stream in self._streams)
         curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
         for stream in self._streams:
             stream.forget(window.needed)
         if curve is None:
             why = f"{self._why}; " if self._why else ""
-            return self._no_prediction(f"{why}the filters fill: {window.missing:.1f} s to go")
+            filling = f"{why}the filters fill: {window.missing:.1f} s to go"
+            return Prediction.absent(joints, filling, newest)
         self._why = ""
         stamp, measured, predicted = curve
         floor = self.identified.noise_floor
@@ -345,9 +349,3 @@ class LivePrediction:
         self._window = PredictionWindow(self.identified, rate, start)
         self.rows = ResidualRows(len(self.identified.joints), self._window.row_rate)
         return ""
-
-    def _no_prediction(self, reason: str) -> Prediction:
-        absent = np.full(len(self.identified.joints), np.nan)
-        times = self._positions.samples.time
-        stamp = int(times[-1]) if len(times) else 0
-        return Prediction(stamp, reason, absent, absent, absent, absent)

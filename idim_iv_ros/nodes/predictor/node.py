@@ -170,7 +170,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._source = ModelSource(self._configuration, Path(self._settings.output_directory))
         self._topics = self._joint_topics()
         self._live: LivePrediction | None = None
-        self._newest = self._absent_prediction("nothing has arrived")
+        self._newest = Prediction.absent(len(self._joints), "nothing has arrived")
         self._said = ""
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
@@ -228,7 +228,7 @@ class Predictor(NodeProgram[PredictorSettings]):
             identified = self._source.identified
             self._live = None
             if identified is not None:
-                self._live = LivePrediction(identified, one_topic=len(self._topics) == 1)
+                self._live = LivePrediction(identified)
                 self.node.get_logger().info(f"predicting with {identified.path}")
         if self._source.reason != self._said:
             self._said = self._source.reason
@@ -238,14 +238,14 @@ class Predictor(NodeProgram[PredictorSettings]):
     def _predict(self) -> None:
         taken = {name: value for topic in self._topics for name, value in topic.take().items()}
         if self._live is None:
-            self._newest = self._absent_prediction(self._source.reason)
+            self._newest = Prediction.absent(len(self._joints), self._source.reason)
         else:
             now = self._now()
             self._live.add(taken["position"], taken["effort"], now)
             self._newest = self._live.newest(now)
             problem = next((topic.problem for topic in self._topics if topic.problem), "")
             if self._newest.reason and problem:
-                self._newest = self._absent_prediction(problem)
+                self._newest = Prediction.absent(len(self._joints), problem)
         newest, identified = self._newest, self._source.identified
         message = message_of(
             msg.Prediction,
@@ -261,10 +261,6 @@ class Predictor(NodeProgram[PredictorSettings]):
             delay=(self._now() - newest.stamp) * 1e-9 if newest.stamp else None,
         )
         self._predictions.publish(message)
-
-    def _absent_prediction(self, reason: str) -> Prediction:
-        absent = np.full(len(self._joints), np.nan)
-        return Prediction(0, reason, absent, absent, absent, absent)
 
     def _mark(self) -> None:
         links = [self._settings.frame_prefix + link for link in self._source.links]

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.entry import in_thread, run_node, steady_timer
+from idim_iv_ros.nodes.entry import Result, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.messages import Diagnostics
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.recorder.report import (
@@ -27,7 +27,7 @@ from idim_iv_ros.nodes.recorder.report import (
     topic_status,
 )
 from idim_iv_ros.nodes.recorder.session import RecordingSession, State
-from idim_iv_ros.nodes.recorder.threads import Intake, Result, WriterThread
+from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
 from idim_iv_ros.nodes.recorder.topics import TopicSet
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag

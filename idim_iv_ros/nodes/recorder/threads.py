@@ -5,21 +5,19 @@ Taking messages never waits for a disk.
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from itertools import repeat
 from queue import Empty, SimpleQueue
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from idim_iv_ros.errors import one_line
+from idim_iv_ros.nodes.entry import Result, promised
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.topic_monitor import Taken, TopicMonitor, batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic
 from idim_iv_ros.recording.writing.growing_bag import Message
 from idim_iv_ros.recording.writing.write import TopicChannel
-
-Result = TypeVar("Result")
 
 _PERIOD, _INTAKE_PERIOD = 0.1, 0.01  # s
 
@@ -54,15 +52,8 @@ class WriterThread(threading.Thread):
 
     def call(self, function: Callable[[], Result], timeout: float = 10.0) -> Result:
         """Run a function in this thread after all queued messages, and return its result."""
-        future: Future[Result] = Future()
-
-        def run() -> None:
-            try:
-                future.set_result(function())
-            except Exception as error:  # belongs to the caller, who waits in another thread
-                future.set_exception(error)
-
-        self._queue.put(run)
+        future, work = promised(function)
+        self._queue.put(work)
         self._wake.set()
         return future.result(timeout)
 
