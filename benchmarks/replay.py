@@ -26,8 +26,8 @@ from benchmarks.measurement import write_page
 from idim_iv_ros import diagnose, export, load_configuration, replay_bags
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.effects.registry import BY_NAME
-from idim_iv_ros.excitation import Trajectory, random_motion
-from idim_iv_ros.excitation.excite import load_model
+from idim_iv_ros.excitation.excite import load_model, random_motion
+from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.recording import JointTopic, write_bag
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.effects_file import read_effects

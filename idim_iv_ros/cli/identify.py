@@ -296,11 +296,11 @@ def compare_command(
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
     from idim_iv_ros.identification.compare import compare_results
-    from idim_iv_ros.report import require_writable
     from idim_iv_ros.report.compare import compare_html, compare_step
     from idim_iv_ros.report.numerals import measured, number
     from idim_iv_ros.report.section import Files
     from idim_iv_ros.report.sections.provenance import configuration_text
+    from idim_iv_ros.report.write import require_writable
 
     output = Output(quiet=quiet, as_json=as_json)
     comparison = compare_results(first, second)

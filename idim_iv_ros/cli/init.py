@@ -48,7 +48,10 @@ def init_command(
     out = out or Path("my_arm.yaml")
     require_file_place([out], force=force)
     with output.progress() as progress:
-        from idim_iv_ros.first_configuration import propose_configuration, write_configuration
+        from idim_iv_ros.first_configuration.proposal import (
+            propose_configuration,
+            write_configuration,
+        )
 
         proposal = propose_configuration(bags, urdf, driver=driver, progress=progress)
         write_configuration(proposal, out, force=force)

@@ -62,7 +62,7 @@ class Output:
         --json.
         """
         from idim_iv_ros.configuration import load_configuration
-        from idim_iv_ros.report import require_writable, write_report
+        from idim_iv_ros.report.write import require_writable, write_report
 
         numbers = page = None
         configuration, recordings = load_configuration(config), [*bags, *options.get("against", ())]

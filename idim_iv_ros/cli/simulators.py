@@ -54,7 +54,8 @@ def simulate_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     with output.progress() as progress:
-        from idim_iv_ros.excitation import random_motion, read_trajectory
+        from idim_iv_ros.excitation.excite import random_motion
+        from idim_iv_ros.excitation.trajectory import read_trajectory
         from idim_iv_ros.model import configured_robot, read_urdf_file
         from idim_iv_ros.model.parameters import unit_at
         from idim_iv_ros.simulators import recording
@@ -137,7 +138,7 @@ def export_command(
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.simulator_files import export
+    from idim_iv_ros.simulator_files.export import export
 
     output = Output(quiet=quiet, as_json=as_json)
     paths = export(

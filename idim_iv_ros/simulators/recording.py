@@ -11,7 +11,7 @@ import scipy
 from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation import Trajectory, require_sampling
+from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.files import (
     TRUTH_FORMAT,
     FilePath,

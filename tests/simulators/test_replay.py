@@ -21,7 +21,7 @@ from idim_iv_ros.recording import write_bag
 from idim_iv_ros.report.replay import shrinkage, steps
 from idim_iv_ros.report.section import Files
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
-from idim_iv_ros.simulator_files import Exported
+from idim_iv_ros.simulator_files.export import Exported
 from idim_iv_ros.simulators.mujoco_parts import (
     add_motors,
     nearest_parameters,

@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from idim_iv_interfaces.action import Identify
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.nodes.settings import ACTION, TOPIC
 
 LOOK = 0.02  # s between two looks at the robot

@@ -22,7 +22,7 @@ from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report import write_report
+from idim_iv_ros.report.write import write_report
 
 _FEEDBACK_PERIOD = 0.05  # s
 _NO_ROOM = "failed to map segment"  # of a library that is loaded when the memory is used up

@@ -25,8 +25,15 @@ from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status, message_of
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration
 from idim_iv_ros.nodes.settings import PredictorSettings
-from idim_iv_ros.prediction import IdentifiedModel, LivePrediction, Prediction, identified_model
-from idim_iv_ros.prediction.identified_model import LIMIT, SHARE, JointLevel, joint_levels
+from idim_iv_ros.prediction.identified_model import (
+    LIMIT,
+    SHARE,
+    IdentifiedModel,
+    JointLevel,
+    identified_model,
+    joint_levels,
+)
+from idim_iv_ros.prediction.live import LivePrediction, Prediction
 from idim_iv_ros.signal_source import field_of, topic_of
 
 WAITING = "no result yet: identify the robot, or set the parameter result"

@@ -17,7 +17,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
-from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
+from idim_iv_ros.excitation.excite import random_motion
+from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory
 from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import SimulatorSettings
