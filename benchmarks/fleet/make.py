@@ -112,9 +112,7 @@ def write_one(
         effects=tuple(SimulatedEffect(name, joint, dict(v)) for name, joint, v in beyond),
     )
     record = robot.record(motion, int(random.integers(2**31)))
-    write_bag(
-        path, recorded_topics(whole, robot, record), robot_description=robot.description, force=True
-    )
+    write_bag(path, recorded_topics(robot, record), robot_description=robot.description, force=True)
 
 
 def damage(path: Path, number: int) -> None:

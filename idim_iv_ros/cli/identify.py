@@ -296,8 +296,7 @@ def compare_command(
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
     from idim_iv_ros.identification.compare import compare_results
-    from idim_iv_ros.report.compare import compare_html, compare_step
-    from idim_iv_ros.report.numerals import measured, number
+    from idim_iv_ros.report.compare import compare_html, compare_step, pair_words
     from idim_iv_ros.report.section import Files
     from idim_iv_ros.report.sections.provenance import configuration_text
     from idim_iv_ros.report.write import require_writable
@@ -319,14 +318,9 @@ def compare_command(
         f"{comparison.robot}: base parameters, those that differ most first",
         ("base parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference"),
         [
-            (
-                pair.words,
-                " ".join(measured(pair.first, pair.first_std)),
-                " ".join(measured(pair.second, pair.second_std)),
-                pair.unit,
-                f"{number(pair.deviations, 2)} σ",
-            )
+            (pair.words, first_value, second_value, pair.unit, apart)
             for pair in comparison.pairs
+            for first_value, second_value, apart in [pair_words(pair)]
         ],
         most=None if verbose else max(_SHOWN, sum(pair.differs for pair in comparison.pairs)),
     )

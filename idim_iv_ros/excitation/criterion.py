@@ -56,25 +56,27 @@ class ExcitationCost:
 
         Raises DataError: they are no finite numbers.
         """
-        start, coefficients = self.unpack(x)
+        limits, (start, coefficients) = self.limits, self.unpack(x)
         states = self.shapes @ coefficients
         states[0] += start
-        q = states[0]
+        q = states[0].copy()
         regressor, slopes = self._regressors(states)
         value, by_entry = self._criterion(regressor)
-        cost, by_torque = self._torque_penalty(regressor)
-        value += cost
-        if by_torque is not None:
+        if limits.torque_known:
+            cost, by_torque = self._penalty(regressor @ self.model.given, limits.torque)
+            value += cost
             by_entry += by_torque[:, :, None] * self.model.given
         by_state = np.einsum("sjc,ksjc->ks", by_entry, slopes, optimize=True)
         by_state = by_state.reshape(3, len(start), len(q)).transpose(0, 2, 1)
-        cost, by_box = self._box_penalty(states)
+        states[0] -= limits.middle
+        box = np.stack([limits.half_range, limits.velocity, limits.acceleration])
+        cost, by_box = self._penalty(states, box[:, None])
         value += cost
         by_state = by_state + by_box
         cost, by_height = self._floor_penalty(q)
         value += cost
         by_state[0] += by_height
-        scale = self.limits.half_range
+        scale = limits.half_range
         gradient = sum(s.T @ g for s, g in zip(self.shapes, by_state, strict=True)) * scale
         by_start = np.zeros(len(start)) if self.start is not None else by_state[0].sum(0) * scale
         slope = np.concatenate([by_start, np.ravel(gradient)])
@@ -136,18 +138,6 @@ class ExcitationCost:
         left = stacked @ right.T / sigma
         by_entry = ((left * by_sigma) @ right).reshape(rows.shape)
         return float(value), by_entry * self.row_weights[:, None]
-
-    def _torque_penalty(self, regressor: FloatArray) -> tuple[float, FloatArray | None]:
-        if not self.limits.torque_known:
-            return 0.0, None
-        return self._penalty(regressor @ self.model.given, self.limits.torque)
-
-    def _box_penalty(self, states: FloatArray) -> tuple[float, FloatArray]:
-        limits = self.limits
-        values = states.copy()
-        values[0] -= limits.middle
-        box = np.stack([limits.half_range, limits.velocity, limits.acceleration])
-        return self._penalty(values, box[:, None])
 
     def _penalty(self, values: FloatArray, limit: FloatArray) -> tuple[float, FloatArray]:
         """Penalty for values beyond their limit, and its derivatives by the values."""

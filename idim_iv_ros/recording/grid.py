@@ -98,8 +98,6 @@ def on_grid(
             if not invented.any():
                 return Signal(read_only(direct), read_only(invented), origin)
     target = grid.time
-    if stepwise:
-        return _hold(target + _EARLY / grid.rate, seconds, values, origin)
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
     finite = np.isfinite(values)
@@ -111,24 +109,16 @@ def on_grid(
         if len(stamps) == 0:
             out[:, joints], invented[:, joints] = 0.0, True
             continue
+        if stepwise:
+            last = np.searchsorted(stamps, target + _EARLY / grid.rate, side="right") - 1
+            out[:, joints] = values[measured][np.maximum(last, 0)][:, joints]
+            invented[:, joints] = (last < 0)[:, None]
+            continue
         gap = GAP * max(median, 1.0 / grid.rate)
         out[:, joints] = _resample(target, stamps, values[measured][:, joints], gap)
         invented[:, joints] = _in_gap(target, stamps, gap)[:, None]
         for joint in joints if smooth else ():
             bridged(out[:, joint], invented[:, joint], grid.rate)
-    return Signal(read_only(out), read_only(invented), origin)
-
-
-def _hold(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
-    """Return the last finite of `values` (n, k) at `seconds` (n,) before each `target` (m,), s."""
-    out = np.zeros((len(target), values.shape[1]))
-    invented = np.ones(out.shape, dtype=bool)
-    for joint in range(values.shape[1]):
-        finite = np.isfinite(values[:, joint])
-        last = np.searchsorted(seconds[finite], target, side="right") - 1
-        measured = last >= 0
-        out[measured, joint] = values[finite, joint][last[measured]]
-        invented[measured, joint] = False
     return Signal(read_only(out), read_only(invented), origin)
 
 

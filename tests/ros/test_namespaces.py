@@ -98,7 +98,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     topics = {
         side: [
             replace(topic, name=f"/{side}/{topic.name}")
-            for topic in recorded_topics(configuration, simulated, simulated.record(motion, seed))
+            for topic in recorded_topics(simulated, simulated.record(motion, seed))
         ]
         for seed, side in enumerate(SIDES)
     }

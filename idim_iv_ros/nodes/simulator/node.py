@@ -162,7 +162,7 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
         in_thread(work, "planning")
 
     def _random_motion(self, duration: float, seed: int) -> Trajectory:
-        configuration, rate = self._simulation.configuration, self._simulation.rate
+        configuration, rate = self._simulation.robot.configuration, self._simulation.rate
         return random_motion(configuration, duration=duration, rate=rate, seed=seed)
 
     def _from_rest(self, trajectory: Trajectory | None) -> list[JointTopic]:
@@ -228,7 +228,7 @@ def _load_simulation(path: Path) -> MotionSimulation:
         raise UsageError(
             f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
         )
-    return MotionSimulation(configuration, simulated_robot(configuration), float(rate))
+    return MotionSimulation(simulated_robot(configuration), float(rate))
 
 
 run = partial(run_node, "robot_simulator", RobotSimulator, ABOUT)

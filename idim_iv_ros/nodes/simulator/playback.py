@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.excitation.trajectory import Trajectory, quintic
 from idim_iv_ros.recording import JointTopic
@@ -71,7 +70,6 @@ class MotionSimulation:
     rad (m), whose last REST seconds are at rest. `seed` is that of the noise.
     """
 
-    configuration: Configuration
     robot: SimulatedRobot
     rate: float
 
@@ -125,7 +123,7 @@ class MotionSimulation:
         joints = self.robot.robot.joints
         motion = Trajectory(joints, self.rate, whole, velocity, np.zeros_like(whole))
         record = self.robot.record(motion, seed)
-        topics = recorded_topics(self.configuration, self.robot, record)
+        topics = recorded_topics(self.robot, record)
         # The loop begins unloaded and settles in the first rest, which nobody sees.
         return [_without_start(topic, REST) for topic in topics], whole[rest:]
 
