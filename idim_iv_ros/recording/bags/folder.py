@@ -17,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, MessageBatch, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, LocalFile, MessageBatch, opened
 from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
@@ -109,7 +109,9 @@ class Bag:
             return McapFile(path, source=source)
         local = path if source is None else _copy(path, source, stack)
         whole = _decompress(local, stack) if local.suffix.lower() == ".zstd" else local
-        return McapFile(whole) if whole.suffix.lower() == ".mcap" else SqliteFile(whole)
+        if whole.suffix.lower() == ".mcap":
+            return McapFile(whole, source=LocalFile(whole))
+        return SqliteFile(whole)
 
     def _count_missing(self, wanted: set[str]) -> None:
         """Count missing messages against metadata.yaml, if that has counts."""
@@ -217,7 +219,7 @@ def _temporary(stack: ExitStack) -> Path:
 def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
     """Copy a remote file that cannot be read in parts (a database, or compressed as a whole)."""
     out = _temporary(stack) / path.name
-    with copied(source) as content, out.open("wb") as target:
+    with opened(source) as content, out.open("wb") as target:
         content.seek(0)
         shutil.copyfileobj(content, target)
     return out
