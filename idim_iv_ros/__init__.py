@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
-    from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
+    from idim_iv_ros.recording.read import read_recordings
+    from idim_iv_ros.recording.recording import Recording
+    from idim_iv_ros.recording.table import import_table
+    from idim_iv_ros.recording.writing.write import write_bag
     from idim_iv_ros.report.write import write_gap_report, write_replay_report, write_report
     from idim_iv_ros.servo.identify import identify_servos
     from idim_iv_ros.servo.result import ServoResult
@@ -78,7 +81,10 @@ _MODULES = {
     "fleet.commands": ("Fleet", "diagnose_fleet", "identify_fleet"),
     "fleet.run": ("FleetRun",),
     "identification.identify": ("identify", "identify_recordings"),
-    "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
+    "recording.read": ("read_recordings",),
+    "recording.recording": ("Recording",),
+    "recording.table": ("import_table",),
+    "recording.writing.write": ("write_bag",),
     "report.write": ("write_gap_report", "write_replay_report", "write_report"),
     "servo.identify": ("identify_servos",),
     "servo.result": ("ServoResult",),

@@ -13,7 +13,7 @@ from benchmarks.fleet.arms import DRIFTING, PLANTED, TYPE, Drifting, Planted, dr
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.excitation.trajectory import Trajectory
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 

@@ -120,7 +120,7 @@ def import_command(
     Example: idim-iv init log.csv --out map.yaml; idim-iv import run.mcap --columns map.yaml
     """
     from idim_iv_ros.model import read_urdf_file
-    from idim_iv_ros.recording import import_table
+    from idim_iv_ros.recording.table import import_table
 
     output = Output(quiet=quiet, as_json=as_json)
     described = None if urdf is None else read_urdf_file(urdf)

@@ -22,8 +22,7 @@ from idim_iv_ros.files import (
 )
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.writing.write import write_messages
+from idim_iv_ros.recording.writing.write import JointTopic, write_messages
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.simulation import (
     ControlLaw,

@@ -22,7 +22,7 @@ from idim_iv_ros.identification.result import (
     Refined,
     RefinedEstimate,
 )
-from idim_iv_ros.recording import ClockQuality, Note
+from idim_iv_ros.recording.recording import ClockQuality, Note
 from idim_iv_ros.statistics import (
     HypothesisTest,
     ResidualDiagnosis,

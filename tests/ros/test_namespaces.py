@@ -15,8 +15,8 @@ from idim_iv_ros.nodes.identifier.job import JobListener
 from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.nodes.parameters import declare
 from idim_iv_ros.nodes.settings import IdentifierSettings
-from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 from tests.ros.conftest import ARM2
 from tests.ros.node_alone import node_alone

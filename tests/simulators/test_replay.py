@@ -17,7 +17,7 @@ from idim_iv_ros import load_configuration, replay_bags
 from idim_iv_ros.configuration import Configuration, SimulatorSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import DynamicParameters, InverseModel, build_inverse_model, read_urdf_file
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.report.replay import shrinkage, steps
 from idim_iv_ros.report.section import Files
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot

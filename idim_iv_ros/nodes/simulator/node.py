@@ -23,8 +23,8 @@ from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_nod
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import SimulatorSettings
 from idim_iv_ros.nodes.simulator.playback import MotionSimulation, Playback, commanded
-from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
+from idim_iv_ros.recording.writing.write import JointTopic
 from idim_iv_ros.simulators.recording import simulated_robot
 
 ABOUT = """robot_simulator: a simulated robot that publishes its joint states in real time.

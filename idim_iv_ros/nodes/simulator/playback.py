@@ -11,8 +11,7 @@ from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
 from idim_iv_ros.errors import UsageError, one_line
 from idim_iv_ros.excitation.trajectory import Trajectory, quintic
-from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.writing.write import serialised
+from idim_iv_ros.recording.writing.write import JointTopic, serialised
 from idim_iv_ros.simulators.recording import SimulatedRobot, recorded_topics
 from idim_iv_ros.types import FloatArray
 
