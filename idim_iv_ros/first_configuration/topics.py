@@ -170,18 +170,6 @@ def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
     )
 
 
-@dataclass(frozen=True)
-class TopicChoice:
-    """Topics that a first configuration names, and why."""
-
-    states: TopicContents  # Of the first bag
-    # effort, reference: Of the first bag; None where efforts are on `states`, and where there
-    # is no reference
-    effort: TopicContents | None
-    reference: TopicContents | None
-    reasons: dict[str, str]  # By key of the section `signals`
-
-
 def choose_states(
     bags: Sequence[BagContents], wanted: str | None = None
 ) -> tuple[TopicContents, TopicContents | None]:
@@ -234,8 +222,11 @@ def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, bool, int]:
 
 def choose_topics(
     bags: Sequence[BagContents], joints: Sequence[str], wanted: str | None = None
-) -> TopicChoice:
-    """Choose all topics for these joints; `wanted` as in `choose_states`."""
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Choose all topics for these joints; `wanted` as in `choose_states`.
+
+    Returns topics, and the reasons for them or for their lack, by key of the section `signals`.
+    """
     states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
     common = [topic for topic in bags[0].topics if _in_all(topic, bags, joints)]
@@ -243,12 +234,15 @@ def choose_topics(
     others = [t for t in common if t.kind == JOINT_STATE and t.name not in used]
     references = asked or [topic for topic in others if sounds_like_reference(topic.name)]
     reference = max(references, key=lambda topic: topic.messages, default=None)
-    reasons = {"joint_states": _summary(states, bags[0], joints)}
+    sources, reasons = {"joint_states": states.name}, {}
+    reasons["joint_states"] = _summary(states, bags[0], joints)
     if effort is not None:
+        sources["effort"] = effort.name
         reasons["effort"] = f"{states.name} holds none; {_summary(effort, bags[0], joints)}"
         if effort.numbers:
             reasons["effort"] += "; its numbers are taken in the order of robot.joints"
     if reference is not None:
+        sources["reference"] = reference.name
         reasons["reference"] = _summary(reference, bags[0], joints)
         if reference.asked:
             reasons["reference"] += ", what the controller was asked for"
@@ -264,7 +258,7 @@ def choose_topics(
                     f"{topic.name} has what was asked of these joints only: {positioned}; the "
                     "reference is read from one topic"
                 )
-    return TopicChoice(states, effort, reference, reasons)
+    return sources, reasons
 
 
 def _in_all(wanted: TopicContents, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:
