@@ -8,7 +8,6 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import streamed_r_factor
-from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits, MovingFrames
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
@@ -33,8 +32,7 @@ class ExcitationCost:
     model: InverseModel
     limits: MotionLimits
     frames: MovingFrames
-    basis: FourierBasis
-    shapes: FloatArray  # (3, n_samples, size): of the basis on the grid
+    shapes: FloatArray  # (3, n_samples, size): of a Fourier basis on the grid
     row_weights: FloatArray  # (n_joints,)
     start: FloatArray | None  # (n_joints,) or None: posture at rest; None: it is chosen too
     power: float  # p

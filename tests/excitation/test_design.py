@@ -118,7 +118,6 @@ def test_gradient_is_that_of_finite_differences(robots, criterion) -> None:
         model=model,
         limits=limits,
         frames=moving_frames(model.robot),
-        basis=basis,
         shapes=basis.shapes(np.arange(40) * 0.25),
         row_weights=1.0 / limits.torque,
         start=None,
