@@ -134,9 +134,7 @@ class BagFile(ABC):
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield topic and raw messages of the wanted topics, each batch in the order of arrival.
 
+        Where no topic is wanted, no more is read than what tells all topics.
+
         Raises DataError: not a file of this format.
         """
-
-    def summarised_topics(self) -> dict[str, str]:
-        """Return the type of each topic from the file's summary; empty without one."""
-        return {}

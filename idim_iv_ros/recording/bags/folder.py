@@ -79,19 +79,15 @@ class Bag:
             self._count_missing(wanted)
 
     def topic_types(self) -> dict[str, str]:
-        """Return the type of each topic, from the summaries of MCAP files where they have one.
-
-        A file without a summary is read to its end.
+        """Return the type of each topic; an MCAP file without a summary is read to its end.
 
         Raises UsageError: no such file or folder. DataError: not a bag.
         """
         topics: dict[str, str] = {}
         with ExitStack() as stack:
             for _, file in self._files(stack):
-                summarised = file.summarised_topics()
-                if not summarised:
-                    deque(file.batches(set()), maxlen=0)  # read to its end
-                topics.update(summarised or file.topics)
+                deque(file.batches(set()), maxlen=0)
+                topics.update(file.topics)
         return topics
 
     def _files(self, stack: ExitStack) -> Iterator[tuple[Path, BagFile]]:

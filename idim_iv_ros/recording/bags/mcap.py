@@ -221,7 +221,8 @@ class McapFile(BagFile):
         self._description = summary or McapDescription()
         self.topics = self._description.topics
         self.definitions = self._description.definitions
-        if summary is not None and summary.lists_every_message(self.source.size):
+        whole = summary is not None and summary.lists_every_message(self.source.size)
+        if summary is not None and (whole or (summary.topics and not wanted)):
             for places in summary.stretches(wanted):
                 start = places[0][0]
                 content = self.source.read(start, places[-1][1])
@@ -232,11 +233,6 @@ class McapFile(BagFile):
             yield from self._read_all(wanted)
         if summary is not None and summary.counts is not None:
             self._count_missing(summary.counts, wanted)
-
-    def summarised_topics(self) -> dict[str, str]:
-        """Return the type of each topic from the summary; empty without one."""
-        summary = read_summary(self.source)
-        return {} if summary is None else dict(summary.topics)
 
     def _read_all(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield the messages of all records from the start; a remote file is copied first."""
