@@ -71,8 +71,8 @@ def played(
         newest = live.newest(now)
         if not newest.reason:
             predictions.append(((newest.stamp - 10**15) // 1_000_000, newest.predicted))
-        if first % 1000 == 0 and live.rate is not None:
-            levels = joint_levels(model, live.rows, live.rate, 1.0)
+        if first % 1000 == 0 and live.window is not None:
+            levels = joint_levels(model, live.rows, live.window.rate, 1.0)
             warnings.append((first / RATE, any(level.beyond for level in levels)))
     return live, predictions, warnings
 
@@ -95,7 +95,7 @@ def speed_and_agreement(folder: Path) -> None:
     rms = np.sqrt((error**2).sum(axis=0) / rows.counts.sum(axis=0)) / model.noise_floor
     print("| seven joints, 1 kHz, 20 predictions a second | |\n|---|---|")
     print(f"| processor time of the prediction, share of one core | {100 * share:.1f} % |")
-    print(f"| filters wait for | {live.lag:.3f} s |")
+    print(f"| filters wait for | {live.window.lag:.3f} s |")
     print(
         "| rows live less rows offline, RMS over the noise floor, best to worst joint | "
         f"{rms.min():.3f} to {rms.max():.3f} |"

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic.fields import FieldInfo
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
-from threadpoolctl import threadpool_limits
 
+from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration, Section
 from idim_iv_ros.encoding import named
 from idim_iv_ros.errors import UsageError
@@ -108,7 +108,7 @@ def propose_configuration(
     """
     paths = as_paths(bags)
     preset = None if driver is None else read_driver(driver)
-    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         watch.stage("looking through the bag", 0.0)
         contents = [read_contents(path) for path in paths]
         text, source = _description(contents, None if urdf is None else Path(urdf))

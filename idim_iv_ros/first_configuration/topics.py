@@ -31,17 +31,11 @@ _DESCRIPTION = in_root(ROBOT_DESCRIPTION)
 class JointContents:
     """What one JointState topic holds of one joint."""
 
-    # lowest, highest: Positions, rad (m); None where it has none
-    lowest: float | None
-    highest: float | None
+    lowest: float | None  # Position, rad (m); None where it has none
+    range: float  # Distance over which the joint moves, rad (m)
     # In the unit of the driver; None where it has none, 0 where all are zero
     largest_effort: float | None
     messages: int  # That hold a number of it
-
-    @property
-    def range(self) -> float:
-        """Distance over which the joint moves, rad (m)."""
-        return 0.0 if self.lowest is None or self.highest is None else self.highest - self.lowest
 
 
 @dataclass(frozen=True)
@@ -164,7 +158,7 @@ def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
     position, effort = position[np.isfinite(position)], effort[np.isfinite(effort)]
     return JointContents(
         float(position.min()) if len(position) else None,
-        float(position.max()) if len(position) else None,
+        float(np.ptp(position)) if len(position) else 0.0,
         float(np.abs(effort).max()) if len(effort) else None,
         messages,
     )

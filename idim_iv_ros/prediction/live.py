@@ -241,6 +241,7 @@ class LivePrediction:
     """Predicts the newest sample that its filters reach, from samples as they arrive.
 
     - `rows`: decimated residual, to judge its size by
+    - `window`: rate of the samples and lag of the filters; None while the rate is measured
     """
 
     def __init__(self, identified: IdentifiedModel) -> None:
@@ -251,19 +252,9 @@ class LivePrediction:
         self._positions = SampleStream("position", turning)
         self._efforts = SampleStream("effort", [False] * joints)
         self._streams = (self._positions, self._efforts)
-        self._window: PredictionWindow | None = None
+        self.window: PredictionWindow | None = None
         self._why = ""
         self.rows = ResidualRows(joints, 1.0)
-
-    @property
-    def rate(self) -> float | None:
-        """Return the rate of the grid, Hz; None while it is measured."""
-        return None if self._window is None else self._window.rate
-
-    @property
-    def lag(self) -> float | None:
-        """Return the time from a sample to its prediction, s; None while the rate is measured."""
-        return None if self._window is None else self._window.lag
 
     @property
     def late(self) -> int:
@@ -283,7 +274,7 @@ class LivePrediction:
             self._restart(restarted)
 
     def _restart(self, why: str) -> None:
-        self._window, self._why = None, f"{why}: filtering begins anew"
+        self.window, self._why = None, f"{why}: filtering begins anew"
         for stream in self._streams:
             if not stream.restarted:
                 stream.clear()
@@ -294,9 +285,9 @@ class LivePrediction:
         - `now`: ns, of the same clock as in `add`
         """
         reason = self._not_usable(now)
-        if not reason and self._window is None:
+        if not reason and self.window is None:
             reason = self._measure_rate()
-        window = self._window
+        window = self.window
         times = self._positions.samples.time
         newest, joints = int(times[-1]) if len(times) else 0, len(self.identified.joints)
         if reason or window is None:
@@ -327,7 +318,7 @@ class LivePrediction:
             missing = list(compress(joints, stream.missing))
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
-            if self._window is not None and (new := stream.other_rate) is not None:
+            if self.window is not None and (new := stream.other_rate) is not None:
                 self._restart(
                     f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
                 )
@@ -346,6 +337,6 @@ class LivePrediction:
                 f"{cutoff:g} Hz: more than {2.0 * cutoff:g} Hz are needed"
             )
         start = max(int(stream.samples.time[0]) for stream in self._streams)
-        self._window = PredictionWindow(self.identified, rate, start)
-        self.rows = ResidualRows(len(self.identified.joints), self._window.row_rate)
+        self.window = PredictionWindow(self.identified, rate, start)
+        self.rows = ResidualRows(len(self.identified.joints), self.window.row_rate)
         return ""

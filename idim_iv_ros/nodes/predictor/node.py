@@ -278,12 +278,12 @@ class Predictor(NodeProgram[PredictorSettings]):
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         live, identified = self._live, self._source.identified
-        rate, lag, late = (None, None, 0) if live is None else (live.rate, live.lag, live.late)
+        window = None if live is None else live.window
         values: dict[str, object] = {
             "result": "none" if identified is None else identified.path,
-            "rate of the samples (Hz)": "unknown" if rate is None else f"{rate:.4g}",
-            "filters wait for (s)": "unknown" if lag is None else f"{lag:.3f}",
-            "samples out of order": late,
+            "rate of the samples (Hz)": "unknown" if window is None else f"{window.rate:.4g}",
+            "filters wait for (s)": "unknown" if window is None else f"{window.lag:.3f}",
+            "samples out of order": 0 if live is None else live.late,
             "damaged messages": sum(topic.damaged for topic in self._topics),
         }
         reason = self._newest.reason
@@ -291,9 +291,9 @@ class Predictor(NodeProgram[PredictorSettings]):
         statuses = [
             diagnostic_status(level, f"{name}: prediction", name, reason or "predicting", values)
         ]
-        if live is not None and rate is not None and identified is not None:
+        if live is not None and window is not None and identified is not None:
             accepted = self._settings.false_warnings
-            levels = joint_levels(identified, live.rows, rate, accepted)
+            levels = joint_levels(identified, live.rows, window.rate, accepted)
             statuses += [joint_diagnosis(name, level) for level in levels]
         self._diagnostics.publish(*statuses)
 
