@@ -10,7 +10,7 @@ from rich.console import Console
 from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import Output, print_marked, print_table
+from idim_iv_ros.cli.output import Output, print_table
 
 if TYPE_CHECKING:
     from idim_iv_ros.excitation.diagnosis import Diagnosis
@@ -88,7 +88,7 @@ def excite_command(
     given = None if acceleration is None else shared.numbers("--acceleration", acceleration)
     limits = motion_limits(model, configuration, margin=margin, acceleration=given, floor=floor)
     posture = None if start is None else np.array(shared.numbers("--start", start))
-    print_marked(output.console, "Warning", model.robot.doubts, "yellow")
+    output.warn(model.robot.doubts)
     require_place(out, force=force)
     with output.progress() as progress:
         if purpose == "diagnosis":

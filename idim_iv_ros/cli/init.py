@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, write_together
 
@@ -66,7 +66,6 @@ def init_command(
             "warnings": list(proposal.warnings),
         }
     )
-    output.warn_quietly(proposal.warnings)
     rows = []
     for section, keys in values.items():
         for name, value in keys.items():
@@ -77,7 +76,7 @@ def init_command(
     print_table(output.console, "", ("key", "value", "why"), rows)
     if proposal.left_out:
         print_table(output.console, "Left out", ("joint", "why"), list(proposal.left_out.items()))
-    print_marked(output.console, "Warning", proposal.warnings, "yellow")
+    output.warn(proposal.warnings)
     output.line(f"Written: {out}")
     servo = values["signals"].get("effort") == NO_EFFORT
     following = ("servo", "--out", "servos") if servo else ("check",)

@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.files import REPLAY, SIMULATION_FORMAT
 
 _TITLES = {
@@ -73,7 +73,7 @@ def simulate_command(
     output.document({"format": SIMULATION_FORMAT, "bags": written, "truth": str(truth)})
     if (urdf := configuration.robot.description) is not None:
         robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
-        print_marked(output.console, "Warning", robot.doubts, "yellow")
+        output.warn(robot.doubts)
     rows = []
     for column, (joint, kind) in enumerate(
         zip(configuration.robot.joints, bags[0].joint_types, strict=True)
