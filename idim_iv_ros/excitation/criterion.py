@@ -188,9 +188,7 @@ def weighted_r_factor(model: InverseModel, motion: Trajectory, weights: FloatArr
     def blocks() -> Iterator[FloatArray]:
         for start in range(0, len(motion.position), _BLOCK):
             block = slice(start, start + _BLOCK)
-            matrix = model.matrix(
-                motion.position[block], motion.velocity[block], motion.acceleration[block]
-            )
+            matrix = model.matrix(*(signal[block] for signal in motion.signals))
             yield (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
 
     return streamed_r_factor(blocks(), len(model.base.columns))

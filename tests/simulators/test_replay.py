@@ -294,6 +294,12 @@ def nominal(made: Exported, folder: Path, key: str, path: Path) -> Configuration
     return load_configuration(config)
 
 
+def errors(bag: Path, configuration: Configuration, model: Path, effects: Path, stage: str):
+    """Tracking errors of one stage, (n_samples, n_joints) rad."""
+    replayed = replay_bags(bag, configuration, model=model, effects=effects, stages=(stage,))
+    return np.column_stack([series.errors[stage] for series in replayed.series])
+
+
 def test_native_effects_are_simulated_once(
     arm: Case,
     made: Exported,
@@ -310,16 +316,10 @@ def test_native_effects_are_simulated_once(
     callbacks.write_text(json.dumps(document), encoding="utf-8")
     configuration = arm.configuration
     last = "with effects"
-    native = replay_bags(
-        robot_bag, configuration, model=made.mjcf, effects=made.effects, stages=(last,)
-    ).positions[last]
+    native = errors(robot_bag, configuration, made.mjcf, made.effects, last)
     # The friction of both is as stiff: constant torques act on both joints.
-    at_each_step = replay_bags(
-        robot_bag, configuration, model=plain.mjcf, effects=callbacks, stages=(last,)
-    ).positions[last]
-    without = replay_bags(
-        robot_bag, configuration, model=plain.mjcf, effects=plain.effects, stages=("corrected",)
-    ).positions["corrected"]
+    at_each_step = errors(robot_bag, configuration, plain.mjcf, callbacks, last)
+    without = errors(robot_bag, configuration, plain.mjcf, plain.effects, "corrected")
 
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.square(values))))
