@@ -1,5 +1,6 @@
 """Two robots in two namespaces: the same nodes, the same configuration, nothing mixed up."""
 
+import pickle
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -113,10 +114,9 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     identifier = Identifier((), lambda *given: workers.append(ToldWorker(*given)) or workers[-1])
     identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))
     identifier._jobs.poll()
-    request = workers[0].request
+    request = pickle.loads(pickle.dumps(workers[0].request))  # as it goes to another process
     identifier.close()
-    namespaced = configuration.with_node_topics(request["topics"])
-    result = identify([Path(bag) for bag in request["bags"]], namespaced, estimator="idim-ls")
+    result = identify(request["bags"], request["configuration"], estimator="idim-ls")
     values = {parameter.name: parameter.value for parameter in result.parameters}
     assert values == pytest.approx(
         {parameter.name: parameter.value for parameter in expected.parameters}
