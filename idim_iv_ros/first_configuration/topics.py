@@ -1,6 +1,6 @@
 """What the topics of a bag hold, and which are the joint states, the efforts and the reference."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -115,13 +115,10 @@ def read_contents(path: Path) -> BagContents:
     )
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
-    return BagContents(path, contents, unreadable, _of_one_robot(descriptions))
-
-
-def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
-    """The global description, or that of the one namespace that has any."""
+    # The global description, or that of the one namespace that has any.
     texts = set(descriptions.values())
-    return descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
+    description = descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
+    return BagContents(path, contents, unreadable, description)
 
 
 def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:

@@ -73,18 +73,6 @@ class Request:
         return fields
 
     @property
-    def with_reference_field(self) -> "Request":
-        """Return the request with a separate source for the reference, if it shares a topic.
-
-        One controller_state may hold references and measurements.
-        """
-        reference = self.reference
-        measured = (self.joint_states, self.effort, self.link_states)
-        if reference is None or reference not in measured or field_of(reference) is not None:
-            return self
-        return replace(self, reference=with_field(reference, "reference"))
-
-    @property
     def topics(self) -> list[str]:
         """Return the topics to read, without fields."""
         return list(dict.fromkeys(map(topic_of, self.fields)))
@@ -107,16 +95,26 @@ class Request:
 def in_bag(bag: Bag, request: Request) -> Request:
     """Return the request with the full names of its topics in this bag.
 
-    All relative names are resolved in one namespace, since the reference of another robot must not
-    be used: that of the calling node (``/`` without one) if the first name is there, else that of
-    the only topic whose name ends with the first name. Topics that are not in the bag get names,
-    too.
+    A reference that shares the topic of a measurement gets a source of its own.
 
     Raises UsageError or DataError: no such bag, or several topics end with a relative name.
     """
     relative = {key: topic_of(name) for key, name in request.named.items() if name[:1] != "/"}
-    if not relative:
-        return request.with_reference_field
+    full = _with_full_names(bag, request, relative) if relative else request
+    # One controller_state may hold references and measurements.
+    shared, measured = full.reference, (full.joint_states, full.effort, full.link_states)
+    if shared is None or shared not in measured or field_of(shared) is not None:
+        return full
+    return replace(full, reference=with_field(shared, "reference"))
+
+
+def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) -> Request:
+    """Return the request with the full names of its `relative` topics, by configuration key.
+
+    They are resolved in one namespace, since the reference of another robot must not be used: that
+    of the calling node (``/`` without one) if the first name is there, else that of the only topic
+    whose name ends with the first name. Topics that are not in the bag get names, too.
+    """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
     kinds = bag.unread().topic_types().items()
@@ -138,7 +136,7 @@ def in_bag(bag: Bag, request: Request) -> Request:
         key: resolved[name] + request.named[key].removeprefix(name)
         for key, name in relative.items()
     }
-    return replace(request, **sources).with_reference_field
+    return replace(request, **sources)
 
 
 @dataclass

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
 from idim_iv_ros.errors import UsageError, one_line
-from idim_iv_ros.excitation.trajectory import Trajectory, quintic
+from idim_iv_ros.excitation.trajectory import Trajectory, quintic, shortest_quintic
 from idim_iv_ros.recording.writing.write import JointTopic, serialised
 from idim_iv_ros.simulators.recording import SimulatedRobot, recorded_topics
 from idim_iv_ros.types import FloatArray
@@ -130,7 +130,7 @@ class MotionSimulation:
         """Return the duration, s, of a slow fifth-order polynomial over a distance (n_joints,)."""
         limit = self.robot.robot.limits.velocity
         speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
-        return 1.875 * float(np.max(np.abs(way) / speed))
+        return shortest_quintic(way, speed, np.full_like(speed, np.inf))
 
     def _motion(self, trajectory: Trajectory) -> Trajectory:
         """Return a trajectory in the robot's order of joints; a UsageError if beyond limits."""
